@@ -233,8 +233,8 @@ def test_a_channel_that_is_read_from_another_one_is_told_by_term_and_channel():
 
 
 def test_a_channel_is_wrong_where_others_are_right():
-    sights = many([SubmittedImage(scene, planted(RIGHT, scene) * [0.5, 1, 1]) for scene in DRAWN])
-    assert wrong_channels(sights) == (0,)
+    samples = many([SubmittedImage(scene, planted(RIGHT, scene) * [0.5, 1, 1]) for scene in DRAWN])
+    assert wrong_channels(samples) == (0,)
 
 
 def test_the_mean_of_several_rays_a_pixel_is_proved():

@@ -96,10 +96,10 @@ def test_a_cause_under_noise_has_to_bring_the_noisy_pixels_nearer():
     left, right = (moved(x, 0) for x in (-3, 3))
     exact, made = (planted(scene, way) for way in (RIGHT, left))
     noise = np.random.default_rng(0).normal(0, 0.3, made.shape)
-    sights = [look(SubmittedImage(scene, made + noise, exact, half=np.full(made.shape, 0.9)))]
-    assert is_likelier(sights, left)
-    assert not is_likelier(sights, right)
-    assert not is_likelier(sights, RIGHT)
+    samples = [look(SubmittedImage(scene, made + noise, exact, half=np.full(made.shape, 0.9)))]
+    assert is_likelier(samples, left)
+    assert not is_likelier(samples, right)
+    assert not is_likelier(samples, RIGHT)
 
 
 @pytest.mark.parametrize("start", range(3))
@@ -108,8 +108,8 @@ def test_numbers_whose_effect_is_below_the_tolerance_are_never_named(start):
     scene, some = SCENES["overlap"], [f for f in FAMILIES if f.name not in CONSTANTS][start::3]
     near = chain(*(family.make(tuple(x + 3e-9 for x in family.start)) for family in some))
     shown = np.array(predictor(scene).picture(near))
-    sights = [look(SubmittedImage(scene, (1.3 * shown).reshape(60, 80, 3)))]
-    assert not shows(sights, RIGHT, near)
+    samples = [look(SubmittedImage(scene, (1.3 * shown).reshape(60, 80, 3)))]
+    assert not shows(samples, RIGHT, near)
     shown[np.random.default_rng(1).choice(4800, 12, replace=False)] += 0.05
     said = explain(Image(shown.reshape(60, 80, 3).astype(np.float32)), trace(scene), scene)
     assert not any(words.startswith("cause (") for words in said)
@@ -194,8 +194,8 @@ def test_a_search_that_runs_out_of_time_names_what_it_has_found_and_what_is_left
     budget = Budget(100, itertools.count().__next__)
     scene = SCENES["overlap"]
     sky = next(f for f in FAULTS if f.name == "sky-missing")
-    sights = [look(SubmittedImage(scene, planted(scene, sky.ways[0])))]
-    made = _search(sights, "", FAULTS, (), 1, budget, {})
+    samples = [look(SubmittedImage(scene, planted(scene, sky.ways[0])))]
+    made = _search(samples, "", FAULTS, (), 1, budget, {})
     assert 5 <= len(budget.tried) <= 100
     assert len(budget.untried - budget.tried) + len(budget.tried) >= sum(bool(f.ways) for f in FAULTS)
     assert made.causes or "unknown" in made.words[0]

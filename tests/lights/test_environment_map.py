@@ -11,7 +11,7 @@ from raytwin import speed
 from raytwin.lights.environment_map import environment_map
 from raytwin.scene import Environment, Lambert, Rectangle, Scene
 from raytwin.speed import ENGINES
-from raytwin.speed.engine import from_numpy, lift, to_numpy
+from raytwin.speed.engine import from_numpy, to_engine, to_numpy
 
 TURNED = ((0.6, 0.8, 0.0), (-0.8, 0.6, 0.0), (0.0, 0.0, 1.0))
 LEVEL = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -87,7 +87,7 @@ def test_drawn_directions_have_the_density_that_they_tell_and_find_all_of_the_li
 def test_directions_are_drawn_alike_on_every_engine(spotted, engine, rng):
     how, numbers = ENGINES[engine], np.floor(rng.random((2, 500)) * 2**24) / 2**24
     expected = environment_map(spotted).sample(*numbers)
-    d, p = lift(environment_map(spotted), how).sample(*(from_numpy(how, n) for n in numbers))
+    d, p = to_engine(environment_map(spotted), how).sample(*(from_numpy(how, n) for n in numbers))
     close = 1e-12 if how.bits == 64 else 1e-5
     np.testing.assert_allclose([to_numpy(c, (500,)) for c in d], expected[0], rtol=0, atol=close)
     np.testing.assert_allclose(to_numpy(p, (500,)), expected[1], rtol=close)

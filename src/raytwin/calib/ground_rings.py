@@ -7,7 +7,7 @@ varies slowly: a polynomial of n describes it.
 import numpy as np
 
 DEGREE = 4
-"""The polynomial's: the sphere's own shadow beside it is a step of up to 12 codes off at 2, and of 3 at 4."""
+"""Degree of the polynomial. At the step beside the sphere's own shadow, 2 errs by up to 12 codes, 4 by up to 3."""
 
 
 def fibonacci(count: int) -> np.ndarray:

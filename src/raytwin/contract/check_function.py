@@ -191,14 +191,14 @@ def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[
     """The variants that give these numbers in all cases; else the first generated slip that does, or the pairs of
     variants; empty where none does.
 
-    One that fails the first case that is wrong is not tried on the others. What passes that case itself is no
-    explanation: it would account for whatever is hardly wrong.
+    A variant that does not explain the first wrong case is not tried on the others. One whose own numbers pass that
+    case is no explanation: it would account for any small error.
     """
     order = sorted(range(len(cases)), key=lambda i: _case_result(stage, cases[i], got[i]).passed)
     first, *rest = [(cases[i], got[i]) for i in order]
 
     def left(chain: Sequence[Variant]) -> float:
-        """What is left of the first case where these, one upon the other, are the mistake; 0: nothing of any case."""
+        """Return what these variants, combined, leave unexplained in the first wrong case; 0: nothing in any case."""
         try:
             function = together(stage.name, chain, stage.reference)
         except ValueError:  # slips in one and the same place

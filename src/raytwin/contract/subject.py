@@ -53,5 +53,5 @@ def find_subject(what: str | Renderer | Callable[..., Any], rung: str, sampling:
 
 
 def _name(scene: Scene, rung: str) -> dict[str, Any]:
-    """All that an image need be told: so it may be of a scene with a map or highlights, too."""
+    """Return all that an image needs, so that it may also be of a scene with a sky map or highlights."""
     return {"name": scene.name, "rung": rung}

@@ -11,7 +11,7 @@ from raytwin.diagnose.pixel_sample import PixelSample
 from raytwin.diagnose.predict import RIGHT, Array, Pipeline, replaced
 
 REACHES = (0.5, 1.0)
-"""How far from the centre it is looked, pixels: that much to each side and half as much."""
+"""Pixels: predictions are made this far and half as far from each pixel's centre, to each side."""
 MOST = 0.97
 """Least share of the wrong pixels that lies between what is seen around them."""
 ALONG = 0.2
@@ -53,21 +53,21 @@ AVERAGED = (
 )  # fmt: skip
 
 
-def along_outlines(sights: Sequence[PixelSample]) -> float:
+def along_outlines(samples: Sequence[PixelSample]) -> float:
     """The share of the pixels beside outlines that is wrong; of points, which have none, 0."""
-    seen = [s for s in sights if not s.view.points]
+    seen = [s for s in samples if not s.view.points]
     edge = sum(float((s.weight * s.edge).sum()) for s in seen)
     return sum(float((s.weight * s.edge * s.wrong).sum()) for s in seen) / edge if edge else 0.0
 
 
-def between(sights: Sequence[PixelSample], budget: Budget | None = None) -> tuple[Fault, float] | None:
+def between(samples: Sequence[PixelSample], budget: Budget | None = None) -> tuple[Fault, float] | None:
     """The fault, and the share of the squared error that it explains; None where it is not that, or time is up."""
     budget = budget or Budget()
-    if any(s.view.points or s.view.scene is None for s in sights) or along_outlines(sights) <= ALONG:
+    if any(s.view.points or s.view.scene is None for s in samples) or along_outlines(samples) <= ALONG:
         return None
     for reach in REACHES:
         inside, wrong, before, after, blends = 0.0, 0.0, 0.0, 0.0, []
-        for s in sights:
+        for s in samples:
             places = list(product((-reach, -reach / 2, 0.0, reach / 2, reach), repeat=2))
             rows = [s.predict(moved(x, y)) for x, y in budget.within(BESIDE.name, places)]
             if len(rows) < len(places):
@@ -80,7 +80,7 @@ def between(sights: Sequence[PixelSample], budget: Budget | None = None) -> tupl
             blends.append(_blended(s, seen))
             before, after = before + s.squared(s.predict(RIGHT)), after + s.squared(near)
         blended = float(np.concatenate(blends).mean()) > BLENDED if sum(map(len, blends)) else False
-        if wrong > 0 and inside > MOST * wrong and (blended or _signs(sights) < AT_RANDOM):
+        if wrong > 0 and inside > MOST * wrong and (blended or _signs(samples) < AT_RANDOM):
             return BESIDE, 1 - after / before if before > 0 else 1.0
     return None
 
@@ -92,10 +92,10 @@ def _blended(sight: PixelSample, seen: Array) -> Array:
     return np.asarray((nearest > APART * span)[sight.wrong & sight.edge & (span > APART * sight.scale)])
 
 
-def _signs(sights: Sequence[PixelSample]) -> float:
+def _signs(samples: Sequence[PixelSample]) -> float:
     """The mean product of the signs of two neighbouring errors, inside objects: 0 by chance, 1 of whole regions."""
     products = []
-    for s in sights:
+    for s in samples:
         assert s.view.right is not None
         off = s.view.shown - s.view.right
         signs = np.sign(off) * (np.abs(off) > s.tau) * ~s.whole[0][..., None]

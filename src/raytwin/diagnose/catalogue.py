@@ -18,10 +18,10 @@ ACNE = row("acne", SHADOW,
     "speckles: rounding puts the start of shadow rays now above, now below the surface, so that it shades itself; "
     "start them a little off it, or leave its own object out",
     (), slip("sun_visible", ("return visible", "return visible & False")))  # fmt: skip
-"""Which points are dark is chance: told by pixels that are all as lit or as dark as can be, and mixed."""
+"""Acne darkens points at random: it is recognised by fully lit and fully dark pixels, in a mixture."""
 
 FACTS = frozenset({"nothing-met", "empty"})
-"""Faults that say what is seen, whatever has brought it about: of others that would, too, nothing is said."""
+"""Faults that only describe what is seen: other faults that would cause the same are then not reported."""
 
 WAYS: Ways = {
     **camera_faults.CAMERAS, **geometry_faults.SOLVERS, **geometry_faults.ORDERS, **light_faults.NORMALS_,

@@ -32,31 +32,31 @@ from raytwin.scene import Scene
 
 COLOURS = "red", "green", "blue"
 RIGHT_CHANNEL = 0.01
-"""A channel is right where no more pixels are wrong than so many of those of the worst one."""
+"""A channel counts as right if its wrong pixels are at most this share of the worst channel's."""
 BLENDED = 0.03
 """Least share of the pixels beside outlines that is wrong if several rays per pixel are averaged."""
 
 
-def clued(sights: Sequence[PixelSample]) -> tuple[Fault, ...]:
+def faults_suggested(samples: Sequence[PixelSample]) -> tuple[Fault, ...]:
     """What the pictures, and the order in which they were asked for, give reason to try."""
-    if any(s.view.scene is None for s in sights):
+    if any(s.view.scene is None for s in samples):
         return ()
-    blurred = AVERAGED if along_outlines(sights) > BLENDED else ()
-    return (*by_channel(wrong_channels(sights)), *blurred, *stale(sights))
+    blurred = AVERAGED if along_outlines(samples) > BLENDED else ()
+    return (*by_channel(wrong_channels(samples)), *blurred, *stale(samples))
 
 
 # ------------------------------------------------------------------------------------------ channels
 
 
-def wrong_channels(sights: Sequence[PixelSample]) -> tuple[int, ...]:
+def wrong_channels(samples: Sequence[PixelSample]) -> tuple[int, ...]:
     """The channels that are wrong, where others are right; else none."""
     wrong = np.zeros(3)
-    for s in sights:
+    for s in samples:
         if s.wrong.any():
             off = np.abs(s.shown - s.predict(RIGHT)) - s.slack > s.tau
             wrong += (s.weight[:, None] * off).sum(axis=0)
     found = tuple(np.flatnonzero(wrong > RIGHT_CHANNEL * wrong.max()).tolist())
-    return found if len(found) < 3 and not any(s.view.points and s.wrong.any() for s in sights) else ()
+    return found if len(found) < 3 and not any(s.view.points and s.wrong.any() for s in samples) else ()
 
 
 def by_channel(wrong: Sequence[int]) -> tuple[Fault, ...]:
@@ -106,13 +106,13 @@ SHARED = "what all calls share (a list of the class, a default argument, a globa
 Earlier = Callable[[Before], list[Scene]]
 
 
-def stale(sights: Sequence[PixelSample]) -> tuple[Fault, ...]:
+def stale(samples: Sequence[PixelSample]) -> tuple[Fault, ...]:
     """What a process keeps of the scenes that it was given before: all of them, the first, or the one before."""
-    stages = tuple(sorted({stage for s in sights for stage, _ in s.view.before.calls}))
+    stages = tuple(sorted({stage for s in samples for stage, _ in s.view.before.calls}))
     ways = [(stages, False), *([(stages, True), *(((stage,), False) for stage in stages)] if len(stages) > 1 else [])]
     # A scene before which there was none is right.
     lists: list[Earlier] = [partial(_some, stages=some, apart=apart) for some, apart in ways]
-    lists = [of for of in lists if not any(s.wrong.any() for s in sights if not of(s.view.before))]
+    lists = [of for of in lists if not any(s.wrong.any() for s in samples if not of(s.view.before))]
     if not lists or not stages:
         return ()
 

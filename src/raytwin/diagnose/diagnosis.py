@@ -27,7 +27,7 @@ from raytwin.diagnose.certainty import (
     left_over,
 )
 from raytwin.diagnose.changes import ORDER, OUTPUT, STAGES, Fault
-from raytwin.diagnose.conditional_faults import clued
+from raytwin.diagnose.conditional_faults import faults_suggested
 from raytwin.diagnose.distances import depth_cause
 from raytwin.diagnose.explanation import Cause, Diagnosis, Sureness
 from raytwin.diagnose.hypothesis_search import Hypothesis, Search
@@ -69,7 +69,7 @@ PLAIN = tuple(
     if fault.name == "swapped-axes" or (
         fault.stage == OUTPUT and all(name in ("output", "pixel") for name, _ in fault.ways[0]))
 )  # fmt: skip
-"""What may be wrong with a picture of nobody knows what: its values and its order."""
+"""Faults that are predicted without a scene: of a picture's values and of their order."""
 PLAIN_FAMILIES = tuple(family for family in FAMILIES if family.name in ("image-scaled", "offset", "power"))
 
 
@@ -91,25 +91,25 @@ def diagnose(
         text = f"every pixel has the same value, {value:.4g}: nothing of the scene is in the picture"
         return Diagnosis(False, (Cause("one-value", OUTPUT, text),), ((),), 1.0, None, "proved")
     budget = Budget(seconds)
-    sights = many(views, seed)
-    errors = [s.off(s.predict(RIGHT)) for s in sights]
-    count = sum(int(s.wrong.sum()) for s in sights)
-    where = whereabouts(sights, errors)
+    samples = many(views, seed)
+    errors = [s.off(s.predict(RIGHT)) for s in samples]
+    count = sum(int(s.wrong.sum()) for s in samples)
+    where = whereabouts(samples, errors)
     if count == 0:
         return Diagnosis(right=True, explained=1.0, where="right everywhere")
     if count < FEW:
         return Diagnosis(right=False, where=where)
-    if words := points_of_misses(sights):
+    if words := points_of_misses(samples):
         cause = Cause(
             "points-of-misses", ORDER, f"rays that meet nothing have points, too ({words}): NaN is wanted there"
         )
         return Diagnosis(False, (cause,), ((),), 1.0, None, "proved", where)
-    sights = [s for s in sights if s.weight.size]
-    return replace(_search(sights, where, faults, families, most, budget, seen), untried=budget.words)
+    samples = [s for s in samples if s.weight.size]
+    return replace(_search(samples, where, faults, families, most, budget, seen), untried=budget.words)
 
 
 def _search(
-    sights: list[PixelSample],
+    samples: list[PixelSample],
     where: str,
     faults: Sequence[Fault],
     families: Sequence[ParametricFault],
@@ -119,30 +119,30 @@ def _search(
 ) -> Diagnosis:
     """The causes that cost least, one or `most` of them together."""
     every = faults is FAULTS
-    if families is FAMILIES and sights[0].view.scene and len({s.view.scene for s in sights}) == 1:
-        families = (*FAMILIES, *of_objects(sights[0].view.scene))
-    thorough = max(float((s.weight * s.wrong).sum()) for s in sights) > RARE
-    search, base = Search(sights, budget, seen), Hypothesis((), RIGHT, total(sights, RIGHT))
+    if families is FAMILIES and samples[0].view.scene and len({s.view.scene for s in samples}) == 1:
+        families = (*FAMILIES, *of_objects(samples[0].view.scene))
+    thorough = max(float((s.weight * s.wrong).sum()) for s in samples) > RARE
+    search, base = Search(samples, budget, seen), Hypothesis((), RIGHT, total(samples, RIGHT))
     found = search.round(base, faults, families if thorough else ())
-    if thorough and every and not (budget.over or search.explained_by(found)) and (clues := clued(sights)):
+    if thorough and every and not (budget.over or search.explained_by(found)) and (clues := faults_suggested(samples)):
         found = sorted([*search.round(base, clues), *found], key=lambda g: g.cost)
     if thorough and every and not search.explained_by(found):
         found = sorted([*search.slips(base), *found], key=lambda g: g.cost)
     if not search.explained_by(found):
-        hit = hit_shares(sights, found[0].steps)[0] if found else 0.0
-        if is_firm(sights) and (chance := _by_chance(sights, where, hit, budget)) is not None:
+        hit = hit_shares(samples, found[0].steps)[0] if found else 0.0
+        if is_firm(samples) and (chance := _by_chance(samples, where, hit, budget)) is not None:
             return chance
     for _ in range(most - 1):
-        if not thorough or not found or is_settled(sights, found[0].steps) or budget.over:
+        if not thorough or not found or is_settled(samples, found[0].steps) or budget.over:
             break
         for k, one in enumerate([g for g in found[:BEAM] if g.cost < HOPELESS * base.cost]):
             found += search.round(one, faults, () if k else families)
         found.sort(key=lambda g: g.cost + len(g.causes) * PRICE * base.cost)
         more = min(found, key=lambda g: g.cost)
-        if len(more.causes) > len(found[0].causes) and not left_over(sights, more.steps)[0]:
+        if len(more.causes) > len(found[0].causes) and not left_over(samples, more.steps)[0]:
             found = [more, *(g for g in found if g is not more)]
-    made = _described(found, sights, base, where, budget)
-    if not made.causes and thorough and is_firm(sights) and (beside := between(sights, budget)) is not None:
+    made = _described(found, samples, base, where, budget)
+    if not made.causes and thorough and is_firm(samples) and (beside := between(samples, budget)) is not None:
         fault, share = beside
         return Diagnosis(False, (Cause(fault.name, fault.stage, fault.sentence),), ((),), share, None, "likely", where)
     return made
@@ -215,17 +215,17 @@ def view_of(
 
 
 def _described(
-    found: list[Hypothesis], sights: list[PixelSample], base: Hypothesis, where: str, budget: Budget
+    found: list[Hypothesis], samples: list[PixelSample], base: Hypothesis, where: str, budget: Budget
 ) -> Diagnosis:
     if not found:
         return Diagnosis(right=False, where=where)
-    best = _rather_than_a_fact(found, sights)
-    share, each = explained_share(sights, best.steps)
-    hit, kept = hit_shares(sights, best.steps)
+    best = _rather_than_a_fact(found, samples)
+    share, each = explained_share(samples, best.steps)
+    hit, kept = hit_shares(samples, best.steps)
     if (share < EXPLAINED or best.cost > 0.6 * base.cost or hit < MATCHED) and not (hit > EXPLAINED and kept > 0.99):
         single = min((g for g in found if len(g.causes) == 1), key=lambda g: g.cost)
-        share = explained_share(sights, single.steps)[0]
-        lit = [(s, s.view.scene) for s in sights if s.view.scene and s.view.scene.objects and not s.view.points]
+        share = explained_share(samples, single.steps)[0]
+        lit = [(s, s.view.scene) for s in samples if s.view.scene and s.view.scene.objects and not s.view.points]
         parts_of_light = [
             f"{scene.name}: {words}" for s, scene in lit if not budget.spent and (words := split(s).words)
         ]
@@ -236,17 +236,17 @@ def _described(
             nearest=single.causes[0],
             light="; ".join(parts_of_light),
         )
-    if not is_likelier(sights, best.steps):
+    if not is_likelier(samples, best.steps):
         return Diagnosis(right=False, where=where)
-    worst = _held_out(best, sights, each)
-    others = _as_good(best, found, sights, budget)
+    worst = _held_out(best, samples, each)
+    others = _as_good(best, found, samples, budget)
     alone = len(best.causes) == 1 and not others[0]
     # Each scene confirms what the others select: one alone proves nothing.
-    confirmed = worst is not None and worst > SURE and sum(bool(s.wrong.any()) for s in sights) > 1
+    confirmed = worst is not None and worst > SURE and sum(bool(s.wrong.any()) for s in samples) > 1
     unchecked = budget.spent
-    count, left = (0, "") if unchecked else left_over([s.everywhere(_most(s)) for s in sights], best.steps)
-    whole = count < FEW and not unchecked and is_good(sights, best.steps)
-    whole = whole and (best.refit is None or is_exact(sights, best.steps))
+    count, left = (0, "") if unchecked else left_over([s.everywhere(_most(s)) for s in samples], best.steps)
+    whole = count < FEW and not unchecked and is_good(samples, best.steps)
+    whole = whole and (best.refit is None or is_exact(samples, best.steps))
     written = not any(cause.name.startswith("slip-in-") for cause in best.causes)
     sureness: Sureness = "proved" if alone and confirmed and whole and written else "likely"
     order = sorted(range(len(best.causes)), key=lambda k: STAGES.index(best.causes[k].stage))
@@ -261,11 +261,11 @@ def _described(
     )
 
 
-def _rather_than_a_fact(found: list[Hypothesis], sights: list[PixelSample]) -> Hypothesis:
+def _rather_than_a_fact(found: list[Hypothesis], samples: list[PixelSample]) -> Hypothesis:
     """The best guess; not one that says only what is seen where another one leaves nothing, and that does."""
     best = found[0]
-    if FACTS & {cause.name for cause in best.causes} and not is_exact(sights, best.steps):
-        return next((g for g in found[1:] if is_exact(sights, g.steps)), best)
+    if FACTS & {cause.name for cause in best.causes} and not is_exact(samples, best.steps):
+        return next((g for g in found[1:] if is_exact(samples, g.steps)), best)
     return best
 
 
@@ -275,49 +275,49 @@ def _most(sight: PixelSample) -> int:
     return min(MOST, max(MET // max(objects, 1), 1))
 
 
-def _by_chance(sights: Sequence[PixelSample], where: str, least: float, budget: Budget) -> Diagnosis | None:
+def _by_chance(samples: Sequence[PixelSample], where: str, least: float, budget: Budget) -> Diagnosis | None:
     """Acne, which leaves it to chance whether a pixel is lit or dark.
 
     `least`: the share of the wrong pixels that it has to hit, beside EXPLAINED.
     """
-    spoilt = [s for s in sights if s.wrong.any()]
+    spoilt = [s for s in samples if s.wrong.any()]
     mixed = np.average([s.mixed for s in spoilt], weights=[s.wrong.sum() for s in spoilt])
     if budget.over or mixed < SPECKLED:
         return None
-    made = [[s.predict(way) for way in ACNE.ways] for s in sights]
-    off = [np.stack([s.off(one) for one in all_]) for s, all_ in zip(sights, made, strict=True)]
+    made = [[s.predict(way) for way in ACNE.ways] for s in samples]
+    off = [np.stack([s.off(one) for one in all_]) for s, all_ in zip(samples, made, strict=True)]
     hit = np.concatenate([
         (e.min(axis=0) <= np.minimum(4 * s.tau, s.errors(RIGHT) / 2))[s.wrong]
-        for e, s in zip(off, sights, strict=True)
+        for e, s in zip(off, samples, strict=True)
     ])  # fmt: skip
-    kept = np.concatenate([e.min(axis=0)[~s.wrong] <= 4 * s.tau for e, s in zip(off, sights, strict=True)])
+    kept = np.concatenate([e.min(axis=0)[~s.wrong] <= 4 * s.tau for e, s in zip(off, samples, strict=True)])
     if hit.mean() < max(EXPLAINED, least) or (kept.size and kept.mean() < 0.99):
         return None
-    before = sum(s.squared(s.predict(RIGHT)) for s in sights)
+    before = sum(s.squared(s.predict(RIGHT)) for s in samples)
     after = sum(s.squared(np.take_along_axis(np.stack(all_), e.argmin(axis=0)[None, :, None], 0)[0])
-                for s, e, all_ in zip(sights, off, made, strict=True))  # fmt: skip
+                for s, e, all_ in zip(samples, off, made, strict=True))  # fmt: skip
     cause = Cause(ACNE.name, ACNE.stage, ACNE.sentence)
     return Diagnosis(False, (cause,), ((),), 1 - float(after / max(before, 1e-300)), None, "likely", where)
 
 
-def _held_out(best: Hypothesis, sights: list[PixelSample], each: Array) -> float | None:
+def _held_out(best: Hypothesis, samples: list[PixelSample], each: Array) -> float | None:
     """The share explained of the scene that is explained least, what was fitted being fitted on the others."""
-    if len(sights) < 2:
+    if len(samples) < 2:
         return None
     if best.refit is not None:
         each = np.array([
-            explained_share([s], best.refit([x for x in sights if x is not s]))[0] if np.isfinite(each[k]) else np.nan
-            for k, s in enumerate(sights)
+            explained_share([s], best.refit([x for x in samples if x is not s]))[0] if np.isfinite(each[k]) else np.nan
+            for k, s in enumerate(samples)
         ])  # fmt: skip
     finite = each[np.isfinite(each)]
     return float(max(finite.min(), 0.0)) if finite.size else None
 
 
 def _as_good(
-    best: Hypothesis, found: Iterable[Hypothesis], sights: list[PixelSample], budget: Budget
+    best: Hypothesis, found: Iterable[Hypothesis], samples: list[PixelSample], budget: Budget
 ) -> list[tuple[Cause, ...]]:
     """For each cause of the best guess those that explain the pictures as well in its place."""
-    own = [s.predict(best.steps) for s in sights]
+    own = [s.predict(best.steps) for s in samples]
     names = [cause.name for cause in best.causes]
     others: list[dict[str, Cause]] = [{} for _ in names]
     if FACTS & set(names):
@@ -332,7 +332,7 @@ def _as_good(
         if len(new) != 1 or len(gone) != 1 or new[0].numbers != best.causes[gone[0]].numbers:
             continue
         if guess.cost < 1.25 * best.cost or all(
-            are_alike(s, a, s.predict(guess.steps)) for s, a in zip(sights, own, strict=True)
+            are_alike(s, a, s.predict(guess.steps)) for s, a in zip(samples, own, strict=True)
         ):
             others[gone[0]].setdefault(new[0].name, new[0])
     return [tuple(list(found.values())[:ALTERNATIVES]) for found in others]

@@ -86,21 +86,21 @@ class Search:
     `seen`: how often mistakes were made: what is common is tried first, and wins where others explain as well.
     """
 
-    sights: list[PixelSample]
+    samples: list[PixelSample]
     budget: Budget
     seen: Mapping[str, int]
     small: list[PixelSample] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.small = [s.only(slice(None, None, SCREEN)) for s in self.sights]
+        self.small = [s.only(slice(None, None, SCREEN)) for s in self.samples]
 
     def weighed(self, guess: Hypothesis) -> Hypothesis:
         """With its cost on all pixels."""
-        return replace(guess, cost=total(self.sights, guess.steps))
+        return replace(guess, cost=total(self.samples, guess.steps))
 
     def explained_by(self, found: Sequence[Hypothesis]) -> bool:
         """Whether the best leaves nothing to be explained."""
-        return bool(found) and is_good(self.sights, found[0].steps)
+        return bool(found) and is_good(self.samples, found[0].steps)
 
     def round(
         self, before: Hypothesis, faults: Sequence[Fault], families: Sequence[ParametricFault] = ()
@@ -138,8 +138,8 @@ class Search:
             p, cost = fit(family, self.small, before.steps, lambda: budget.over)
             if cost > 0.9 * before.cost:
                 continue
-            p, cost = fit(replace(family, start=p, tries=()), self.sights, before.steps, lambda: budget.over)
-            if not family.possible(p) or not shows(self.sights, before.steps, (*before.steps, *family.make(p))):
+            p, cost = fit(replace(family, start=p, tries=()), self.samples, before.steps, lambda: budget.over)
+            if not family.possible(p) or not shows(self.samples, before.steps, (*before.steps, *family.make(p))):
                 continue
             here = replace(family, start=p, tries=())
             cause = Cause(family.name, family.stage, family.sentence(p, self._scenes()), len(p))
@@ -149,7 +149,7 @@ class Search:
         return fitted
 
     def _scenes(self) -> list[Any]:
-        return [s.view.scene for s in self.sights if s.view.scene]
+        return [s.view.scene for s in self.samples if s.view.scene]
 
     def _reaches(self, way: Pipeline, steps: Pipeline) -> bool:
         """Whether a way alone changes most of the pixels that these steps leave wrong; where that was seen."""
@@ -187,9 +187,9 @@ class Search:
             return []
         place = {g.causes[-1].name: k for k, g in enumerate(guesses)}
         tried = self._screened(guesses, before)
-        found = [g for g in map(self.weighed, tried[:FINALISTS]) if is_good(self.sights, g.steps)]
+        found = [g for g in map(self.weighed, tried[:FINALISTS]) if is_good(self.samples, g.steps)]
         if not found:
-            found = [g for g in self._in_other_forms(tried, before) if is_good(self.sights, g.steps)]
+            found = [g for g in self._in_other_forms(tried, before) if is_good(self.samples, g.steps)]
         self.budget.slips_left = 0 if found else self.budget.slips_left
         return sorted(found, key=lambda g: (round(g.cost / (EVEN * before.cost)), place[g.causes[-1].name]))[:1]
 
@@ -213,7 +213,7 @@ class Search:
 
     def _by_common(self, ways: list[Hypothesis], before: Hypothesis) -> list[Hypothesis]:
         """Those that cost least in the scenes that everyone is asked for."""
-        common = [s for s in self.sights if s.view.common and not s.more]
+        common = [s for s in self.samples if s.view.common and not s.more]
         if not common:
             return ways
         changes = tuple(way for fault in FAULTS for way in fault.ways)

@@ -14,29 +14,29 @@ KINDS = ("spheres", "planes", "the background")
 LIGHTS = ("in sunlight", "facing away from the sun", "in cast shadow")
 
 
-def whereabouts(sights: Sequence[PixelSample], errors: Sequence[Array]) -> str:
+def whereabouts(samples: Sequence[PixelSample], errors: Sequence[Array]) -> str:
     """`wrong only in cast shadow on spheres, right elsewhere`; `errors`: of each sight's pixels."""
-    known = [k for k, s in enumerate(sights) if isinstance(s.bench, Predictor)]
+    known = [k for k, s in enumerate(samples) if isinstance(s.bench, Predictor)]
     if not known:
         return ""
-    sights, errors = [sights[k] for k in known], [errors[k] for k in known]
-    bad = [e > s.tau for e, s in zip(errors, sights, strict=True)]
-    share = [float((s.weight * b).sum()) for s, b in zip(sights, bad, strict=True)]
+    samples, errors = [samples[k] for k in known], [errors[k] for k in known]
+    bad = [e > s.tau for e, s in zip(errors, samples, strict=True)]
+    share = [float((s.weight * b).sum()) for s, b in zip(samples, bad, strict=True)]
     if not any(share):
         return "right everywhere"
     table = np.zeros((3, 3, 2, 2))  # kind, light, outline, (all, wrong)
-    for s, b, some in zip(sights, bad, share, strict=True):
+    for s, b, some in zip(samples, bad, share, strict=True):
         if some < min(1e-4, max(share)):
             continue
         kind, light = _regions(s)
         for wrong in (0, 1):
             np.add.at(table[..., wrong], (kind, light, s.edge.astype(int)), s.weight * (b if wrong else 1.0))
-    return _said(table) + _scenes(sights, share) + _objects(sights, bad)
+    return _said(table) + _scenes(samples, share) + _objects(samples, bad)
 
 
-def points_of_misses(sights: Sequence[PixelSample]) -> str:
+def points_of_misses(samples: Sequence[PixelSample]) -> str:
     """What pixels show whose rays meet nothing, where that alone is wrong, in points: in words; else empty."""
-    spoilt = [s for s in sights if s.wrong.any()]
+    spoilt = [s for s in samples if s.wrong.any()]
     said = []
     for s in spoilt:
         if not (s.view.points and isinstance(s.bench, Predictor)):
@@ -107,15 +107,15 @@ def _name(kind: int, at: set[int], has: set[int]) -> str:
     return f"{lights}on {KINDS[kind]}" if lights else f"on {KINDS[kind]}"
 
 
-def _scenes(sights: Sequence[PixelSample], share: Sequence[float]) -> str:
-    right = [_scene(s).name for s, x in zip(sights, share, strict=True) if x < 1e-4]
+def _scenes(samples: Sequence[PixelSample], share: Sequence[float]) -> str:
+    right = [_scene(s).name for s, x in zip(samples, share, strict=True) if x < 1e-4]
     return f"; all of {', '.join(right)} is right" if right else ""
 
 
-def _objects(sights: Sequence[PixelSample], bad: Sequence[Array]) -> str:
+def _objects(samples: Sequence[PixelSample], bad: Sequence[Array]) -> str:
     """Where some of a scene's spheres are wrong and others are not."""
     said = []
-    for s, b in zip(sights, bad, strict=True):
+    for s, b in zip(samples, bad, strict=True):
         assert isinstance(s.bench, Predictor)
         ids, names = s.bench.seen().ids, s.bench.scene.names
         inside = ~s.edge

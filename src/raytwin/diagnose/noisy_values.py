@@ -19,7 +19,7 @@ FIRM = 8.0
 LEFT = 0.1
 """Share of what exceeds 1 that a cause may leave."""
 LEAST = 1e-3
-"""Numbers that change the image by less are none."""
+"""A fitted number that changes the image by less than this is ignored."""
 Array = np.ndarray
 
 

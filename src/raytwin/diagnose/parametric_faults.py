@@ -251,19 +251,19 @@ def _with_object(k: int, change: Callable[[Thing], Thing]) -> Pipeline:
 
 def fit(
     family: ParametricFault,
-    sights: Sequence[PixelSample],
+    samples: Sequence[PixelSample],
     base: Pipeline = RIGHT,
     over: Callable[[], bool] = lambda: False,
 ) -> tuple[tuple[float, ...], float]:
     """The parameters that explain most, and their cost, the mean over sights; as far as it comes until `over`."""
-    found = [Descent(family, sights, base, np.array(p, float)) for p in (family.start, *family.tries)]
+    found = [Descent(family, samples, base, np.array(p, float)) for p in (family.start, *family.tries)]
     made = [tuple(descent.run(over).tolist()) for descent in found]
-    return min(((p, total(sights, (*base, *family.make(p)))) for p in made), key=lambda x: x[1])
+    return min(((p, total(samples, (*base, *family.make(p)))) for p in made), key=lambda x: x[1])
 
 
 def promising(
     families: Sequence[ParametricFault],
-    sights: Sequence[PixelSample],
+    samples: Sequence[PixelSample],
     base: Pipeline,
     most: int,
     over: Callable[[], bool] = lambda: False,
@@ -274,7 +274,7 @@ def promising(
         for start in (family.start, *family.tries):
             if over():
                 break
-            one = Descent(family, sights, base, np.array(start, float))
+            one = Descent(family, samples, base, np.array(start, float))
             cost = one.cost(one.residual, one.widest) if one.advance() else np.inf
             begun = cost, replace(family, start=tuple(one.p.tolist()), tries=())
             tried[family.name] = min(tried.get(family.name, begun), begun, key=lambda x: x[0])
@@ -282,17 +282,17 @@ def promising(
     return [family for _, family in best[:most]], len(tried)
 
 
-def total(sights: Sequence[PixelSample], steps: Pipeline) -> float:
+def total(samples: Sequence[PixelSample], steps: Pipeline) -> float:
     """The mean cost."""
-    return float(np.mean([s.cost(s.errors(steps)) for s in sights]))
+    return float(np.mean([s.cost(s.errors(steps)) for s in samples]))
 
 
 class Descent:
     """Gauss and Newton's steps, kept where the cost falls; `widen`: times the last tolerance, at first `widest`."""
 
-    def __init__(self, family: ParametricFault, sights: Sequence[PixelSample], base: Pipeline, p: Array) -> None:
-        self.family, self.sights, self.base, self.p = family, sights, base, p
-        self.roots = np.concatenate([np.repeat(np.sqrt(s.weight / len(sights)), 3) for s in sights])
+    def __init__(self, family: ParametricFault, samples: Sequence[PixelSample], base: Pipeline, p: Array) -> None:
+        self.family, self.samples, self.base, self.p = family, samples, base, p
+        self.roots = np.concatenate([np.repeat(np.sqrt(s.weight / len(samples)), 3) for s in samples])
         right = np.abs(self._residual(base) / self.roots)
         self.widest = self.widen = float(np.median(right[right > 1])) if (right > 1).any() else 1.0
         self.residual, self.step = self.residual_at(p), family.step
@@ -301,7 +301,7 @@ class Descent:
         return self._residual((*self.base, *self.family.make(tuple(p))))
 
     def _residual(self, steps: Pipeline) -> Array:
-        off = [np.clip((s.shown - s.predict(steps)) / s.tau, -1e8, 1e8).ravel() for s in self.sights]
+        off = [np.clip((s.shown - s.predict(steps)) / s.tau, -1e8, 1e8).ravel() for s in self.samples]
         return self.roots * np.nan_to_num(np.concatenate(off))
 
     def cost(self, residual: Array, widen: float) -> float:

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from raytwin.diagnose.changes import NEAREST
-from raytwin.diagnose.predict import FIRST, RIGHT, Array, Before, Pipeline, Plain, Predictor, output
+from raytwin.diagnose.predict import FIRST, RIGHT, Array, Before, Pipeline, Predictor, UnknownScene, output
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.rungs import RUNGS
@@ -81,7 +81,7 @@ class PixelSample:
     tau: float
     wrong: Array
     edge: Array
-    bench: Predictor | Plain
+    bench: Predictor | UnknownScene
     more: bool
     step: int
     whole: tuple[Array, Array]
@@ -247,7 +247,7 @@ def thinned(view: SubmittedImage) -> tuple[SubmittedImage, int, Array, Array]:
 
 @functools.lru_cache(maxsize=16)
 def traced_once(scene: Scene, rung: str) -> Image:
-    """The tracer's picture, the same for all that are held to it."""
+    """Return the tracer's picture, computed once for all that are compared with it."""
     return trace(scene, rung)
 
 
@@ -302,7 +302,7 @@ def look(view: SubmittedImage, seed: int = 0) -> PixelSample:
     index, weight = index[mixed], weight[mixed] / weight.sum()
     u, v = (index % width * step).astype(float), (index // width * step).astype(float)
     brightest = float(np.nanmax(right)) if right.size and not view.points else 1.0
-    bench: Predictor | Plain = Plain(right, u, v, brightest)
+    bench: Predictor | UnknownScene = UnknownScene(right, u, v, brightest)
     if view.scene is not None:
         shadows = view.points or RUNGS[view.rung].shadows
         bench = Predictor(view.scene, u, v, shadows, brightest, view.before)

@@ -24,8 +24,8 @@ SceneDict = dict[str, Any]
 RIGHT: Pipeline = ()
 """The tracer as it should be."""
 BESIDE = ("camera", "things", "lights", "output", "spread", "earlier")
-"""Steps beside the textbook's functions: of the scene's dict what is seen by, what is seen, and what lights it; the
-values that are handed in; the rays of a pixel; what has stayed of earlier scenes. Any other name defines a function
+"""Steps beside the textbook's functions: the scene's camera, objects and lights; the values handed in; the rays
+of a pixel; what is left over from earlier scenes. Any other name defines a function
 that slips may call."""
 UP_TO_RAYS = ("pixel", "undistort", "through", "to_board", "camera", "spread")
 """Steps that change nothing but the rays of the eye."""
@@ -249,7 +249,7 @@ QUIET = np.errstate(all="ignore")
 
 @dataclass(eq=False)
 class Predictor:
-    """One scene at chosen pixels, of which tracers are asked what they show. `before`: what may have stayed of others.
+    """Predict what tracers show of one scene at chosen pixels. `before`: earlier scenes that may leak into this one.
 
     `memory`: what functions gave lately, by their mistakes.
     """
@@ -370,7 +370,7 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def predictor(scene: Scene, shadows: bool = True, every: int = 1) -> Predictor:
-    """All pixels of a scene, row by row, or every so manieth of them; and its brightest value."""
+    """Return a predictor for all pixels of a scene, row by row, or every `every`-th; it knows the brightest value."""
     v, u = np.indices((scene.camera.height, scene.camera.width), float).reshape(2, -1)[:, ::every]
     made = Predictor(scene, u, v, shadows)
     made.brightest = float(made.radiance().max(initial=0.0)) or 1.0
@@ -384,7 +384,7 @@ def planted(scene: Scene, *mistakes: Pipeline, shadows: bool = True) -> Array:
 
 
 @dataclass(eq=False)
-class Plain:
+class UnknownScene:
     """A right picture (H, W, 3) of nobody knows which scene: its pixels can be moved, and its values changed."""
 
     right: Array
@@ -392,8 +392,8 @@ class Plain:
     v: Array
     brightest: float = 1.0
 
-    def at(self, u: Array, v: Array) -> "Plain":
-        return Plain(self.right, u, v, self.brightest)
+    def at(self, u: Array, v: Array) -> "UnknownScene":
+        return UnknownScene(self.right, u, v, self.brightest)
 
     def place(self, pipeline: Pipeline = RIGHT) -> tuple[Array, Array]:
         return written(pipeline)["pixel"](self.u, self.v, self.right.shape[1], self.right.shape[0])

@@ -1,4 +1,4 @@
-"""Scenes that everyone is asked for: what each mistake shows there is computed once, and held to every submission."""
+"""Predictions for scenes that all submissions share: computed once per mistake, compared with every submission."""
 
 from dataclasses import replace
 from functools import lru_cache

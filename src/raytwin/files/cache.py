@@ -69,7 +69,7 @@ class Cache:
 
 
 def _is_plain(path: Path) -> bool:
-    """A file, or nothing yet, where either may be; a planted pipe would be waited for without end."""
+    """Whether the path is a regular file or does not exist yet: reading a planted pipe would never end."""
     try:
         return path.is_file() or not path.exists()
     except OSError:  # a folder above that may not be entered, a name too long

@@ -14,8 +14,8 @@ from raytwin.errors import InputError
 def replacing(path: str | os.PathLike) -> Iterator[Path]:
     """A temporary path beside `path`, renamed to it when the block ends well and removed when it does not.
 
-    A file that was there gives its mode. A link that was there is replaced, never followed: who planted it does not
-    choose what is overwritten. What a device or a pipe is, or leads to (/dev/stdout), is handed out as it is.
+    An existing file's mode is kept. An existing link is replaced, never followed, so that whoever planted it does not
+    choose what is overwritten. A device or pipe, or a link to one (/dev/stdout), is yielded unchanged.
     """
     path = Path(path)
     temporary = path.parent / f".{path.stem}-{secrets.token_hex(4)}{path.suffix}"

@@ -50,7 +50,7 @@ raytwin_replace({text!r}, {names!r})
 
 
 @dataclass(frozen=True, eq=False)
-class Helped:
+class Rerun:
     """Wrong pictures, asked for once more with the right functions of these `names` in place of the failed ones.
 
     `again`: by the question's id, what was asked for and what came of it. `beside`: something else is wrong, too.
@@ -60,14 +60,14 @@ class Helped:
     again: Mapping[int, tuple[Question, CheckedPicture]] = field(default_factory=dict)
     beside: bool = False
 
-    def cured(self, question: Question) -> bool:
+    def fixed_by(self, question: Question) -> bool:
         """Whether the failed functions alone made this picture wrong."""
         return id(question) in self.again and self.again[id(question)][1].part.passed
 
 
 def ask_again(
     rubric: Rubric, code: Code, asked: Sequence[Question], checked: Mapping[int, CheckedPicture], failed: Sequence[str]
-) -> Helped:
+) -> Rerun:
     """Ask for the wrong pictures that the failed functions are part of, these replaced."""
     names = tuple(name for name in PARTS if name in failed)
     wrong = [
@@ -75,14 +75,14 @@ def ask_again(
         and set(NEEDED[q.exercise.stage]) & set(names) and q.answer.sort in ("", "error")
     ]  # fmt: skip
     if not (wrong and code.kind == "python"):
-        return Helped()
+        return Rerun()
     again = {}
     with Sandbox(code_with(code, names), rubric.limits, (Path(rubric.folder), Path.cwd())) as child:
         for question in wrong:
             copy = replace(question, made_of="")
             ask(copy, child, code, names)
             again[id(question)] = copy, check_picture(copy)
-    return Helped(names, again)
+    return Rerun(names, again)
 
 
 def code_with(code: Code, names: Sequence[str]) -> Code:
@@ -90,7 +90,7 @@ def code_with(code: Code, names: Sequence[str]) -> Code:
     return code.followed_by(REPLACE.format(text=source_of(names), names=list(names))) if names else code
 
 
-def followed(result: Result, rubric: Rubric, asked: Sequence[Question], helped: Helped) -> Result:
+def followed(result: Result, rubric: Rubric, asked: Sequence[Question], helped: Rerun) -> Result:
     """Return the result with follow-through credit."""
     if not (rubric.follow_through and helped.again):
         return result
@@ -103,7 +103,7 @@ def followed(result: Result, rubric: Rubric, asked: Sequence[Question], helped: 
     return msgspec.structs.replace(result, exercises=tuple(exercises))
 
 
-def _share(question: Question, helped: Helped) -> float:
+def _share(question: Question, helped: Rerun) -> float:
     """What the picture earns with the right functions in place of the failed ones, 0 to 1."""
     if id(question) not in helped.again or question.answer.problem:
         return 0.0

@@ -13,7 +13,7 @@ from raytwin.contract.stage_table import LESSONS
 from raytwin.diagnose.diagnosis import Diagnosis, diagnose
 from raytwin.grade.check_picture import CheckedPicture, check_picture
 from raytwin.grade.fingerprint import fingerprint
-from raytwin.grade.follow_through import Helped, ask_again
+from raytwin.grade.follow_through import Rerun, ask_again
 from raytwin.grade.questions import Question
 from raytwin.grade.result import SUREST, Marked, Part, Picture, Result, Status
 from raytwin.grade.rubric import Exercise, Rubric
@@ -30,7 +30,7 @@ MOST_VIEWS = 3
 
 def marked(
     result: Result, rubric: Rubric, asked: list[Question], problem: str, code: Code | None = None
-) -> tuple[Result, Helped]:
+) -> tuple[Result, Rerun]:
     """Return the result with its exercises marked, and what failed functions do to its pictures.
 
     Speed is that of drawn scenes: of a named one a submission may have stored the picture. Images have no seconds.
@@ -39,7 +39,7 @@ def marked(
     checked = {id(a): check_picture(a) for a in asked if a.scene is not None}
     marks = {e.name: _mark_stage(e, of[e.name]) for e in rubric.exercises if of[e.name][0].scene is None}
     failed = [m for m in marks.values() if m.status not in ("pass", "missing")]
-    helped = ask_again(rubric, code, asked, checked, [m.stage for m in failed]) if code else Helped()
+    helped = ask_again(rubric, code, asked, checked, [m.stage for m in failed]) if code else Rerun()
     causes = _Causes(checked, helped, [m for m in failed if m.stage in helped.names], result.seed, rubric.seen)
     pictures, speed = [], []
     for exercise in (e for e in rubric.exercises if e.name not in marks):
@@ -136,21 +136,21 @@ class _Causes:
     and where right functions leave less wrong, one `beside` them, of the pictures that they made.
     """
 
-    def __init__(self, checked: Mapping[int, CheckedPicture], helped: Helped, failed: list[Marked], seed: int,
+    def __init__(self, checked: Mapping[int, CheckedPicture], helped: Rerun, failed: list[Marked], seed: int,
         seen: Mapping[str, int],
     ) -> None:  # fmt: skip
         self.checked, self.helped, self.failed, self.seed, self.seen = checked, helped, failed, seed, seen
         self.seconds, self.functions = SECONDS, " and ".join(helped.names)
         known = bool(failed) and all(m.faults for m in failed)
         left = [k for k, (_, again) in helped.again.items() if not again.part.passed]
-        cured = bool(helped.again) and not left
+        fixed_by = bool(helped.again) and not left
         self.beside = any(_is_nearer(checked[k], helped.again[k][1]) for k in left)
         self.together: Diagnosis | None = None
         if not (known and self.beside):
-            explained = helped.again if known and cured else {}
+            explained = helped.again if known and fixed_by else {}
             self.together = self._diagnosed([c for k, c in checked.items() if k not in explained])
         named = self.together is not None and bool(self.together.causes)
-        self.theirs = cured and (known or not named)
+        self.theirs = fixed_by and (known or not named)
         self.rest: Diagnosis | None = None
         if self.beside and not named:
             found = self._diagnosed([helped.again[k][1] if k in helped.again else c for k, c in checked.items()])
@@ -174,7 +174,7 @@ class _Causes:
         mine = [self.checked[id(a)] for a in asked]
         wrong = [a for a, c in zip(asked, mine, strict=True) if not c.part.passed]
         instead = f"with a right {self.functions} in place of yours"
-        if wrong and all(map(self.helped.cured, wrong)) and self.failed and (self.theirs or self.rest):
+        if wrong and all(map(self.helped.fixed_by, wrong)) and self.failed and (self.theirs or self.rest):
             faults = tuple(dict.fromkeys(fault for m in self.failed for fault in m.faults))
             sureness = max((m.sureness for m in self.failed), key=SUREST.index) if faults else ""
             return _Found((f"{instead} this is right: begin there",), faults, sureness)

@@ -20,7 +20,7 @@ from raytwin.sandbox.sandbox import Answer
 from raytwin.scene import Scene, Tolerance
 
 LARGER = 6.0
-"""Every second drawn scene is so many times as large: a length that is taken for 1 shows."""
+"""Every second drawn scene is this many times larger, so that code that takes a length for 1 is caught."""
 
 
 @dataclass(eq=False)

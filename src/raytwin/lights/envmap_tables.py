@@ -44,7 +44,7 @@ def tabulate(size: tuple[int, int], texels: bytes) -> Tables:
     light = np.asarray(Environment(size, texels).radiance, float)
     edges = np.cos(np.linspace(0, pi, h + 1))
     steradians = (edges[:-1] - edges[1:])[:, None] * (2 * pi / w)
-    # The mean over a texel of what lies bilinearly between centres: not 0 where any of it is not.
+    # The mean of the bilinear map over each texel: above 0 wherever any part of the texel is.
     mean = light @ REC_709
     mean = (np.roll(mean, 1, 1) + 6 * mean + np.roll(mean, -1, 1)) / 8
     padded = np.pad(mean, ((1, 1), (0, 0)), "edge")

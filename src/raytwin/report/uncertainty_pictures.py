@@ -62,9 +62,9 @@ def uncertainty_drawing(calibration: Calibration) -> str:
     """
     found = uncertainty_map(calibration)
     title = f"1 standard deviation of a point {calibration.basis.distance:.2g} m away, pixels"
-    axes, rayless = frame_axes(calibration), np.isnan(found)
+    axes, has_no_ray = frame_axes(calibration), np.isnan(found)
     (left, _), (right, bottom) = axes.corners
-    found = np.where(rayless, np.nanmax(found), found)
+    found = np.where(has_no_ray, np.nanmax(found), found)
     low, high = float(found.min()), max(float(found.max()), 4.1 * float(found.min()))
     size = 2 * round(axes.width), 2 * round(axes.height)
     # Logarithmic: from the middle to a corner without tags it may grow a hundredfold.
@@ -72,7 +72,7 @@ def uncertainty_drawing(calibration: Calibration) -> str:
     shown = coloured(fine, math.log(low), math.log(high), np.log(levels))
     bare = without_tags(calibration, *size)
     shown[bare] = (0.4 * shown[bare] + 0.6 * np.array(NO_TAG)).astype(np.uint8)
-    shown[stretched(rayless.astype(float), *size) > 0.5] = RAYLESS
+    shown[stretched(has_no_ray.astype(float), *size) > 0.5] = RAYLESS
     marks = [(short(level), math.log(level / low) / math.log(high / low)) for level in levels]
     key_at = bottom + 16
     shapes = [

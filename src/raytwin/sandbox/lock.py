@@ -25,14 +25,14 @@ LOCKS = {
 }
 """What can hold, and what it is for."""
 
-OTHERWISE = {
+WITHOUT_LOCK = {
     "process group": "processes that a submission leaves behind may go on",
     "rlimits": "memory and seconds are watched, but not bounded by the system",
     "other uid": "submissions run under your own user ID; the other locks hold",
     "Landlock": "submissions can read the files that their user can",
     "seccomp": "submissions can use the network",
 }
-"""What it means where one does not hold."""
+"""Every lock, and the consequence where it does not hold."""
 
 HOLDS = "holds"
 
@@ -40,7 +40,7 @@ HOLDS = "holds"
 def lock(
     folder: Path, submission: Path, limits: dict[str, int], hidden: Sequence[str], entries: Sequence[str], uid: bool
 ) -> dict[str, str]:
-    """Return of every lock `HOLDS`, or why it does not.
+    """Apply every lock; return for each of them `HOLDS`, or why it does not hold.
 
     `folder` alone can be written to. `hidden` folders cannot be read, nor installed packages but for these `entries`.
     """

@@ -31,7 +31,7 @@ from raytwin.errors import InputError
 from raytwin.image_input import ENDINGS
 from raytwin.sandbox import wire
 from raytwin.sandbox.importable import importable
-from raytwin.sandbox.lock import HOLDS, LOCKS, OTHERWISE
+from raytwin.sandbox.lock import HOLDS, LOCKS, WITHOUT_LOCK
 from raytwin.sandbox.process_group import Member, awake, members, nameless_bytes, processes_of_user, usage
 from raytwin.sandbox.work_folder import MEGA, copy_files, excess, remove_soon
 from raytwin.scene_folders import REFERENCES
@@ -41,8 +41,8 @@ POLL = 0.1
 FORGED = "it wrote into the grader's pipe"
 PENDING = object()
 """No answer yet."""
-PATIENCE = 10
-"""Times a limit of seconds: where the clock shows so much, no load explains it."""
+CLOCK_FACTOR = 10
+"""A submission is ended when its time by the clock exceeds a limit of seconds this many times, whatever the load."""
 
 
 class Limits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -110,11 +110,15 @@ class Spent(NamedTuple):
         if self.computed + self.asleep >= limit:
             how = ", asleep" if self.asleep > self.computed else " of computing"
             return f"not done after {limit:g} s{how if words else ''}: ended"
-        return f"not done after {PATIENCE * limit:g} s of the clock: ended" if self.clock > PATIENCE * limit else ""
+        return (
+            f"not done after {CLOCK_FACTOR * limit:g} s of the clock: ended"
+            if self.clock > CLOCK_FACTOR * limit
+            else ""
+        )
 
 
 class Sandbox:
-    """A process with a submission in it. `functions`: what it has of what was asked for; `printed`: how it began."""
+    """A process with a submission in it. `functions`: those asked for that exist; `printed`: how its output begins."""
 
     def __init__(
         self, code: Code, limits: Limits | None = None, hidden: tuple[Path, ...] = (), uid: bool | None = None
@@ -240,7 +244,7 @@ class Sandbox:
         return self._spent.computed + self._spent.asleep
 
     def _pump(self, requests: BinaryIO, answers: BinaryIO, most: int) -> None:
-        """In a thread of its own, since either pipe may hang: a request out, an answer back. None: only an answer."""
+        """Send requests and read answers, in a thread, since either pipe may hang. A request of None: only read."""
         take = wire.exactly(answers)
         try:
             while (request := self._inbox.get()) != "end":
@@ -289,7 +293,7 @@ class Sandbox:
                 return answer
 
     def _look(self, elapsed: float) -> list[Member]:
-        """The processes. What they computed since the last look, or slept of these `elapsed` s, is added up."""
+        """Return the processes; add to the total what they computed since the last look, or slept of `elapsed` s."""
         found = members(self._process.pid)
         seconds = usage(found).seconds
         computed = max(0.0, seconds - self._seen)
@@ -380,7 +384,7 @@ def probe() -> dict[str, str]:
 
 def lacking(locks: dict[str, str]) -> list[str]:
     """What is not as it might be on this machine, by what it means for a class."""
-    return [OTHERWISE[name] for name in LOCKS if locks.get(name) != HOLDS]
+    return [WITHOUT_LOCK[name] for name in LOCKS if locks.get(name) != HOLDS]
 
 
 def lock_rows(locks: dict[str, str]) -> list[tuple[str, str]]:

@@ -16,7 +16,7 @@ DEEPEST = 2000
 """Characters of a path below the working folder: beyond, folders are nested to hide or to stall."""
 
 
-PATIENCE = 1.0
+REMOVAL_SECONDS = 1.0
 """Seconds that grading waits for the removal of a submission's folder."""
 
 
@@ -61,7 +61,7 @@ def excess(folder: Path, most: int, nameless: int = 0) -> str:
     return f"it wrote more than {most // MEGA} MB: ended" if size > most else ""
 
 
-def remove_soon(folder: Path, patience: float = PATIENCE) -> threading.Thread:
+def remove_soon(folder: Path, patience: float = REMOVAL_SECONDS) -> threading.Thread:
     """Remove the folder; return after `patience` seconds; whatever is left goes while the next submission is graded.
 
     A disk may take 5 ms to remove a folder, and a submission can nest 20 000. The interpreter ends after the thread.

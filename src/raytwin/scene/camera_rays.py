@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from raytwin.array_types import Float
 from raytwin.errors import InputError, check_one_of
 from raytwin.scene.camera import Camera
-from raytwin.scene.lens import check_lens, newton, rayless
+from raytwin.scene.lens import check_lens, has_no_ray, newton
 
 
 class CameraRays(NamedTuple):
@@ -51,7 +51,7 @@ def camera_rays(
         x, y = newton(x, y, camera.coefficients)
     d = np.stack([x, y, np.ones_like(x)], axis=-1)
     d /= np.linalg.norm(d, axis=-1, keepdims=True)
-    d[rayless(camera, u, v)] = np.nan
+    d[has_no_ray(camera, u, v)] = np.nan
     if frame == "camera":
         return CameraRays(np.zeros(3), d)
     R, t = np.asarray(camera.R_cam_board, float), np.asarray(camera.t_cam_board, float)

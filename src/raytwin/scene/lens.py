@@ -4,7 +4,7 @@
     y' = y g + p1 (r² + 2 y²) + 2 p2 x y      (Brown 1966; in OpenCV's order k1, k2, p1, p2, k3)
 
 takes an ideal point (x, y) to the distorted one, u = fx x' + cx, v = fy y' + cy. Far enough out every such polynomial
-folds back or runs away: an inverse is one only along a way from the middle. The way to a distorted point q is the curve
+folds back or diverges, so an inverse is valid only along a way from the middle. The way to a distorted q is the curve
 x(s) with distort(x(s)) = s q and x(0) = 0. It goes on while the Jacobian's determinant is positive; where that is 0
 lies a fold, at which two directions share a pixel. Seen from the principal point no pixel hides behind another, so if
 the way reaches every pixel of the border, it reaches all, and the inverse is smooth over the whole frame.
@@ -97,14 +97,14 @@ class Folds(UserWarning):
 
 
 def without_ray(camera: Camera) -> Bool[np.ndarray, "h w"] | None:
-    """(H, W) bool, not to be written to: the pixels that no ray belongs to; None where all have one, as they should."""
+    """Return (H, W) bool, read-only: the pixels that no ray belongs to; None if every pixel has a ray."""
     if not any(camera.dist) or not undone(camera.K, camera.dist, camera.image_size).fault:
         return None
     lost = _without_ray(camera.fx, camera.fy, camera.cx, camera.cy, camera.coefficients, camera.image_size)
     return lost if lost.any() else None
 
 
-def rayless(camera: Camera, u: Any, v: Any) -> Bool[np.ndarray, "..."]:
+def has_no_ray(camera: Camera, u: Any, v: Any) -> Bool[np.ndarray, "..."]:
     """Return which places (u, v) lie in a pixel that no ray belongs to, or beyond the frame next to one."""
     u, v = np.broadcast_arrays(u, v)
     if (lost := without_ray(camera)) is None:
@@ -192,8 +192,8 @@ def newton(
 def follow(xd: Places, yd: Places, dist: Sequence[float]) -> tuple[Places, Places, Places]:
     """Follow the way to each (xd, yd) (n,) by short steps: the share of it that can be gone, and the (x, y) there.
 
-    A step goes along the tangent, then by Newton's method. One that Newton's method bends by more than a quarter, that
-    does not come to rest or goes through a fold is halved, so that none leaps to where the polynomial comes back.
+    A step goes along the tangent, then by Newton's method. If Newton's method bends it by more than a quarter, does
+    not converge or crosses a fold, the step is halved, so that none jumps to a solution beyond a fold.
     """
     x, y, s = np.zeros((3, len(xd)))
     step = np.full(len(xd), LONGEST)

@@ -54,7 +54,7 @@ def check_places(local: Scene, precision: str) -> None:
 
 
 def _overlap(a: Rectangle, b: Rectangle) -> bool:
-    """Whether two in one plane share more than an edge: along no edge of theirs lies one beside the other."""
+    """Whether two coplanar rectangles share more than an edge: no direction of an edge separates them."""
     apart, halves = np.subtract(a.center, b.center), (a.half_u, a.half_v, b.half_u, b.half_v)
     return all(
         abs(np.dot(apart, axis)) < (1 - 1e-6) * sum(abs(np.dot(half, axis)) for half in halves) for axis in halves

@@ -107,15 +107,15 @@ def tile_grid(
     return u, v, v * w + u, number
 
 
-def lift(value: Any, engine: Engine) -> Any:
+def to_engine(value: Any, engine: Engine) -> Any:
     """A record with its floats as the engine's: on Dr.Jit as data, so that a kernel outlives a change of scene."""
     if isinstance(value, msgspec.Struct):
         record = copy(value)  # copied, not constructed: a record's own checks are for plain numbers
         for name in value.__struct_fields__:
-            msgspec.structs.force_setattr(record, name, lift(getattr(value, name), engine))
+            msgspec.structs.force_setattr(record, name, to_engine(getattr(value, name), engine))
         return record
     if isinstance(value, tuple):
-        lifted = [lift(v, engine) for v in value]
+        lifted = [to_engine(v, engine) for v in value]
         return type(value)(*lifted) if hasattr(value, "_fields") else tuple(lifted)
     if isinstance(value, np.ndarray):
         return from_numpy(engine, value)

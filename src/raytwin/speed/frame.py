@@ -17,7 +17,7 @@ from raytwin.scene import Camera, Scene, to_camera_frame
 from raytwin.scene.lens import without_ray
 from raytwin.speed.boxes import TRIMS
 from raytwin.speed.bvh import all_objects
-from raytwin.speed.engine import ENGINES, Engine, canvas, flush, lift, only_where, pixel_grid, store, tile_grid
+from raytwin.speed.engine import ENGINES, Engine, canvas, flush, only_where, pixel_grid, store, tile_grid, to_engine
 from raytwin.speed.fast_world import FastWorld, ObjectList, Objects, same_list, tile_lists
 from raytwin.speed.initial_guess import invert_lens, quick
 from raytwin.speed.object_table import Table
@@ -158,10 +158,10 @@ class EyeScene:
     def __init__(self, scene: Scene, engine: Engine, stages: Stages = STAGES) -> None:
         self.engine, self.stages = engine, stages
         self.local = to_camera_frame(scene, engine.precision)
-        self.camera: Camera = lift(scene.camera, engine)
-        light: Lighting = lift(lighting(self.local), engine)
+        self.camera: Camera = to_engine(scene.camera, engine)
+        light: Lighting = to_engine(lighting(self.local), engine)
         self.light = light._replace(to_sun=unit(light.to_sun))  # in the engine's own floats
-        self.undo = quick(stages.undistort, lift(invert_lens(scene.camera, engine.precision), engine))
+        self.undo = quick(stages.undistort, to_engine(invert_lens(scene.camera, engine.precision), engine))
         self.table = Table(self.local, engine)
 
     def ray(self, u: Any, v: Any) -> Vec:

@@ -8,7 +8,7 @@ import numpy as np
 
 from raytwin.arrays import library
 from raytwin.scene import Camera
-from raytwin.scene.lens import STEPS, check_lens, distort, rayless
+from raytwin.scene.lens import STEPS, check_lens, distort, has_no_ray
 from raytwin.tracer.pixel_to_ray import undistort
 
 TERMS = 8, 3
@@ -83,7 +83,7 @@ def invert_lens(camera: Camera, precision: str = "float64", fitted: bool = True)
     u = np.linspace(-0.5, camera.width - 0.5, 33)
     v = np.linspace(-0.5, camera.height - 0.5, 33)[:, None]
     xd, yd = np.broadcast_arrays((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy)
-    xd, yd = (a[~rayless(camera, u, v)] for a in (xd, yd))
+    xd, yd = (a[~has_no_ray(camera, u, v)] for a in (xd, yd))
     with np.errstate(all="ignore"):
         x, y = Inverse(STEPS).undo(xd, yd, camera.coefficients)
         enough = 2e-14 if precision == "float64" else 2e-8

@@ -11,7 +11,7 @@ import numpy as np
 
 from raytwin.arrays import select
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
-from raytwin.speed.engine import Engine, from_numpy, gather, lift
+from raytwin.speed.engine import Engine, from_numpy, gather, to_engine
 from raytwin.tracer.hit import NO_SPECULAR, Facts, Specular
 from raytwin.tracer.world import facts_of
 
@@ -37,7 +37,7 @@ class Table:
         self.few = not engine.is_numpy and 0 < len(scene.objects) <= FEW
         columns: Iterator[Any] = iter(np.array(rows, float).T)
         if self.few:
-            columns = (lift(tuple(c[:-2].tolist()), engine) for c in columns)
+            columns = (to_engine(tuple(c[:-2].tolist()), engine) for c in columns)
         else:
             columns = (from_numpy(engine, np.ascontiguousarray(c)) for c in columns)
         self.columns = {name: tuple(next(columns) for _ in range(n)) for name, n in fields.items()}

@@ -11,7 +11,7 @@ from raytwin.arrays import Vec, dot, integers, select
 from raytwin.image import BACKGROUND
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Shape
-from raytwin.scene.lens import rayless
+from raytwin.scene.lens import has_no_ray
 from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.engine import ENGINES, evaluate, from_numpy, to_numpy
 from raytwin.speed.fast_world import FastWorld, ObjectList, Ray
@@ -68,7 +68,7 @@ def trace_points(
             columns = out.reshape(len(out), -1)
             for c, value in enumerate(values):
                 columns[:, c] = to_numpy(value, (len(out),))
-    lost = rayless(scene.camera, u, v)
+    lost = has_no_ray(scene.camera, u, v)
     colour[lost], ids[lost], blocker[lost] = 0, BACKGROUND, AWAY
     return Points(colour, ids, blocker, place)
 

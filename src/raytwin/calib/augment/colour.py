@@ -1,4 +1,4 @@
-"""What a photo's red, green and blue are: the primaries of its ICC profile, in those that the scene's light has.
+"""Convert photo colours to the scene's Rec. 709, by the primaries in the photo's ICC profile.
 
 A phone writes Display P3: taken for Rec. 709, its colours are duller than they were. Both have sRGB's curve; between
 their linear values lies one matrix, M = (Rec. 709 to XYZ)^-1 (photo to XYZ), whose columns the profiles hold.
@@ -18,7 +18,7 @@ def of_three_channels(extras: Mapping[str, bytes]) -> dict[str, bytes]:
 def to_rec709(icc: bytes | None) -> np.ndarray:
     """(3, 3): linear Rec. 709 of a photo's linear RGB; the identity without a profile, or where it holds no primaries.
 
-    A curve other than sRGB's is taken for it.
+    The profile's own curve is ignored; sRGB's is assumed.
     """
     if icc is None:
         return np.eye(3)

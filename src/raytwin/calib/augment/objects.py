@@ -41,7 +41,7 @@ SKY_REACH = 1 / 512
 """A share of the sky smaller than this changes no 8-bit pixel."""
 
 MOST_UNEVEN = 8
-"""How much more of a map's light than of a constant sky's a sphere may hide: its shadow is sought so much farther."""
+"""Factor by which a sphere may hide more of a map's light than of a constant sky's; its shadow reaches farther."""
 
 STRIP = 1 << 20
 """Pixels worked on at a time."""
@@ -148,7 +148,7 @@ def _strips(area: np.ndarray) -> Iterator[tuple[slice, slice]]:
 def regions_of(result: Augmented, scene: Scene) -> dict[str, np.ndarray]:
     """name -> (H, W) bool, disjoint and together the whole photo: a row of REGIONS each.
 
-    `board` is what of the first photographed plane neither an object covers nor a sun's shadow reaches.
+    `board`: the visible part of the first photographed plane that is neither in `spheres` nor in `shadows`.
     """
     surface = Surface.empty(*scene.camera.image_size)
     draw(scene, background(scene), "surface", "numpy32", surface=surface)
@@ -185,7 +185,7 @@ def errors_by_region(result: Augmented, truth: np.ndarray, scene: Scene) -> list
 def _shade(
     scene: Scene, u: np.ndarray, v: np.ndarray, engine: str, shadows: bool, below: list[FromBelow]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """At pixels (u, v): radiance and the ratio for the photo (m, 3); whether an object is drawn; what edges change."""
+    """Return at pixels (u, v): radiance; the photo's ratio (m, 3); if an object is drawn; a code that edges change."""
     found = trace_points(scene, u, v, "shadow", engine, point=True)
     ours = np.array([*(not _shown(thing) for thing in scene.objects), False])  # the last: the background, of id -1
     ratio = np.ones((len(u), 3), np.float32)
@@ -195,7 +195,7 @@ def _shade(
             continue
         here = found.ids == index
         if here.any():
-            # What the photo shows in the shade already: only other photographed planes can be at fault.
+            # What was in shade before anything was drawn: only other photographed planes can have shaded it.
             at = slice(None) if here.all() else np.flatnonzero(here)
             before = lit.copy()
             asked = np.flatnonzero(here & (found.blocker >= 0) & ours[found.blocker])
@@ -310,7 +310,7 @@ def _affected(scene: Scene, camera: Camera, shadows: bool) -> np.ndarray:
 
 
 def _reach(sphere: Sphere, plane: Rectangle, scene: Scene) -> list[Rectangle]:
-    """The squares of the plane that hold the sphere's shadow from the sun, and its hold on the sky."""
+    """Return squares of the plane that contain the sphere's shadow from the sun and the area where it hides the sky."""
     n, to_light = np.array(plane.normal), np.array(scene.sun.to_light)
     c, o = np.array(sphere.center), np.array(plane.center)
     if (c - o) @ n < 0:

@@ -27,16 +27,16 @@ LEAST_PX = 24.0
 """Pixels that a ball must be wide."""
 
 RADIUS_SD, PLACE_SD = 0.01, 0.15
-"""How well what `--ball` says is known: the radius as a share of itself, the place as a share of the radius."""
+"""Standard deviations of what `--ball` says, as shares of the radius: of the radius, and of each coordinate."""
 
 FOUND_SD = 0.2
-"""The same of a ball that was found by itself, of both."""
+"""The same for a ball that was found automatically: of the radius and of each coordinate."""
 
 FOUND_SCORE = 0.7
 """The least score of a circle that may be a ball's outline."""
 
 EDGE = 4.0
-"""Codes across an outline that are an edge: more count little more, so that no strong one decides."""
+"""Step across an outline, in 8-bit codes, that counts as a full edge; larger steps add little to the score."""
 
 LEAST_SLOPE = 0.005
 """Slope of the root of the light, per pixel: a smaller one is no edge."""
@@ -47,8 +47,8 @@ GRAZING = 0.2
 REACHES = 6.0, 4.0, 3.0, 2.0, 1.5, 1.5
 """Pixels across the outline within which its edge is sought, one fit after the other."""
 
-EDGE_SD, TOGETHER = 0.3, 10
-"""Pixels by which an edge misses the outline; neighbouring places of the outline that err together."""
+EDGE_SD, CORRELATED_PIXELS = 0.3, 10
+"""Standard deviation of an edge from the outline, in pixels; number of neighbouring outline places that err alike."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +179,7 @@ def _off_edges(photos: list[LinearPhoto], edges: list[tuple[np.ndarray, ...]], b
     rows = [(x - ball.prior) / ball.prior_sd]
     for photo, (rim, normal, off, there) in zip(photos, edges, strict=True):
         moved = ((outline(photo, x[:3], x[3]) - rim) * normal).sum(axis=1)
-        rows.append((moved - off)[there] / EDGE_SD / math.sqrt(TOGETHER))
+        rows.append((moved - off)[there] / EDGE_SD / math.sqrt(CORRELATED_PIXELS))
     return np.concatenate(rows)
 
 

@@ -27,29 +27,29 @@ from raytwin.scene import Environment
 ROWS = 8, 16, 32
 """Rows of the maps that are tried."""
 
-WORSE = 1.05
+ERROR_SLACK = 1.05
 """The least model whose error is at most this times that of the best one is taken."""
 
-CLEARLY, SURELY = 0.8, 3.0
-"""A sun is taken where it leaves at most this share of a constant sky's error, and is so many of its standard
-deviations strong."""
+SUN_ERROR_RATIO, SUN_SIGMAS = 0.8, 3.0
+"""A sun is accepted if it lowers the constant sky's error to this share or less, and if its irradiance exceeds this
+many of its standard deviations."""
 
 MATT_LS, MATT_DEGREES = 0.03, 0.5
-"""How far a matt ball's Ls is off, as a share, and the sun that it shows, in either angle, for what its neighbours
-throw on it."""
+"""Standard deviations of what a matt ball shows, because of light from its neighbours: Ls as a share; the direction of
+the sun, in degrees per angle."""
 
 PAPER_SD, REFLECTANCE_SD, REFLECTANCE_UNKNOWN = 0.01, 0.03, 0.15
 """As shares: how well the paper's light, and a mirror's reflectance, measured or not, are known."""
 
-TINT = 0.1
-"""How far the sky's share of a channel's light is from that of all, blue sky or grey: a channel that tells little of
-its own, as a dark one of a matt ball, has the others'."""
+CHANNEL_SD = 0.1
+"""Standard deviation of the sky's share of a channel's light from the mean of all channels. A channel that is poorly
+measured, such as a dark one of a matt ball, is drawn to the others."""
 
-MUCH_LIKELIER = 15.0
+LOG_EVIDENCE = 15.0
 """Logarithm of how much likelier an even sky must make a matt ball's shading than an uneven one to be taken."""
 
 CONTRADICTS = 4.0
-"""Mean squared difference of what shows the sun, over its variance, from which it contradicts itself."""
+"""Reduced chi-squared of the measured sun directions above which they contradict each other and sigma is raised."""
 
 LEAST_PIXELS = 50
 """Pixels of a ball that a fit needs."""
@@ -199,7 +199,8 @@ def _as_map(shadings: list[Shading], matt: list[MattBall], Ls: np.ndarray) -> np
     sky = np.mean([s.sky for s in shadings], axis=0)
     mean = sky.mean(axis=0)
     upper = np.maximum(
-        mean + matt_ball.likeness(directions[:half], SKY) @ (matt_ball.LIKENESS @ (sky - mean)), 0.02 * mean
+        mean + matt_ball.sky_correlation(directions[:half], SKY) @ (matt_ball.SKY_COVARIANCE_INVERSE @ (sky - mean)),
+        0.02 * mean,
     )
     below, seen = (np.concatenate([getattr(m.pixels, name) for m in matt]) for name in ("normal", "ground"))
     below = (1 - below[:, 2:]) / 2
@@ -217,7 +218,7 @@ def shading_of(m: MattBall, paper: np.ndarray, sky: np.ndarray | None, known: np
     even, uneven = (
         fit_shading(m.pixels, m.ball, paper, known, None, amount) for amount in (matt_ball.EVEN, matt_ball.UNEVEN)
     )
-    return even if even.evidence > uneven.evidence + MUCH_LIKELIER else uneven
+    return even if even.evidence > uneven.evidence + LOG_EVIDENCE else uneven
 
 
 def directions_to_sun(found: Evidence) -> list[tuple[str, np.ndarray, float]]:
@@ -262,7 +263,7 @@ def solve(found: Evidence, rows: int, sun: Sun | None) -> Light:
         ratio, sd = found.shadow.levels()
         estimates.append((ratio * whole / found.shadow.left, sd * whole))
     for m in found.matt:
-        # Turned by its deviation, the sun takes light from the sky, or gives it some.
+        # Turn the sun by its standard deviation; the change in the fitted sky adds to the sky's uncertainty.
         towards = [to_light, *_tilts(to_light, sigma)]
         fitted, *turned = (shading_of(m, found.paper, sky, d) for d in towards)
         spread = np.mean([(t.Ls - fitted.Ls) ** 2 for t in turned], axis=0)
@@ -274,7 +275,7 @@ def solve(found: Evidence, rows: int, sun: Sun | None) -> Light:
     weight = np.array([sd**-2.0 for _, sd in estimates])
     mean = (weight * np.array([value for value, _ in estimates])).sum(axis=0) / weight.sum(axis=0)
     share, var = mean / whole, 1 / (weight.sum(axis=0) * whole**2)
-    own, all_of = TINT**2 / (TINT**2 + var), 1 / (TINT**2 + var)
+    own, all_of = CHANNEL_SD**2 / (CHANNEL_SD**2 + var), 1 / (CHANNEL_SD**2 + var)
     share = own * share + (1 - own) * (all_of @ share) / all_of.sum()
     Ls = np.clip(share, 0, 1) * whole  # no light takes any away
     Ls_sd = np.hypot(np.sqrt(own * var + (1 - own) ** 2 / all_of.sum()) * whole, PAPER_SD * Ls)
@@ -369,8 +370,8 @@ def choose(found: Evidence, photos: int) -> tuple[Light, list[Trial], int, list[
     attempt(0, None)
     if sun:
         attempt(0, sun)
-        asked_for = trials[1].error < CLEARLY * trials[0].error
-        if not (asked_for and SURELY * lights[1].E_sd @ REC_709 < lights[1].E @ REC_709):
+        asked_for = trials[1].error < SUN_ERROR_RATIO * trials[0].error
+        if not (asked_for and SUN_SIGMAS * lights[1].E_sd @ REC_709 < lights[1].E @ REC_709):
             sun = None
     for rows in ROWS if found.mirrors else ROWS[:1] if found.matt and sun else ():
         attempt(rows, sun)
@@ -378,5 +379,5 @@ def choose(found: Evidence, photos: int) -> tuple[Light, list[Trial], int, list[
     trials = [replace(t, on_sphere=_relative(shading(s) - last, last)) for t, s in zip(trials, lights, strict=True)]
     allowed = [i for i, t in enumerate(trials) if not t.sun or sun]
     best = min(trials[i].error for i in allowed)
-    taken = next(i for i in allowed if trials[i].error <= WORSE * best)
+    taken = next(i for i in allowed if trials[i].error <= ERROR_SLACK * best)
     return lights[taken], trials, taken, directions

@@ -34,7 +34,7 @@ RINGS, TURNS = 40, 72
 """Places on the ground about the ball."""
 
 LOWEST_NORMAL = -0.7
-"""z of normals that face the ground more than any that a photo shows."""
+"""Least z of the normals for which the ground's light is fitted; no photo shows normals that point lower."""
 
 RIM_COSINE = 0.4
 """The least cosine between ray and normal: nearer to the outline the photo's own blur mixes in what is behind."""
@@ -42,17 +42,17 @@ RIM_COSINE = 0.4
 EVEN, UNEVEN, MAPPED = 0.1, 1.0, 0.1
 """Standard deviation of a sky's radiance as a share of its mean: of a constant one, an uneven one, and a mapped one."""
 
-PERSISTENCE = 5.0
+SKY_KAPPA = 5.0
 """κ of a sky's correlation exp(κ (cos γ - 1)) between directions γ apart: lamps and clouds of some 35 degrees."""
 
 NOISE, GROUND_NOISE, GROUND_SD = 0.02, 0.05, 0.1
-"""Shares by which a pixel is off: of the mean, and of the ground's part, which is known less well; and by which all of
-the ground's part is off."""
+"""Standard deviations, as shares: of a pixel, relative to the mean; of the ground's part of a pixel, which is known
+less well; and of a factor common to all of the ground's part."""
 
 GLOSS = 0.01
-"""Radiance, as a share of the paper's, by which gloss and rough skin put a pixel off in any channel, or by more."""
+"""Least standard deviation of a pixel due to gloss and rough skin, in any channel, as a share of the paper's light."""
 
-TOGETHER = 20
+CORRELATED_PIXELS = 20
 """Fitted pixels that err together."""
 
 MATT, NO_MIRROR, USUAL = 0.15, 0.35, 0.12
@@ -96,12 +96,12 @@ UP = 2 / len(SKY) * SKY[:, 2]
 """What each direction's radiance adds to the irradiance on level paper over π."""
 
 
-def likeness(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def sky_correlation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(n, m): how a sky's radiance in directions a (n, 3) goes with that in b (m, 3)."""
-    return np.exp(PERSISTENCE * (a @ b.T - 1))
+    return np.exp(SKY_KAPPA * (a @ b.T - 1))
 
 
-LIKENESS = np.linalg.inv(likeness(SKY, SKY) + 1e-3 * np.eye(len(SKY)))
+SKY_COVARIANCE_INVERSE = np.linalg.inv(sky_correlation(SKY, SKY) + 1e-3 * np.eye(len(SKY)))
 
 
 def matt_pixels(photos: list[LinearPhoto], ball: Ball) -> MattPixels:
@@ -167,7 +167,7 @@ class _Problem:
         for c in range(3):
             A = np.c_[lit + max(to_light[2], 0) * g[:, c], sky + g[:, c, None] * UP, self.total[c] * g[:, c]]
             A *= self.weight[:, c, None]
-            prior = LIKENESS / (self.uneven * self.level[c]) ** 2
+            prior = SKY_COVARIANCE_INVERSE / (self.uneven * self.level[c]) ** 2
             along = prior @ self.base[:, c]  # β itself is free
             prior = prior - np.outer(along, along) / (along @ self.base[:, c])
             root = np.linalg.eigh(prior)
@@ -208,7 +208,7 @@ def fit_shading(
     scale = pixels.value.mean(axis=0)
     own = np.hypot(NOISE * scale, GROUND_NOISE * PAPER * scale / paper * pixels.ground)
     gloss = GLOSS * (paper @ REC_709)
-    sd = np.hypot(own, gloss) * np.sqrt(TOGETHER)
+    sd = np.hypot(own, gloss) * np.sqrt(CORRELATED_PIXELS)
     base = np.ones((len(SKY), 3)) / UP.sum() if base is None else base
     fit = _Problem(pixels, paper, base, EVEN, 0.3 * scale, scale, 1 / sd)
     to_light = known
@@ -231,7 +231,7 @@ def fit_shading(
         spread = 1.4826 * np.median(np.abs(off))
         bright = (off < -4 * spread - 0.03).any(axis=1)
         # What the fit leaves in luminance is gloss of no colour: every channel has it, and a dark one little else.
-        sd = np.hypot(own, max(gloss, np.sqrt((dim[~bright] ** 2).mean()))) * np.sqrt(TOGETHER)
+        sd = np.hypot(own, max(gloss, np.sqrt((dim[~bright] ** 2).mean()))) * np.sqrt(CORRELATED_PIXELS)
         fit = replace(fit, weight=np.where(bright, 0.05, 1.0)[:, None] / sd)
     residual = float(np.sqrt((dim**2).mean()) / (scale @ REC_709))
     misfit = max(1.0, residual / USUAL)

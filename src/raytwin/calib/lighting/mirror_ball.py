@@ -6,9 +6,9 @@ of a pixel; the sun is in the same direction in all photos. These and the outlin
 all balls within reach of the guess that of the greatest likelihood is taken (differential evolution), then all of them
 are fitted at once, the sun's direction with the ball.
 
-A map is what `scene.Environment` says, bilinear between texels' centres, so that its texels are a linear least squares
-problem: each pixel weighs as many steradians as it shows, and neighbours are drawn together where no pixel looks. The
-sun is a clipped patch with a sharp edge, where a lamp that is clipped fades: its pixels are taken out.
+A map is bilinear between texels' centres (`scene.Environment`), so fitting its texels is a linear least squares
+problem: each pixel is weighted by its solid angle, and smoothness fills the texels that no pixel shows. The
+sun is a clipped patch with a sharp edge (around a clipped lamp the light fades out); its pixels are excluded.
 """
 
 import itertools
@@ -41,19 +41,19 @@ FINEST = 0.008
 """Metres of the sheet that a mirrored pixel may cover: cells that are smaller than a pixel match anywhere."""
 
 REACH = 2.5
-"""How many standard deviations of what is said of a ball it is sought within."""
+"""A ball is searched for within this many standard deviations of its given place and radius."""
 
-RESTS = 0.1
-"""Radii by which the ground that a ball rests on is above or below the board, where it was found by itself."""
+GROUND_SD = 0.1
+"""Standard deviation, in radii, of the ground's height under a ball that was found automatically."""
 
-OUTLINE = 60.0
+OUTLINE_WEIGHT = 60.0
 """Log-likelihood of an outline that is all edge over one that is none."""
 
 EDGE_SHARE = 0.7
 """The least score of an outline that is taken for a ball's."""
 
 GLANCE, GLANCE_SD = 4, 0.2
-"""The search looks at every fourth pixel; by so much of white paper's light each is off what is mirrored there."""
+"""The search uses every fourth pixel each way; standard deviation of one from the mirrored sheet, as share of white."""
 
 SEEN = 2.0
 """Log-likelihood by which the mirrored sheet must explain a ball better than anything even."""
@@ -62,18 +62,18 @@ REFLECTANCES = 0.3, 1.1
 """Least and greatest reflectance of a mirror."""
 
 SPOT_SEARCH_PX, SPOT_FALSE = 0.5, 0.02
-"""Pixels by which the sun's directions in two photos differ in the search, and how often a spot is another thing."""
+"""Standard deviation between two photos' sun directions in the search, in pixels; probability of a false spot."""
 
 OUTLINE_PX = 0.7
-"""Pixels by which an outline is off its faint edge; each photo's tells this four times over."""
+"""Standard deviation of an outline from its faint edge, pixels; a photo's whole outline counts as four such places."""
 
 SPOT_PX = 0.12
 """Pixels by which the middle of the sun's spot is off, across and down."""
 
-TOLERANCE, TOGETHER = 0.05, 80
-"""By how much of white paper's light a mirrored place may be off; neighbouring pixels that err together."""
+TOLERANCE, CORRELATED_PIXELS = 0.05, 80
+"""Standard deviation of mirrored paper, as a share of white paper's light; neighbouring pixels that err alike."""
 
-UNDERSTATED = 1.3
+ERROR_FACTOR = 1.3
 """How much larger the errors are than least squares says, in measure/light_accuracy.py."""
 
 LEAST_PIXELS = 50
@@ -83,10 +83,10 @@ SPOT_LEAST, SPOT_MOST, SPOT_SHARE = 4, 50, 0.004
 """The sun's spot has so many clipped pixels at least and at most, or fills this share of the ball's box: 12 degrees."""
 
 SPOT_AROUND, SPOT_EDGE = 4, 0.75
-"""So many pixels beside the spot it is darker than this share of it."""
+"""This many pixels outside the sun's spot the light must have fallen below this share of the spot's."""
 
 SMOOTH = 1e-3
-"""Weight of the difference of neighbouring texels, as a share of a texel's own: it decides where no pixel looks."""
+"""Weight of differences between neighbouring texels, relative to a texel's own; it fills texels that no pixel shows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ class Mirrored:
 def sun_spot(photo: LinearPhoto, ball: Ball) -> tuple[np.ndarray, float] | None:
     """The middle (2) and the radius, in pixels, of the largest clipped patch on the ball that has a sharp edge.
 
-    The middle is that of its upper part: a lamp beside it would draw it aside.
+    The middle is that of its brightest part, so that a lamp beside the sun does not shift it.
     """
     low, high = (f(pixels_about(photo, ball), axis=0) for f in (np.min, np.max))
     window = slice(low[1], high[1] + 1), slice(low[0], high[0] + 1)
@@ -128,7 +128,7 @@ def sun_spot(photo: LinearPhoto, ball: Ball) -> tuple[np.ndarray, float] | None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Glance:
+class _SearchPixels:
     """What the search sees of one photo: the `rays` (n, 3) through some pixels, those `beside` them, brightness `value`
     (n,), the photo's `codes`, and the rays through the sun's spot, right of it and below."""
 
@@ -141,21 +141,21 @@ class _Glance:
     spot: np.ndarray | None
 
 
-def _glance(photo: LinearPhoto, ball: Ball) -> _Glance:
+def _glance(photo: LinearPhoto, ball: Ball) -> _SearchPixels:
     uv, spot = pixels_about(photo, ball, 1.25, GLANCE), sun_spot(photo, ball)
     steps = np.array([(0, 0), (1, 0), (0, 1)])
-    return _Glance(
+    return _SearchPixels(
         photo, np.array(photo.camera.eye), photo.rays(uv), photo.rays(uv + 0.5), brightness(photo, 1.0, uv),
         softened(photo), photo.rays(spot[0] + steps) if spot else None,
     )  # fmt: skip
 
 
 def brightness(photo: LinearPhoto, blur: float, uv: np.ndarray) -> np.ndarray:
-    """(n,): luminance at pixels, the photo blurred by `blur` pixels; no sun is brighter than its glare there."""
+    """Return (n,): luminance at pixels, clipped first, so that the sun equals its glare, then blurred by `blur`."""
     return blurred(np.minimum(photo.light @ REC_709.astype(np.float32), 1.3), blur)[uv[:, 1], uv[:, 0]]
 
 
-def _sheet_explains(seen: _Glance, light: SheetLight, image: np.ndarray, x: np.ndarray) -> float:
+def _sheet_explains(seen: _SearchPixels, light: SheetLight, image: np.ndarray, x: np.ndarray) -> float:
     """By how much the sum of squares is less where the ball `x` mirrors the sheet, its best reflectance taken."""
     b = seen.rays @ (seen.eye - x[:3])
     inside = np.flatnonzero(b * b > ((seen.eye - x[:3]) ** 2).sum() - 0.96 * x[3] ** 2)
@@ -174,7 +174,7 @@ def _sheet_explains(seen: _Glance, light: SheetLight, image: np.ndarray, x: np.n
     return float(2 * rho * along - rho * rho * size)
 
 
-def _suns_apart(seen: list[_Glance], x: np.ndarray) -> float:
+def _suns_apart(seen: list[_SearchPixels], x: np.ndarray) -> float:
     """Pixels by which the sun's directions in the photos differ, in the mean of all pairs; 0 where there is no pair."""
     suns = [reflect_rays(s.eye, s.spot, x)[1] for s in seen if s.spot is not None]
     pixel = [np.sqrt(np.linalg.norm(np.cross(d[1] - d[0], d[2] - d[0]))) for d in suns]
@@ -200,9 +200,9 @@ def find_ball(
 
     def unlikely(x: np.ndarray) -> float:
         z = (x - ball.prior) / ball.prior_sd
-        z = z if given else np.append(z, (x[2] - x[3]) / (RESTS * x[3]))
+        z = z if given else np.append(z, (x[2] - x[3]) / (GROUND_SD * x[3]))
         sheet_part = sum(_sheet_explains(s, light, image, x) for s in seen) / (2 * GLANCE_SD**2)
-        edge = OUTLINE * np.mean([outline_score(s.photo, s.codes, x) for s in seen])
+        edge = OUTLINE_WEIGHT * np.mean([outline_score(s.photo, s.codes, x) for s in seen])
         sun = 4 * np.log(SPOT_FALSE + np.exp(-0.5 * (_suns_apart(seen, x) / SPOT_SEARCH_PX) ** 2))
         return float(0.5 * (z @ z) - max(sheet_part, 0) - edge - sun)
 
@@ -249,7 +249,7 @@ def _off_sheet(seen: _SheetPixels, light: SheetLight, image: np.ndarray, x: np.n
         A = np.stack([shown[good], np.ones(good.sum())], axis=1)
         fit = np.linalg.lstsq(A, seen.value[good], rcond=None)[0]
         off[good] = A @ fit - seen.value[good] if fit[0] > 0 else 6 * TOLERANCE
-    return off / TOLERANCE / np.sqrt(TOGETHER)
+    return off / TOLERANCE / np.sqrt(CORRELATED_PIXELS)
 
 
 def register(photos: list[LinearPhoto], ball: Ball, light: SheetLight) -> tuple[Ball, tuple[np.ndarray, float] | None]:
@@ -282,7 +282,7 @@ def register(photos: list[LinearPhoto], ball: Ball, light: SheetLight) -> tuple[
         scale = np.r_[ball.prior_sd, 0.05, 0.05]
         fit = least_squares(off, z, loss="soft_l1", x_scale=scale, diff_step=1e-3, max_nfev=30)
         z = fit.x
-    cov = UNDERSTATED**2 * np.linalg.inv(fit.jac.T @ fit.jac)
+    cov = ERROR_FACTOR**2 * np.linalg.inv(fit.jac.T @ fit.jac)
     found = ball.moved(z[:4], np.sqrt(np.diag(cov)[:4]))
     return found, (_unit(sun + z[4:] @ axes), float(np.sqrt(np.trace(cov[4:, 4:]) / 2))) if spots else None
 

@@ -9,9 +9,9 @@ height h takes from the paper at distance d
 
 of the sky: the integral of z d / (π (d² + z²)²) over its height.
 
-Half a millimetre by which its foot or its height are given wrong is a degree of the sun. But the photos show both: what
-is fitted is the picture of the upright and its shadow, two bars that begin at the foot, one to the tip and one to where
-the eye sees the top before the sheet. Where they are is nonlinear; how bright sheet, shadow and upright are, linear.
+An error of half a millimetre in its foot or height turns the sun by a degree. But the photos show both: the fit
+is to the picture of the upright and its shadow, two bars that begin at the foot, one to the tip and one to where
+the eye sees the top in front of the sheet. Their positions enter nonlinearly, all brightnesses linearly.
 """
 
 from dataclasses import dataclass
@@ -41,13 +41,13 @@ NOISE, EDGE_NOISE = 0.02, 0.15
 ASIDE = 12
 """Degrees to either side of a streak that must be brighter."""
 
-UNLIKE = 0.35
+MAX_RESIDUAL = 0.35
 """Root mean squared residual within a shadow over its contrast: what a bar describes worse is not the upright's."""
 
 END_DEGREES = 0.15
-"""How far the shape of the upright's end, round or square, turns the sun, in either angle."""
+"""Standard deviation of the sun's direction due to the shape of the upright's end, in degrees per angle."""
 
-TOGETHER = 12.0
+CORRELATED_PIXELS = 12.0
 """Pixels that err together: edges of the sheet, of a bar that is not quite one."""
 
 MOST_PIXELS = 1500
@@ -88,7 +88,7 @@ class Shadow:
         A = np.stack([1 - self.cover, self.cover], axis=1)
         x = np.linalg.lstsq(A, self.value, rcond=None)[0]
         left = (A @ x - self.value) / x[0]
-        dark = max(self.cover.sum() / TOGETHER, 1.0)
+        dark = max(self.cover.sum() / CORRELATED_PIXELS, 1.0)
         return x[1] / x[0], 0.01 + left.std(axis=0) / np.sqrt(dark)
 
 
@@ -129,7 +129,7 @@ def find_shadow(
         return found, A @ found - bright
 
     def error(x: np.ndarray) -> np.ndarray:
-        return np.concatenate([solved(x)[1] / noise / np.sqrt(TOGETHER), (x - prior) / sd])
+        return np.concatenate([solved(x)[1] / noise / np.sqrt(CORRELATED_PIXELS), (x - prior) / sd])
 
     low, high = prior - 6 * sd, prior + 6 * sd
     low[5:], high[5:] = (1e-4, 0.1), (0.5 * height, 2.0)
@@ -149,7 +149,7 @@ def find_shadow(
     inside, contrast = (cover > 0.5) & (noise == NOISE), levels[0] - levels[2]
     if streak is None or contrast < SEEN * levels[0] or not inside.any():
         return None
-    if np.sqrt((left[inside] ** 2).mean()) > UNLIKE * contrast:
+    if np.sqrt((left[inside] ** 2).mean()) > MAX_RESIDUAL * contrast:
         return None  # what is dark there is no bar: another thing's shadow
     cov = np.linalg.inv(fit.jac.T @ fit.jac)
     rays = np.stack([_to_light(x + d) for d in np.linalg.cholesky(cov).T])
