@@ -75,7 +75,7 @@ def test_no_pixel_of_a_random_scene_differs_from_float64s_answer(k):
 def test_mitsubas_own_answer_stands_wherever_no_outline_is_within_a_hundredth_of_a_pixel(variant, monkeypatch):
     """Left to itself Mitsuba agrees with float64 in every pixel where rays moved by 0.01 px all meet the same."""
     scene = random_scene(9)
-    monkeypatch.setattr("raytwin.twin.rendering.settle", lambda *_: np.zeros(0, int))
+    monkeypatch.setattr("raytwin.twin.rendering.retrace_edges", lambda *_: np.zeros(0, int))
     image = render(scene, "shadow", cache=False, variant=variant)
     ids, _, colour = by_float64(scene, "shadow")
     alike = np.full(len(ids), True)

@@ -168,8 +168,8 @@ def test_few_samples_fail_no_right_tracer(scenes, level, samples):
 
 def test_a_tracer_of_centers_differs_from_areas_as_expected_and_a_wrong_one_still_fails(scenes, monkeypatch):
     monkeypatch.setattr("raytwin.workflows.compare_scene.find_causes", lambda *_: ())  # takes longest
-    for name, subject, verdict in (("distorted", None, "differs"), ("overlap", Moved(surface=True), "fail")):
-        result = compare_scene(scenes / name, subject=subject, sampling="area", size=(96, 72), cache=False)
+    for subject, verdict in ((None, "differs"), (Moved(surface=True), "fail")):
+        result = compare_scene(scenes / "overlap", subject=subject, sampling="area", size=(160, 120), cache=False)
         assert result.comparison.verdict == verdict
         assert ("sends one ray through each pixel's center" in result.comparison.reasons[0]) == (verdict == "differs")
 

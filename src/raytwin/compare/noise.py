@@ -26,8 +26,8 @@ FIREFLY = 25.0
 EVENTS = 8.0
 """A pixel of mean m and variance v is the sum of some m²/v events of one size; of fewer than this it is rare light."""
 
-FIREFLY_EVENTS = 100.0
-"""The same for a firefly: an event that adds more than a tenth to its pixel, where others may have missed all."""
+FIREFLY_EVENTS = 70.0
+"""The same for a firefly: an event that adds more than an eighth to its pixel, where others may have missed all."""
 
 SURE = 20.0
 """A sum over pixels that expects more fireflies than this has seen some: missing all has probability exp(-20)."""

@@ -169,14 +169,16 @@ def _repair(
         return bool(answer.problem) or not is_right(of, case, answer.arrays)
 
     @cache
-    def kept() -> list[tuple[Stage, Case]]:
-        some = [(other, case) for other in map(LESSONS.__getitem__, right) for case in other.cases(seed)[:KEPT]]
+    def right_before() -> list[tuple[Stage, Case]]:
+        some = [
+            (other, case) for other in map(LESSONS.__getitem__, right) for case in other.cases(seed)[:CASES_OF_RIGHT]
+        ]
         some = [(other, smaller(other, case, STEPS[-1]) or case) for other, case in some]
         return [(other, case) for other, case in some if not is_wrong(case, other)]
 
     def keeps(candidate: Candidate) -> bool:
         """Whether it leaves right what is: a change that mends one function and spoils another is none."""
-        for other, case in kept():
+        for other, case in right_before():
             (got,) = trials.run(other.name, (), [candidate], case.args, False)
             if got is None or not is_right(other, case, got):
                 return False
@@ -199,7 +201,7 @@ def _repair(
     return repair(cells, stage.name, tried, right_in, runner, more_time, innocent, known, further, seen, keeps)
 
 
-KEPT = 2
+CASES_OF_RIGHT = 2
 """Cases of each function that is right, in which a change has to leave it right."""
 
 
