@@ -138,6 +138,21 @@ def test_accidents_of_copying_and_moving_are_undone():
         assert right in texts, right
 
 
+def test_lost_lines_late_variables_and_exchanged_names_are_put_right():
+    text = (
+        "def f(a, b, c, best):\n    made = []\n    m = a @ b @ c\n    for t in a:\n        near = t < best\n"
+        "        if near:\n            best = t\n            k = 1\n        made.append(lambda x: x + t)\n"
+        "    for t in b:\n        if near:\n            k = 2\n    return made, m\n"
+    )
+    after = [c.edit.applied(c.statement) for c in candidates([("", text)], "f")]
+    texts = "".join(ast.unparse(one) for made in after for one in (made if isinstance(made, list) else [made]))
+    for right in (
+        "in b:\n        near = t < best\n", "        if near:\n            best = t\n            k = 2\n",
+        "lambda x, t=t: x + t", "m = c @ b @ a",
+    ):  # fmt: skip
+        assert right in texts, right
+
+
 def test_a_change_that_asks_for_too_much_memory_is_none():
     import resource
 

@@ -20,13 +20,17 @@ Part = tuple[ast.AST, New]
 
 @dataclass(frozen=True, eq=False)
 class Edit:
-    """`old`, a node of the tree, becomes `new`. `operator`: what was wrong, in words. `also`: what changes with it."""
+    """`old`, a node of the tree, becomes `new`. `operator`: what was wrong, in words. `also`: what changes with it.
+
+    `moved`: the statement that the edit moves, if it is not `old`.
+    """
 
     operator: str
     weight: float
     old: ast.AST
     new: New
     also: tuple[Part, ...] = ()
+    moved: ast.stmt | None = None
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -207,6 +211,8 @@ class _Scope:
         self.values: set[int] = set()
         self.assigned: dict[str, list[ast.expr]] = {}
         self.steps = [n for n in nodes if isinstance(n, ast.AugAssign)]
+        self.cases = [n for n in nodes if isinstance(n, ast.If)]
+        self.lines = [n for n in nodes if isinstance(n, ast.Assign)]
         self.parents = {id(child): n for n in [statement, *nodes] for child in ast.iter_child_nodes(n)}
         self.uses: dict[str, list[ast.Name]] = {}
         self.attributes: dict[str, set[str]] = {}
@@ -360,8 +366,12 @@ def _is_setting(node: ast.expr) -> bool:
 def _wrapped(node: ast.expr, scope: _Scope) -> Found:
     numpy, parent = _template(scope.numpy), scope.parents.get(id(node))
     called = ast.unparse(parent.func).rpartition(".")[2] if isinstance(parent, ast.Call) else ""
-    if called in ASKING or (called == "range" and isinstance(node, ast.Constant)):
-        return  # a value that becomes NaN there, or a loop that never runs, is an accident
+    if called in ASKING:
+        return  # a value that becomes NaN there is an accident
+    if called == "range":  # so is a loop that never runs
+        yield "one step is off", 1.7, fill("A + 1", A=node)
+        yield "one step is off", 1.7, fill("A - 1", A=node)
+        return
     if isinstance(parent, ast.Assign) and isinstance(node, ast.Name):  # any change there makes a copy, too
         yield "a copy is missing", 0.9, fill("A.copy()", A=node)
     signed = isinstance(node, ast.UnaryOp) or _is_setting(node)
@@ -554,7 +564,8 @@ def _other_functions(n: ast.Call, called: str, scope: _Scope) -> Found:
     if isinstance(n.func, ast.Name) and called in scope.file.arity:
         for other, count in scope.file.arity.items():
             if other != called and count == scope.file.arity[called]:
-                yield f"`{other}` is wanted, not `{called}`", 1.7, ast.Call(_name(other), n.args, n.keywords)
+                weight = 1.0 if other.partition("_")[0] == called.partition("_")[0] else 1.7
+                yield f"`{other}` is wanted, not `{called}`", weight, ast.Call(_name(other), n.args, n.keywords)
 
 
 def _axes(n: ast.Call, called: str) -> Found:
@@ -710,6 +721,13 @@ def _assign(n: ast.Assign, scope: _Scope) -> Found:
         return
     target = n.targets[0]
     yield "this line is too many", 2.0, [ast.copy_location(ast.Pass(), n)]
+    used = sorted({m.id for m in ast.walk(n.value) if isinstance(m, ast.Name) and m.id in scope.names})
+    for one, two in itertools.combinations(used, 2) if len(used) <= MOST_NAMES else ():
+        yield (
+            f"`{one}` and `{two}` are swapped",
+            1.5,
+            ast.Assign([target], _Swapped(one, two).visit(copy.deepcopy(n.value))),
+        )
     for other in scope.assigned.get(ast.unparse(target), ()):
         if other is not n.value:
             yield "elsewhere it is computed otherwise", 1.6, ast.Assign([target], other)
@@ -725,6 +743,40 @@ def _assign(n: ast.Assign, scope: _Scope) -> Found:
                 yield "each time replaces the one before", 1.5, ast.Assign([target], value)
 
 
+MOST_NAMES = 6
+"""Names of an expression, up to which two of them are swapped."""
+
+
+class _Swapped(ast.NodeTransformer):
+    """Puts each of two names in the other's place."""
+
+    def __init__(self, one: str, other: str) -> None:
+        self.other = {one: other, other: one}
+
+    def visit_Name(self, node: ast.Name) -> ast.Name:
+        return ast.Name(self.other.get(node.id, node.id), node.ctx)
+
+
+def _lambda(n: ast.Lambda, scope: _Scope) -> Found:
+    """A function made in a loop, which reads the loop's variable when it is called: by then, the last one."""
+    named: set[str] = set()
+    around: ast.AST | None = n
+    while (around := scope.parents.get(id(around))) is not None:
+        if isinstance(around, ast.For):
+            named |= {m.id for m in ast.walk(around) if isinstance(m, ast.Name) and isinstance(m.ctx, ast.Store)}
+    own = {argument.arg for argument in n.args.args}
+    used = {m.id for m in ast.walk(n.body) if isinstance(m, ast.Name)}
+    if late := sorted((used & named) - own):
+        arguments = copy.copy(n.args)
+        arguments.args = [*n.args.args, *(ast.arg(name) for name in late)]
+        arguments.defaults = [*n.args.defaults, *map(_name, late)]
+        yield (
+            "the loop's variable is read when the function is called, not when it is made",
+            0.8,
+            ast.Lambda(arguments, n.body),
+        )
+
+
 def _stored(target: ast.expr) -> ast.expr:
     made = copy.copy(target)
     made.ctx = ast.Store()  # type: ignore[attr-defined]
@@ -734,7 +786,7 @@ def _stored(target: ast.expr) -> ast.expr:
 def _augmented(n: ast.AugAssign, scope: _Scope) -> Found:
     if isinstance(n.target, ast.Name):
         value = ast.BinOp(_name(n.target.id), n.op, n.value)
-        yield "an array is changed in place", 0.95, ast.Assign([n.target], value)
+        yield "an array is changed in place", 0.75, ast.Assign([n.target], value)
     yield "this line is too many", 1.7, [ast.copy_location(ast.Pass(), n)]
     if type(n.op) in OTHER_SIGN:
         words, other = OTHER_SIGN[type(n.op)]
@@ -752,6 +804,12 @@ def _if(n: ast.If, scope: _Scope) -> Found:
     yield "the condition never holds", 1.5, list(n.orelse) or [ast.copy_location(ast.Pass(), n)]
     if n.orelse:
         yield "the two cases are swapped", 1.1, ast.If(n.test, n.orelse, n.body)
+    here = set(map(ast.unparse, n.body))
+    for like in scope.cases:
+        if like is not n and ast.unparse(like.test) == ast.unparse(n.test):
+            for line in like.body:
+                if isinstance(line, SIMPLE) and ast.unparse(line) not in here:
+                    yield f"`{_short(line)}` is missing", 1.2, ast.If(n.test, [line, *n.body], n.orelse)
 
 
 def _loop(n: ast.For | ast.While, scope: _Scope) -> Found:
@@ -759,6 +817,13 @@ def _loop(n: ast.For | ast.While, scope: _Scope) -> Found:
         shorter = copy.copy(n)
         shorter.body = n.body[:-1] or [ast.copy_location(ast.Pass(), n)]
         yield "the return is one level too deep: it ends the loop", 0.8, [shorter, n.body[-1]]
+    stored = {m.id for m in ast.walk(n) if isinstance(m, ast.Name) and isinstance(m.ctx, ast.Store)}
+    for line in scope.lines:  # one that another loop has, where this one reads what that loop left
+        name = ast.unparse(line.targets[0])
+        if name not in stored and (readers := [k for k, one in enumerate(n.body) if _reads(one, name)]):
+            longer = copy.copy(n)
+            longer.body = [*n.body[: readers[0]], line, *n.body[readers[0] :]]
+            yield f"`{_short(line)}` is missing in the loop", 1.5, longer
     for step in scope.steps:
         if step not in n.body:
             longer = copy.copy(n)
@@ -768,6 +833,10 @@ def _loop(n: ast.For | ast.While, scope: _Scope) -> Found:
         shorter = copy.copy(n)
         shorter.body = n.body[:-1]
         yield "the last line belongs behind the loop", 2.0, [shorter, n.body[-1]]
+
+
+def _reads(statement: ast.stmt, name: str) -> bool:
+    return any(isinstance(m, ast.Name) and m.id == name for m in ast.walk(statement))
 
 
 def _jump(n: ast.stmt, scope: _Scope) -> Found:
@@ -809,7 +878,7 @@ def _moved(block: list[ast.stmt]) -> Iterator[Edit]:
         if isinstance(after, ast.For | ast.While):
             for before in [s for s in block[max(0, k - 5) : k + 1] if isinstance(s, SIMPLE)]:
                 first = after.body[0]
-                yield Edit("the line belongs into the loop", 1.4, first, [before, first])
+                yield Edit("the line belongs into the loop", 1.4, first, [before, first], moved=before)
 
 
 RULES: tuple[tuple[Any, Callable[[Any, _Scope], Found]], ...] = (
@@ -831,5 +900,6 @@ RULES: tuple[tuple[Any, Callable[[Any, _Scope], Found]], ...] = (
     (ast.For | ast.While, _loop),
     (ast.Break | ast.Continue, _jump),
     (ast.FunctionDef, _function),
+    (ast.Lambda, _lambda),
 )
 """Which nodes a rule is for, and the rule."""

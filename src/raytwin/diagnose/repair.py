@@ -127,6 +127,9 @@ def _chunks(every: Iterator[Candidate]) -> Iterator[list[Candidate]]:
 def _as_repair(best: Candidate) -> Repair:
     """The statement on one line, before and after; of what spans more, the expression that differs."""
     edit = best.edit
+    if edit.moved is not None:
+        text = ast.unparse(edit.moved).splitlines()[0]
+        return Repair(best.cell, edit.moved.lineno, edit.operator, text, f"{text} (first in the loop)")
     smallest = _simple_statement(best.statement, edit.old)
     if smallest is not None and not isinstance(edit.new, list):
         before, after = ast.unparse(smallest), ast.unparse(replaced(smallest, edit.old, edit.new))
