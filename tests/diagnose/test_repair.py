@@ -123,14 +123,19 @@ def test_one_text_with_a_switch_does_what_each_change_does_alone():
     assert said(marshal.loads(schema.code), {}) == said(compile(text, "", "exec"), {})
 
 
+def changed(text: str) -> str:
+    """Every text that a change of the function f makes of it, one behind the other."""
+    after = [c.edit.applied(c.statement) for c in candidates([("", text)], "f")]
+    return "".join(ast.unparse(one) for made in after for one in (made if isinstance(made, list) else [made]))
+
+
 def test_accidents_of_copying_and_moving_are_undone():
     text = (
         "import numpy as np\ndef f(x, w, h, n, roots, rows=[]):\n    k, j = n // h, n % h\n    s = [w / 2, w / 2, h]\n"
         "    x += 1\n    total = 0\n    for r in s:\n        if r > w:\n            break\n        total += r\n"
         "    return x, roots[0]\n"
     )
-    after = [c.edit.applied(c.statement) for c in candidates([("", text)], "f")]
-    texts = "".join(ast.unparse(one) for made in after for one in (made if isinstance(made, list) else [made]))
+    texts = changed(text)
     for right in (
         "k, j = (n // w, n % w)", "s = [w, w, h]", "            continue\n", "x = x + 1\n", "np.min(roots, axis=0)",
         "for r in s:\n        total = 0\n", "rows=[]):\n    rows = []\n",
@@ -144,8 +149,7 @@ def test_lost_lines_late_variables_and_exchanged_names_are_put_right():
         "        if near:\n            best = t\n            k = 1\n        made.append(lambda x: x + t)\n"
         "    for t in b:\n        if near:\n            k = 2\n    return made, m\n"
     )
-    after = [c.edit.applied(c.statement) for c in candidates([("", text)], "f")]
-    texts = "".join(ast.unparse(one) for made in after for one in (made if isinstance(made, list) else [made]))
+    texts = changed(text)
     for right in (
         "in b:\n        near = t < best\n", "        if near:\n            best = t\n            k = 2\n",
         "lambda x, t=t: x + t", "m = c @ b @ a",

@@ -369,8 +369,7 @@ def _wrapped(node: ast.expr, scope: _Scope) -> Found:
     if called in ASKING:
         return  # a value that becomes NaN there is an accident
     if called == "range":  # so is a loop that never runs
-        yield "one step is off", 1.7, fill("A + 1", A=node)
-        yield "one step is off", 1.7, fill("A - 1", A=node)
+        yield from ((words, weight, fill(text, A=node)) for words, weight, text in WRAPS if words == "one step is off")
         return
     if isinstance(parent, ast.Assign) and isinstance(node, ast.Name):  # any change there makes a copy, too
         yield "a copy is missing", 0.9, fill("A.copy()", A=node)
@@ -408,6 +407,11 @@ def _beside(node: ast.expr, parent: ast.AST | None, scope: _Scope) -> Found:
             if not isinstance(parent, ast.Call):
                 yield f"the factor `{text}` is missing", 2.5, fill("A * B", A=node, B=donor)
                 yield f"the divisor `{text}` is missing", 2.5, fill("A / B", A=node, B=donor)
+
+
+def _names_in(tree: ast.AST, use: type[ast.expr_context] = ast.expr_context) -> set[str]:
+    """Return the names in the tree; those that are read or stored alone, if `use` is ast.Load or ast.Store."""
+    return {n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and isinstance(n.ctx, use)}
 
 
 def _name(name: str) -> ast.expr:
@@ -721,7 +725,7 @@ def _assign(n: ast.Assign, scope: _Scope) -> Found:
         return
     target = n.targets[0]
     yield "this line is too many", 2.0, [ast.copy_location(ast.Pass(), n)]
-    used = sorted({m.id for m in ast.walk(n.value) if isinstance(m, ast.Name) and m.id in scope.names})
+    used = sorted(_names_in(n.value).intersection(scope.names))
     for one, two in itertools.combinations(used, 2) if len(used) <= MOST_NAMES else ():
         yield (
             f"`{one}` and `{two}` are swapped",
@@ -763,10 +767,9 @@ def _lambda(n: ast.Lambda, scope: _Scope) -> Found:
     around: ast.AST | None = n
     while (around := scope.parents.get(id(around))) is not None:
         if isinstance(around, ast.For):
-            named |= {m.id for m in ast.walk(around) if isinstance(m, ast.Name) and isinstance(m.ctx, ast.Store)}
+            named |= _names_in(around, ast.Store)
     own = {argument.arg for argument in n.args.args}
-    used = {m.id for m in ast.walk(n.body) if isinstance(m, ast.Name)}
-    if late := sorted((used & named) - own):
+    if late := sorted((_names_in(n.body) & named) - own):
         arguments = copy.copy(n.args)
         arguments.args = [*n.args.args, *(ast.arg(name) for name in late)]
         arguments.defaults = [*n.args.defaults, *map(_name, late)]
@@ -817,10 +820,10 @@ def _loop(n: ast.For | ast.While, scope: _Scope) -> Found:
         shorter = copy.copy(n)
         shorter.body = n.body[:-1] or [ast.copy_location(ast.Pass(), n)]
         yield "the return is one level too deep: it ends the loop", 0.8, [shorter, n.body[-1]]
-    stored = {m.id for m in ast.walk(n) if isinstance(m, ast.Name) and isinstance(m.ctx, ast.Store)}
+    stored = _names_in(n, ast.Store)
     for line in scope.lines:  # one that another loop has, where this one reads what that loop left
         name = ast.unparse(line.targets[0])
-        if name not in stored and (readers := [k for k, one in enumerate(n.body) if _reads(one, name)]):
+        if name not in stored and (readers := [k for k, one in enumerate(n.body) if name in _names_in(one)]):
             longer = copy.copy(n)
             longer.body = [*n.body[: readers[0]], line, *n.body[readers[0] :]]
             yield f"`{_short(line)}` is missing in the loop", 1.5, longer
@@ -833,10 +836,6 @@ def _loop(n: ast.For | ast.While, scope: _Scope) -> Found:
         shorter = copy.copy(n)
         shorter.body = n.body[:-1]
         yield "the last line belongs behind the loop", 2.0, [shorter, n.body[-1]]
-
-
-def _reads(statement: ast.stmt, name: str) -> bool:
-    return any(isinstance(m, ast.Name) and m.id == name for m in ast.walk(statement))
 
 
 def _jump(n: ast.stmt, scope: _Scope) -> Found:

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from raytwin.diagnose.operators import Edit, New, locate, replaced
+from raytwin.diagnose.operators import Edit, New, locate
 
 SWITCH = "raytwin_switch"
 """The global name that the text reads: place -> number of the change that holds there."""
@@ -101,11 +101,8 @@ class _Sites:
         return node
 
     def _add(self, site: ast.AST, edit: Edit) -> tuple[int, int]:
-        made: Any = site
-        for old, new in edit.parts:
-            made = replaced(made, old, new)
         place, others = self.at.setdefault(id(site), (self.first + len(self.at), []))
-        others.append(made)
+        others.append(edit.applied(site))
         return place, len(others) - 1
 
     def built(self, tree: Any) -> Any:
