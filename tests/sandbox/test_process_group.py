@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -47,7 +48,10 @@ def program(tmp_path):
         [sys.executable, "-IS", "-c", PROGRAM],
         cwd=tmp_path, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True,
     )  # fmt: skip
-    yield running, float(running.stdout.readline())
+    seconds = float(running.stdout.readline())
+    while awake(members(running.pid)):  # between its line and its sleep
+        time.sleep(0.01)
+    yield running, seconds
     running.kill()
     running.wait()
     running.stdin.close()
