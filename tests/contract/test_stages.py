@@ -100,14 +100,6 @@ def test_a_slip_in_the_textbook_is_the_cause_that_its_picture_names():
     assert next(f.sentence for f in FAULTS if f.name == "root-missing") in found.sentence
 
 
-def test_a_slip_that_no_table_has_is_told_by_what_stands_there_and_what_is_right():
-    slipped = tracer_with(changes=(("normals * to_light", "(normals / to_light)"),))
-    found = judge_function(CONTRACT["shade"], slipped.shade)
-    assert found.causes == ("slip-in-shade: normals * to_light -> (normals / to_light)",)
-    assert found.sureness == "likely"
-    assert "it looks as if you had `cosine = np.maximum(0, np.sum((normals / to_light)" in found.sentence
-
-
 @STAGES
 def test_sentences_are_whole_and_their_mistakes_have_names(stage):
     for variant in stage.variants:

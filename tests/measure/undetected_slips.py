@@ -14,15 +14,14 @@ from functools import lru_cache
 
 import numpy as np
 from measure import record
-from measure.slip_classes import stop
 
 from raytwin.contract.check_function import call_stage, is_right
 from raytwin.contract.stage import PARTS_OF, wrong
 from raytwin.contract.stage_table import CONTRACT
 from raytwin.diagnose.draw_scene import draw_scene
-from raytwin.diagnose.operators import edits
-from raytwin.diagnose.predict import RIGHT, Pipeline, predictor
-from raytwin.diagnose.slip_table import PLACES, Slip, text_of
+from raytwin.diagnose.operators import Edit, edits
+from raytwin.diagnose.predict import RIGHT, Pipeline, predictor, slip
+from raytwin.diagnose.textbook import FUNCTIONS, Changes
 from raytwin.grade.questions import LARGER
 from raytwin.grade.rubric import READY, read_rubric
 
@@ -58,12 +57,12 @@ def shows(way: Pipeline, seed: int, rung: str, scale: float, points: bool = Fals
         signal.setitimer(signal.ITIMER_VIRTUAL, 0)
 
 
-def fails_a_case(slip: Slip) -> bool:
-    stage = CONTRACT[STAGE[slip.function]]
+def fails_a_case(function: str, changes: Changes) -> bool:
+    stage = CONTRACT[STAGE[function]]
     try:
         signal.setitimer(signal.ITIMER_VIRTUAL, 5)
-        function = wrong(stage.name, slip.changes)
-        return any(not is_right(stage, c, call_stage(stage, function, [c])[0]) for c in stage.cases(SEED))
+        made = wrong(stage.name, changes)
+        return any(not is_right(stage, c, call_stage(stage, made, [c])[0]) for c in stage.cases(SEED))
     except Exception:
         return True
     finally:
@@ -78,24 +77,33 @@ def drawn() -> list[tuple[int, str, float, bool]]:
     ]  # fmt: skip
 
 
+def stop(number: int, frame: object) -> None:
+    raise TimeoutError
+
+
+def changed(function: str, statement: ast.FunctionDef, edit: Edit) -> Changes:
+    """The function's whole text, and the same with the edit."""
+    return ((FUNCTIONS[function], ast.unparse(edit.applied(statement)) + "\n"),)
+
+
 def main(every: str = "1") -> int:
     signal.signal(signal.SIGVTALRM, stop)
     warnings.simplefilter("ignore")
     counts: Counter[str] = Counter()
-    for function in PLACES:
-        (statement,) = ast.parse(text_of("", function)).body
+    for function, text in FUNCTIONS.items():
+        (statement,) = ast.parse(text).body
+        assert isinstance(statement, ast.FunctionDef)
         for edit in [e for e in edits(statement) if e.weight <= MOST][:: int(every)]:
-            slip = Slip.of(edit.weight, "", function, edit)
-            if slip is None:
-                continue
+            changes = changed(function, statement, edit)
+            way = slip(function, *changes)
             counts["slips"] += 1
-            if function in STAGE and fails_a_case(slip):
+            if function in STAGE and fails_a_case(function, changes):
                 counts["seen by a case"] += 1
-            elif any(shows(slip.way, *one) for one in drawn()):
+            elif any(shows(way, *one) for one in drawn()):
                 counts["seen in a picture"] += 1
-            elif any(shows(slip.way, 70_000 + k, "shadow", (1.0, LARGER)[k % 2]) for k in range(PASSED_BY)):
+            elif any(shows(way, 70_000 + k, "shadow", (1.0, LARGER)[k % 2]) for k in range(PASSED_BY)):
                 counts["unseen"] += 1
-                print("unseen:", slip.name, flush=True)
+                print(f"unseen: {function}: {edit.before} -> {edit.after}", flush=True)
             else:
                 counts["change nothing"] += 1
     command = f"python -m measure.undetected_slips {' '.join(record.arguments())}"

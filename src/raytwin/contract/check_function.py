@@ -18,7 +18,7 @@ from msgspec.structs import replace
 from raytwin.contract.composed_tracer import NEEDED
 from raytwin.contract.loading import arrays_of
 from raytwin.contract.repair_function import further_probes, probes, repair_here
-from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant, generated_variants, together
+from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant, together
 from raytwin.contract.stage_result import CaseResult, StageResult
 from raytwin.diagnose.repair import Repair
 
@@ -188,8 +188,7 @@ def _errors(stage: Stage, case: Case, got: Arrays) -> np.ndarray:
 
 
 def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[tuple[Variant, ...]]:
-    """The variants that give these numbers in all cases; else the first generated slip that does, or the pairs of
-    variants; empty where none does.
+    """The variants that give these numbers in all cases; else the pairs of variants that do; empty where none does.
 
     A variant that does not explain the first wrong case is not tried on the others. One whose own numbers pass that
     case is no explanation: it would account for any small error.
@@ -215,8 +214,7 @@ def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[
     found: list[tuple[Variant, ...]] = [(stage.variants[i],) for i, rest_of_it in alone.items() if rest_of_it == 0]
     if found:
         return found
-    slips = generated_variants(stage.name) if stage.variants and stage.variants[0].slips else ()
-    for variant in (*stage.in_other_forms, *slips):
+    for variant in stage.in_other_forms:
         if left([variant]) == 0:
             return [(variant,)]
     best = sorted(alone, key=lambda i: alone[i])[: PAIRS // max(1, len(alone))]

@@ -11,7 +11,6 @@ import numpy as np
 
 from raytwin.diagnose.catalogue import FAULTS
 from raytwin.diagnose.predict import text_of
-from raytwin.diagnose.slip_table import FORMS_BESIDE, read
 from raytwin.diagnose.textbook import Changes, tracer_with
 
 Function = Callable[..., Any]
@@ -54,14 +53,6 @@ def textbook_variants(function: str) -> tuple["Variant", ...]:
         Variant(fault.name, fault.sentence, _slipped(function, text[1]), text[1])
         for fault, text in ways if text is not None and text[0] in parts and text[1]
     )  # fmt: skip
-
-
-@lru_cache(maxsize=8)
-def generated_variants(function: str) -> tuple["Variant", ...]:
-    """Slips in a function that no table has, the least far-fetched first."""
-    parts = PARTS_OF.get(function, (function,))
-    some = [one for one in read() if one.function in parts and one.form not in FORMS_BESIDE]
-    return tuple(Variant(one.name, one.sentence, _slipped(function, one.changes), one.changes) for one in some)
 
 
 @lru_cache(maxsize=4096)

@@ -42,10 +42,10 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def sureness(self) -> str:
         """`proved` for the one known fault that gives these numbers in all cases, of which two at least are wrong, so
-        that each confirms what the other selects. `likely` for several, or a slip of no table."""
+        that each confirms what the other selects. `likely` for several."""
         if not self.causes:
             return ""
-        one = len(self.causes) == 1 and not self.causes[0].startswith("slip-in-")
+        one = len(self.causes) == 1
         return "proved" if one and sum(not case.passed for case in self.cases) > 1 else "likely"
 
     def __repr__(self) -> str:

@@ -15,13 +15,12 @@ SEARCH = 0.75
 
 @dataclass(eq=False)
 class Budget:
-    """`seconds` from now on by `clock`; `tried` and `untried`: names of mistakes; `slips_left`: slips not tried."""
+    """`seconds` from now on by `clock`; `tried` and `untried`: names of mistakes."""
 
     seconds: float = SECONDS
     clock: Callable[[], float] = time.thread_time
     tried: set[str] = field(default_factory=set)
     untried: set[str] = field(default_factory=set)
-    slips_left: int = 0
     began: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -56,7 +55,7 @@ class Budget:
         """What the search did not try; empty where it tried everything."""
         missed = self.untried - self.tried
         if not missed:
-            return f"{self.slips_left} generated slips were not tried, for want of time" if self.slips_left else ""
+            return ""
         every = len(missed | self.tried)
         spent = f"{SEARCH * self.seconds:g} s"
         return f"the search stopped after {spent}: {len(missed)} of {every} known mistakes were not tried"

@@ -126,8 +126,6 @@ def _search(
     found = search.round(base, faults, families if thorough else ())
     if thorough and every and not (budget.over or search.explained_by(found)) and (clues := faults_suggested(samples)):
         found = sorted([*search.round(base, clues), *found], key=lambda g: g.cost)
-    if thorough and every and not search.explained_by(found):
-        found = sorted([*search.slips(base), *found], key=lambda g: g.cost)
     if not search.explained_by(found):
         hit = hit_shares(samples, found[0].steps)[0] if found else 0.0
         if is_firm(samples) and (chance := _by_chance(samples, where, hit, budget)) is not None:
@@ -247,8 +245,7 @@ def _described(
     count, left = (0, "") if unchecked else left_over([s.everywhere(_most(s)) for s in samples], best.steps)
     whole = count < FEW and not unchecked and is_good(samples, best.steps)
     whole = whole and (best.refit is None or is_exact(samples, best.steps))
-    written = not any(cause.name.startswith("slip-in-") for cause in best.causes)
-    sureness: Sureness = "proved" if alone and confirmed and whole and written else "likely"
+    sureness: Sureness = "proved" if alone and confirmed and whole else "likely"
     order = sorted(range(len(best.causes)), key=lambda k: STAGES.index(best.causes[k].stage))
     return Diagnosis(
         right=False,

@@ -19,7 +19,6 @@ from raytwin.diagnose.parametric_faults import ParametricFault, fit, promising, 
 from raytwin.diagnose.pixel_sample import PixelSample
 from raytwin.diagnose.predict import RIGHT, UP_TO_RAYS, Array, Pipeline
 from raytwin.diagnose.prediction_cache import costs
-from raytwin.diagnose.slip_table import read
 from raytwin.diagnose.tolerance_mask import SHADOW_STEPS
 
 SCREEN = 4
@@ -48,16 +47,6 @@ NOTHING = 1e-4
 """Share of the cost: where a mistake of these stages leaves less, other stages are not tried."""
 REACHED = 0.5
 """Share of the pixels that one fault leaves wrong: a second one that changes fewer of them is not tried with it."""
-WRONG_ONES, RIGHT_ONES = 40, 24
-"""Pixels of the first view that a generated slip is tried on: wrong ones, and right ones."""
-SLIP_SECONDS = 4.0
-"""CPU seconds for the first trial of all generated slips."""
-QUICK = ("nearest", "met", "normals_at", "shade", "radiance")
-"""Functions whose slips leave alone which rays meet what, and take a tenth of the time: tried first."""
-SLIPS = 16
-"""Generated slips that are tried on all pixels."""
-LEFT = 0.5
-"""Share of the cost: a slip that leaves more on the first pixels is dropped."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,37 +169,6 @@ class Search:
         near = [g for g in tried if g.cost < CLOSE * tried[0].cost + 1e-2 * before.cost]
         return [self.weighed(g) for k, g in enumerate(near) if not (k and self.budget.over)]
 
-    def slips(self, before: Hypothesis) -> list[Hypothesis]:
-        """Generated slips that explain all that is wrong, the least far-fetched first of those that do it alike."""
-        guesses = self._likely_slips(before)
-        if not guesses:
-            return []
-        place = {g.causes[-1].name: k for k, g in enumerate(guesses)}
-        tried = self._screened(guesses, before)
-        found = [g for g in map(self.weighed, tried[:FINALISTS]) if is_good(self.samples, g.steps)]
-        if not found:
-            found = [g for g in self._in_other_forms(tried, before) if is_good(self.samples, g.steps)]
-        self.budget.slips_left = 0 if found else self.budget.slips_left
-        return sorted(found, key=lambda g: (round(g.cost / (EVEN * before.cost)), place[g.causes[-1].name]))[:1]
-
-    def _likely_slips(self, before: Hypothesis) -> list[Hypothesis]:
-        """Those that leave least of what is wrong at a few pixels of the worst view, in the order of the table."""
-        worst = max(self.small, key=lambda s: s.cost(s.errors(before.steps)))
-        probe, other = (_few(worst, before.steps, part) for part in (0, 1))
-        limits = [LEFT * s.cost(s.errors(before.steps)) for s in (probe, other)]
-        found: list[tuple[float, int, Hypothesis]] = []
-        began, rows = self.budget.clock(), sorted(enumerate(read()), key=lambda row: row[1].function not in QUICK)
-        for done, (k, one) in enumerate(rows):
-            if self.budget.over or self.budget.clock() - began > SLIP_SECONDS:
-                self.budget.slips_left = len(rows) - done
-                break
-            steps = (*before.steps, *one.way)
-            cost = probe.cost(probe.errors(steps))
-            if cost < limits[0] and (more := other.cost(other.errors(steps))) < limits[1]:
-                found.append((cost + more, k, before.and_then(Cause(one.name, one.stage, one.sentence), one.way)))
-        best = sorted(found, key=lambda x: x[:2])[:SLIPS]
-        return [guess for _, _, guess in sorted(best, key=lambda x: x[1])]
-
     def _by_common(self, ways: list[Hypothesis], before: Hypothesis) -> list[Hypothesis]:
         """Those that cost least in the scenes that everyone is asked for."""
         common = [s for s in self.samples if s.view.common and not s.more]
@@ -259,16 +217,6 @@ class Search:
 def _beyond_the_camera(way: Pipeline | None) -> bool:
     """Whether more is changed than the rays of the eye."""
     return way is None or any(name not in UP_TO_RAYS for name, _ in way)
-
-
-def _few(sight: PixelSample, before: Pipeline, part: int) -> PixelSample:
-    """The sample at some of its pixels; those of part 0 and of part 1 are others."""
-    wrong = sight.errors(before) > sight.tau
-    masks = (wrong, WRONG_ONES), (~wrong, RIGHT_ONES)
-    chosen: list[Array] = [np.flatnonzero(mask)[part * n : (part + 1) * n] for mask, n in masks]
-    if not chosen[0].size:
-        chosen = [np.flatnonzero(mask)[:n] for mask, n in masks]
-    return sight.only(np.concatenate(chosen))
 
 
 def _limit(sums: Array, wrong: float, least: int) -> float:

@@ -185,44 +185,6 @@ FUNCTIONS = {part.partition("(")[0]: f"def {part.rstrip()}\n" for part in TEXT.s
 Changes = tuple[tuple[str, str], ...]
 """Replacements (old, new) in the text, one after the other."""
 
-QUADRATIC = """    a = np.sum(directions * directions, axis=-1)
-    b = 2 * np.sum(f * directions, axis=-1)
-    c = np.sum(f * f, axis=-1) - radius**2
-    disc = b * b - 4 * a * c
-    near = (-b - np.sqrt(disc)) / (2 * a)
-    far = (-b + np.sqrt(disc)) / (2 * a)
-"""
-FOOT = """    length = np.linalg.norm(directions, axis=-1)
-    along = -np.sum(f * directions, axis=-1) / length
-    d2 = np.sum(f * f, axis=-1) - along**2
-    disc = radius**2 - d2
-    near = (along - np.sqrt(disc)) / length
-    far = (along + np.sqrt(disc)) / length
-"""
-FORMS: dict[str, Changes] = {
-    "unit rays": (),
-    "rays of any length": (("return rays / np.linalg.norm(rays, axis=-1, keepdims=True)", "return rays"),),
-    "the near root alone": (("t = np.where(near > 0, near, far)", "t = near"),),
-    "half of b": (
-        ("b = 2 * np.sum", "b = np.sum"),
-        ("disc = b * b - 4 * a * c", "disc = b * b - a * c"),
-        ("/ (2 * a)", "/ a"),
-    ),
-    "the foot of the centre": ((QUADRATIC, FOOT),),
-    "parts of the edges": (
-        (
-            "    inside = (np.abs(q @ half_u) <= half_u @ half_u) & (np.abs(q @ half_v) <= half_v @ half_v)\n",
-            "    a, b = (q @ half_u) / (half_u @ half_u), (q @ half_v) / (half_v @ half_v)\n"
-            "    inside = (np.abs(a) <= 1) & (np.abs(b) <= 1)\n",
-        ),
-    ),
-    "shadow rays from off the surface": (
-        ("intersect_all(points, ", "intersect_all(points + 1e-6 * normals, "),
-        ("(own | ~np.isfinite(t[k]))", "~np.isfinite(t[k])"),
-    ),
-}
-"""Right forms that students use as well, as replacements in `TEXT`: mistakes differ between them."""
-
 
 def tracer_with(functions: Mapping[str, Callable[..., Any]] | None = None, changes: Changes = ()) -> SimpleNamespace:
     """The textbook's functions, its text changed, and some replaced by `functions`, which the others then call.
