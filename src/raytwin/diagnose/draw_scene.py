@@ -25,6 +25,21 @@ TRIES = 1000
 """Scenes drawn before giving up."""
 AROUND = (((0.0, -2.2, -0.3), 0.6), ((0.0, 2.6, 0.0), 0.8), ((0.0, 1.5, -2.6), 1.5), ((0.0, -0.8, 2.6), 0.5))
 """Large spheres far away, where rays of a wrong camera go: what they meet tells which way it is wrong."""
+PROBED = (60, 44)
+"""Pixels of the small picture that is looked at to see what a scene shows."""
+MOVED = 0.004
+"""Metres by which parts of an arrangement are moved, at most, along each axis."""
+ARRANGEMENTS = (
+    5, 337, 603, 770, 896, 912, 919, 1233, 1560, 1594, 1655, 1869, 2110, 2129, 2243, 2435, 2506, 2687, 3276, 3450,
+    3750, 3789, 3795, 4293, 4325, 4426, 4463, 4477, 4643, 4667, 4764, 4927, 5073, 5087, 5169, 5248, 5649, 5665,
+    5819, 6003, 6089, 6121, 6686, 6735, 7319, 7602, 7923, 8030, 8059, 8295, 8316, 8977, 8997, 9226, 9417, 9433,
+    9844, 10260, 10912, 11160, 11695, 11792, 12121, 12544, 12575, 12745, 13269, 13853, 14215, 14220, 14277, 14385,
+    14432, 14459, 14519, 14726, 14869, 14927, 14931, 14987, 15083, 15251, 15296, 15347, 16118, 16153, 16234, 16855,
+    17065, 17147, 17294, 17477, 18087, 18801, 18811, 19123, 19917, 19974, 20657, 20973, 21423, 21437, 21664, 22138,
+    22291, 22894, 23356, 23480, 23510, 23661, 23761, 23775, 23903, 24002, 24587, 24616, 24636, 25091, 26077, 26157,
+    26468, 26686, 26961, 27048, 27058, 27067, 27186, 27314,
+)  # fmt: skip
+"""Those of the first numbers of `arrangement` that are blind to nothing, by a margin."""
 GAP = 0.004
 """Metres, between any two things: more than by what a shadow ray starts off its surface."""
 
@@ -37,26 +52,58 @@ def draw_scene(seed: int, size: tuple[int, int] = SIZE, name: str = "", scale: f
     """
     rng = np.random.default_rng([seed, 7])
     for _ in range(TRIES):
-        scene = _drawn(rng, size, name or f"drawn-{seed}")
-        quarter = msgspec.structs.replace(scene, camera=scene.camera.resized(size[0] // 5, size[1] // 5))
-        if all(np.mean(x) >= least for one, least in ((quarter, 0.7 * LEAST), (scene, LEAST)) for _, x in _shows(one)):
-            return _larger(scene, scale) if scale != 1 else scene
+        scene = _varied(rng, arrangement(int(rng.choice(ARRANGEMENTS)), size))
+        if scene is not None and not blind_to(msgspec.structs.replace(scene, camera=scene.camera.resized(*PROBED))):
+            return msgspec.structs.replace(_turned(scene, np.eye(3), scale), name=name or f"drawn-{seed}")
     raise InputError("seed", "one that gives a scene", seed)
 
 
-def _larger(scene: Scene, by: float) -> Scene:
-    def times(v: tuple[float, float, float]) -> tuple[float, float, float]:
-        return _three(by * np.array(v))
+def arrangement(number: int, size: tuple[int, int] = SIZE) -> Scene:
+    """Draw a scene that may be blind to something."""
+    return _drawn(np.random.default_rng([number, 8]), size, "")
+
+
+def _varied(rng: np.random.Generator, scene: Scene) -> Scene | None:
+    """Turn a scene about z, move its parts, and draw its colours and lens anew; None where two parts touch."""
+    replace = msgspec.structs.replace
+    camera, objects = scene.camera, []
+    for x in scene.objects:
+        center = _three(x.center + rng.uniform(-MOVED, MOVED, 3) * (1, 1, 0 if _is_floor(x) else 1))
+        if isinstance(x, Sphere):
+            radius = x.radius * rng.uniform(0.97, 1.03)
+            low = radius + GAP if x.center[2] > 0 else -np.inf
+            objects.append(Sphere((*center[:2], max(center[2], low)), radius, _paint(rng)))
+        elif isinstance(x, Rectangle):
+            u, v = (_three(rng.uniform(0.97, 1.03) * np.array(half)) for half in (x.half_u, x.half_v))
+            objects.append(Rectangle(center, u, v, _paint(rng)))
+    sun, sky = Sun(scene.sun.to_light, _sunlight(rng)), Sky(_skylight(rng))
+    camera = replace(camera, dist=_lens(rng), t_cam_board=_three(camera.t_cam_board + rng.uniform(-MOVED, MOVED, 3)))
+    made = replace(scene, camera=camera, objects=tuple(objects), lights=(sun, sky))
+    spheres, panels = list(made.spheres), [x for x in objects if isinstance(x, Rectangle) and not _is_floor(x)]
+    if not _apart(spheres) or not all(_is_clear(panel, spheres) for panel in panels):
+        return None
+    angle = rng.uniform(0, 2 * np.pi)
+    c, s = np.cos(angle), np.sin(angle)
+    return _turned(made, np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
+
+
+def _turned(scene: Scene, rotation: np.ndarray, scale: float = 1) -> Scene:
+    """The scene in another frame of the board, and so many times as long: the same picture."""
+
+    def moved(v: tuple[float, float, float]) -> tuple[float, float, float]:
+        return _three(scale * rotation @ v)
 
     replace = msgspec.structs.replace
     objects: list[Shape] = []
     for x in scene.objects:
         if isinstance(x, Sphere):
-            objects.append(replace(x, center=times(x.center), radius=by * x.radius))
+            objects.append(replace(x, center=moved(x.center), radius=scale * x.radius))
         elif isinstance(x, Rectangle):
-            objects.append(replace(x, center=times(x.center), half_u=times(x.half_u), half_v=times(x.half_v)))
-    camera = replace(scene.camera, t_cam_board=times(scene.camera.t_cam_board))
-    return replace(scene, camera=camera, objects=tuple(objects))
+            objects.append(replace(x, center=moved(x.center), half_u=moved(x.half_u), half_v=moved(x.half_v)))
+    R, t = np.array(scene.camera.R_cam_board) @ rotation.T, scale * np.array(scene.camera.t_cam_board)
+    camera = replace(scene.camera, R_cam_board=(_three(R[0]), _three(R[1]), _three(R[2])), t_cam_board=_three(t))
+    sun = replace(scene.sun, to_light=_three(rotation @ scene.sun.to_light))
+    return replace(scene, camera=camera, objects=tuple(objects), lights=(sun, scene.sky))
 
 
 def blind_to(scene: Scene, least: float = LEAST) -> list[str]:
@@ -127,7 +174,7 @@ def _drawn(rng: np.random.Generator, size: tuple[int, int], name: str) -> Scene:
     camera = Camera(
         K=(*K, (0.0, 0.0, 1.0)),
         image_size=size,
-        dist=tuple((rng.uniform(0.7, 1.3, 5) * [-0.2, 0.07, 0.008, -0.006, 0.05]).tolist()),
+        dist=_lens(rng),
         R_cam_board=(_three(R[0]), _three(R[1]), _three(R[2])),
         t_cam_board=_three(-R @ eye),
     )
@@ -145,7 +192,7 @@ def _drawn(rng: np.random.Generator, size: tuple[int, int], name: str) -> Scene:
     one, other = rng.permutation(2)
     middle = [floor, wall] if rng.random() < 0.5 else [wall, floor]
     objects = [*spheres, panels[one], *middle, panels[other]]
-    sun, sky = Sun(_three(to_light), _colour(rng, 4.5, 7.5)), Sky(_colour(rng, 0.08, 0.3))
+    sun, sky = Sun(_three(to_light), _sunlight(rng)), Sky(_skylight(rng))
     return Scene(name, camera, tuple(objects), (sun, sky))
 
 
@@ -164,12 +211,14 @@ def _spheres(rng: np.random.Generator, eye: np.ndarray, to_light: np.ndarray) ->
             Sphere((float(x), float(y), max(float(z), float(r) + GAP)), float(r), _paint(rng))
             for (x, y, z), r in zip(centers, radii, strict=True)
         ]
-        close = (
-            dist(a.center, b.center) < a.radius + b.radius + GAP
-            for i, a in enumerate(made) for b in made[:i]
-        )  # fmt: skip
-        if not any(close) and _overlap(made, eye):
+        if _apart(made) and _overlap(made, eye):
             return made
+
+
+def _apart(spheres: list[Sphere]) -> bool:
+    return all(
+        dist(a.center, b.center) >= a.radius + b.radius + GAP for i, a in enumerate(spheres) for b in spheres[:i]
+    )
 
 
 def _planes(rng: np.random.Generator, eye: np.ndarray, to_light: np.ndarray, spheres: list[Sphere]) -> list[Rectangle]:
@@ -181,26 +230,32 @@ def _planes(rng: np.random.Generator, eye: np.ndarray, to_light: np.ndarray, sph
         place = np.array(spheres[rng.integers(len(spheres))].center) + rng.uniform(0.12, 0.25) * to_light
         place = place + rng.uniform(-0.05, 0.05, 3)
         normal = _unit(_unit(eye - place) + to_light + rng.uniform(-0.2, 0.2, 3))
-        made += _clear(_rectangle(rng, place, -normal, 0.05, 0.08), spheres)
+        panel = _rectangle(rng, place, -normal, 0.05, 0.08)
+        made += [panel] if _is_clear(panel, spheres) else []
     while len(made) < 3:
         place = np.array(spheres[rng.integers(len(spheres))].center)
         to_eye = _unit(eye - place)
         place = place + rng.uniform(0.12, 0.3) * to_eye + rng.uniform(-0.07, 0.07, 3)
         normal = _unit(to_eye - (to_eye @ to_light + rng.uniform(0.3, 0.6)) * to_light) * rng.choice([-1, 1])
-        made += _clear(_rectangle(rng, place, normal, 0.04, 0.07), spheres)
+        panel = _rectangle(rng, place, normal, 0.04, 0.07)
+        made += [panel] if _is_clear(panel, spheres) else []
     return made
 
 
-def _clear(panel: Rectangle, spheres: list[Sphere]) -> list[Rectangle]:
-    """The panel, unless it touches the floor or a sphere."""
+def _is_clear(panel: Rectangle, spheres: list[Sphere]) -> bool:
+    """Whether it touches neither the floor nor a sphere."""
     lowest = panel.center[2] - abs(panel.half_u[2]) - abs(panel.half_v[2])
     for s in spheres:
         away, near = np.subtract(s.center, panel.center), np.zeros(3)
         for half in (np.array(panel.half_u), np.array(panel.half_v)):
-            near = near + np.clip(away @ half / (half @ half), -1, 1) * half
-        if np.linalg.norm(away - near) < s.radius + GAP:
-            return []
-    return [panel] if lowest > GAP else []
+            near = near + min(1.0, max(-1.0, away @ half / (half @ half))) * half
+        if hypot(*(away - near)) < s.radius + GAP:
+            return False
+    return lowest > GAP
+
+
+def _is_floor(x: Shape) -> bool:
+    return isinstance(x, Rectangle) and x.half_u[2] == x.half_v[2] == 0
 
 
 def _rectangle(rng: np.random.Generator, center: np.ndarray, normal: np.ndarray, low: float, high: float) -> Rectangle:
@@ -221,6 +276,18 @@ def _looking(eye: np.ndarray, target: np.ndarray, roll: float) -> np.ndarray:
 
 def _paint(rng: np.random.Generator) -> Lambert:
     return Lambert(_colour(rng, 0.3, 0.95))
+
+
+def _sunlight(rng: np.random.Generator) -> tuple[float, float, float]:
+    return _colour(rng, 4.5, 7.5)
+
+
+def _skylight(rng: np.random.Generator) -> tuple[float, float, float]:
+    return _colour(rng, 0.08, 0.3)
+
+
+def _lens(rng: np.random.Generator) -> tuple[float, ...]:
+    return tuple((rng.uniform(0.7, 1.3, 5) * [-0.2, 0.07, 0.008, -0.006, 0.05]).tolist())
 
 
 def _colour(rng: np.random.Generator, low: float, high: float) -> tuple[float, float, float]:

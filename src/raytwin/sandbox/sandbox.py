@@ -130,7 +130,7 @@ class Sandbox:
         self._code, self._calls = code, 0
         self.problem = Answer()
         """Why nothing can be called any more: empty where all is well."""
-        self._spent, self._seen = Spent(), 0.0
+        self._spent, self._seen, self._files_looked_at = Spent(), 0.0, 0.0
         self._uid: int | None = None
         self._hidden = tuple(str(Path(h).resolve()) for h in (*hidden, REFERENCES, _package()))
         self._with_uid = uid if uid is not None else probe().get("other uid") == HOLDS
@@ -313,6 +313,9 @@ class Sandbox:
             return f"it started more than {limits.processes} processes: ended"
         if used.memory > limits.memory_mb * MEGA:
             return f"it took more than {limits.memory_mb} MB: ended"
+        if time.monotonic() - self._files_looked_at < POLL:  # after a quick answer: files take long to look at
+            return ""
+        self._files_looked_at = time.monotonic()
         return excess(self._work, limits.folder_mb * MEGA, nameless_bytes(found))
 
     def _how_it_ended(self, error: Exception) -> tuple[str, Literal["limit", "broken"]]:
