@@ -66,7 +66,7 @@ def arrangement(number: int, size: tuple[int, int] = SIZE) -> Scene:
 def _varied(rng: np.random.Generator, scene: Scene) -> Scene | None:
     """Turn a scene about z, move its parts, and draw its colours and lens anew; None where two parts touch."""
     replace = msgspec.structs.replace
-    camera, objects = scene.camera, []
+    objects: list[Shape] = []
     for x in scene.objects:
         center = _three(x.center + rng.uniform(-MOVED, MOVED, 3) * (1, 1, 0 if _is_floor(x) else 1))
         if isinstance(x, Sphere):
@@ -77,7 +77,8 @@ def _varied(rng: np.random.Generator, scene: Scene) -> Scene | None:
             u, v = (_three(rng.uniform(0.97, 1.03) * np.array(half)) for half in (x.half_u, x.half_v))
             objects.append(Rectangle(center, u, v, _paint(rng)))
     sun, sky = Sun(scene.sun.to_light, _sunlight(rng)), Sky(_skylight(rng))
-    camera = replace(camera, dist=_lens(rng), t_cam_board=_three(camera.t_cam_board + rng.uniform(-MOVED, MOVED, 3)))
+    t = _three(scene.camera.t_cam_board + rng.uniform(-MOVED, MOVED, 3))
+    camera = replace(scene.camera, dist=_lens(rng), t_cam_board=t)
     made = replace(scene, camera=camera, objects=tuple(objects), lights=(sun, sky))
     spheres, panels = list(made.spheres), [x for x in objects if isinstance(x, Rectangle) and not _is_floor(x)]
     if not _apart(spheres) or not all(_is_clear(panel, spheres) for panel in panels):
