@@ -1,17 +1,18 @@
-"""The catalogue of mistakes: a line each in `faults.tsv` (stage, name, the sentence that helps), and how it is made.
+"""The catalogue of mistakes, `faults.tsv`: a line per fault, and below it a line for each way in which it is made.
 
-A fault has one or more ways to be made, each a change of the textbook's functions (see `predict`), and all called by
-the same sentence. To add a fault, add its line, and its ways to the table of its stage; `ALONE` are ways that show
-where a function is tested alone. Factors that are not known beforehand are rows of `parametric_faults`.
+A fault's line is its stage, its name, and the sentence that helps. A way's line begins with a tab, and is a change of
+the textbook: function, what stands there, what the mistake makes of it; several changes follow one another. A way that
+begins with `alone` shows only where the function is tested alone. To add a fault, add its lines. Factors that are not
+known beforehand are rows of `parametric_faults`.
 """
 
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from raytwin.diagnose import camera_faults, geometry_faults, light_faults, picture_faults
-from raytwin.diagnose.changes import SHADOW, Fault, Ways, chain, in_shadow_test, offset_by, others_hide, row
+from raytwin.diagnose.changes import SHADOW, Fault, chain, in_shadow_test, offset_by, others_hide, row
 from raytwin.diagnose.predict import Array, Pipeline, replaced, slip, touches
 
 ACNE = row("acne", SHADOW,
@@ -23,18 +24,35 @@ ACNE = row("acne", SHADOW,
 FACTS = frozenset({"nothing-met", "empty"})
 """Faults that only describe what is seen: other faults that would cause the same are then not reported."""
 
-WAYS: Ways = {
-    **camera_faults.CAMERAS, **geometry_faults.SOLVERS, **geometry_faults.ORDERS, **light_faults.NORMALS_,
-    **light_faults.LIGHTS, **light_faults.SHADOWS, **picture_faults.OUTPUTS,
-}  # fmt: skip
-ALONE: Ways = {**camera_faults.ALONE, **geometry_faults.ALONE, **light_faults.ALONE}
+ALONE = "alone"
 
 
 def read_faults() -> tuple[Fault, ...]:
     """All of the file's faults."""
     lines = Path(__file__).with_name("faults.tsv").read_text(encoding="utf-8").splitlines()
-    rows = (line.split("\t") for line in lines)
-    return tuple(Fault(name, stage, said, WAYS.get(name, ()), ALONE.get(name, ())) for stage, name, said in rows)
+    starts = [k for k, line in enumerate(lines) if not line.startswith("\t")]
+    made = []
+    for start, end in zip(starts, [*starts[1:], len(lines)], strict=True):
+        rows = [line[1:].replace("\\n", "\n").split("\t") for line in lines[start + 1 : end]]
+        ways, alone = (tuple(map(_way, (r for r in rows if (r[0] == ALONE) == of))) for of in (False, True))
+        made.append(Fault(*_named(lines[start]), ways, alone))
+    return tuple(made)
+
+
+def _named(line: str) -> tuple[str, str, str]:
+    stage, name, sentence = line.split("\t")
+    return name, stage, sentence
+
+
+def _way(fields: list[str]) -> Pipeline:
+    """A change of each function, of one or several replacements; of none where nothing is replaced."""
+    if fields[0] == ALONE:
+        fields = fields[1:]
+    changes = list(zip(fields[::3], fields[1::3], fields[2::3], strict=True))
+    return chain(*(
+        slip(function, *((old, new) for _, old, new in some if old))
+        for function, some in groupby(changes, key=lambda change: change[0])
+    ))  # fmt: skip
 
 
 FAULTS = read_faults()

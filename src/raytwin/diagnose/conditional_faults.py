@@ -98,7 +98,12 @@ def _terms_by(index: list[int]) -> Iterator[tuple[str, tuple[Pipeline, ...]]]:
 
 OFF_SURFACE = offset_by(1e-6)
 """Shadow rays start a little off the surface: another scene's floor lies in this one's."""
-EQUALS = by_key(*(f"np.where(every_t <= np.min(every_t, axis=0) * (1 + 1e-9), {sign}number, np.inf)" for sign in "+-"))
+EQUALS = by_key(
+    *(
+        f"np.where(every_t <= np.min(every_t, axis=0) * (1 + 1e-9), {sign}np.arange(len(every_t))[:, None], np.inf)"
+        for sign in "+-"
+    )
+)
 """The nearest; of those as near, such as the floors of several scenes, the first or the last."""
 FIRST, LAST, ALL = slice(0, 1), slice(-1, None), slice(None)
 LENS, POSE = ("K", "dist"), ("R_cam_board", "t_cam_board")

@@ -67,7 +67,7 @@ BEAM = 3
 PLAIN = tuple(
     fault for fault in FAULTS
     if fault.name == "swapped-axes" or (
-        fault.stage == OUTPUT and all(name in ("output", "pixel") for name, _ in fault.ways[0]))
+        fault.stage == OUTPUT and all(name in ("hand_in", "pixel") for name, _ in fault.ways[0]))
 )  # fmt: skip
 """Faults that are predicted without a scene: of a picture's values and of their order."""
 PLAIN_FAMILIES = tuple(family for family in FAMILIES if family.name in ("image-scaled", "offset", "power"))

@@ -20,11 +20,11 @@ from raytwin.diagnose.changes import (
     Thing,
     behind,
     given,
-    lens,
+    is_ball,
     mixed,
     moved,
     offset_by,
-    resized,
+    reading,
     shown,
     with_number,
     within,
@@ -90,17 +90,17 @@ def _turned(p: Sequence[float]) -> Array:
 
 def _light_turned(p: Sequence[float]) -> Pipeline:
     turn = _turned(p)
-    return (("lights", lambda scene: scene | {"sun": scene["sun"] | {"to_light": turn @ scene["sun"]["to_light"]}}),)
+    return reading(lambda scene: scene | {"sun": scene["sun"] | {"to_light": turn @ scene["sun"]["to_light"]}})
 
 
 def _posed(f: Callable[[Array, Array], tuple[Array, Array]]) -> Pipeline:
     """(R, t) -> another R and t."""
 
-    def camera(scene: SceneDict) -> SceneDict:
+    def change(scene: SceneDict) -> SceneDict:
         R, t = f(scene["R_cam_board"], scene["t_cam_board"])
         return scene | {"R_cam_board": R, "t_cam_board": t}
 
-    return (("camera", camera),)
+    return reading(change)
 
 
 def _camera_turned(p: Sequence[float]) -> Pipeline:
@@ -113,11 +113,11 @@ def _camera_moved(p: Sequence[float]) -> Pipeline:
 
 
 def _focal(p: Sequence[float]) -> Pipeline:
-    return lens(fx=lambda scene: scene["K"][0, 0] * p[0], fy=lambda scene: scene["K"][1, 1] * p[-1])
+    return reading(lambda scene: scene | {"K": scene["K"] * [[p[0], p[0], 1], [1, p[-1], 1], [1, 1, 1]]})
 
 
 def _distortion(p: Sequence[float]) -> Pipeline:
-    return (("camera", lambda scene: scene | {"dist": p[0] * scene["dist"]}),)
+    return reading(lambda scene: scene | {"dist": p[0] * scene["dist"]})
 
 
 def _lit(sun: Any, sky: Any = 1.0) -> Pipeline:
@@ -167,7 +167,7 @@ FAMILIES = (
                         "-Rᵀ t".format(*p)),
     ParametricFault("distortion-scaled", CAMERA, (1.0,), 0.02, _distortion,
            lambda p, _: f"the distortion is {p[0]:.3g} times as strong as it should be"),
-    ParametricFault("radius-scaled", SOLVER, (1.0,), 0.005, lambda p: resized(abs(p[0]) + 1e-9),
+    ParametricFault("radius-scaled", SOLVER, (1.0,), 0.005, lambda p: _resized(abs(p[0]) + 1e-9),
            lambda p, _: f"the spheres are {p[0]:.4g} times as large as they should be"),
     ParametricFault("light-turned", LIGHT, (0.0, 0.0, 0.0), 0.01, _light_turned,
            _sun_moved, ((0.6, 0.0, 0.0), (0.0, 0.6, 0.0), (-0.6, 0.0, 0.0), (0.0, -0.6, 0.0))),
@@ -245,8 +245,14 @@ def _place_of(k: int, name: str, number: str, size: float) -> ParametricFault:
 
 def _with_object(k: int, change: Callable[[Thing], Thing]) -> Pipeline:
     """The k-th object changed, all others as they are."""
-    return (("things", lambda scene: scene | {
-        "things": [change(x) if i == k else x for i, x in enumerate(scene["things"])]}),)  # fmt: skip
+    return reading(lambda scene: scene | {
+        "things": [change(x) if i == k else x for i, x in enumerate(scene["things"])]})  # fmt: skip
+
+
+def _resized(factor: float) -> Pipeline:
+    """Spheres of another radius."""
+    return reading(lambda scene: scene | {
+        "things": [x | {"radius": factor * x["radius"]} if is_ball(x) else x for x in scene["things"]]})  # fmt: skip
 
 
 def fit(

@@ -10,7 +10,6 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from raytwin.diagnose.changes import NEAREST
 from raytwin.diagnose.predict import FIRST, RIGHT, Array, Before, Pipeline, Predictor, UnknownScene, output
 from raytwin.errors import InputError
 from raytwin.image import Image
@@ -186,7 +185,8 @@ class PixelSample:
 
 
 def _of_order(name: str, what: Any) -> bool:
-    return name == "nearest" or (name == "met" and isinstance(what, tuple) and any(old == NEAREST for old, _ in what))
+    """Whether a step says which hit is seen first."""
+    return name == "nearest" or (name == "met" and isinstance(what, tuple) and "nearest(" in what[0][0])
 
 
 def _right(view: SubmittedImage) -> Array:

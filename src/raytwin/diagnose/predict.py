@@ -23,11 +23,10 @@ Pipeline = tuple[tuple[str, Any], ...]
 SceneDict = dict[str, Any]
 RIGHT: Pipeline = ()
 """The tracer as it should be."""
-BESIDE = ("camera", "things", "lights", "output", "spread", "earlier")
-"""Steps beside the textbook's functions: the scene's camera, objects and lights; the values handed in; the rays
-of a pixel; what is left over from earlier scenes. Any other name defines a function
-that slips may call."""
-UP_TO_RAYS = ("pixel", "undistort", "through", "to_board", "camera", "spread")
+BESIDE = ("spread", "earlier")
+"""Steps beside the textbook's functions: the rays of a pixel; what is left over from earlier scenes. Any other name
+defines a function or number that slips may use."""
+UP_TO_RAYS = ("pixel", "undistort", "through", "to_board", "spread")
 """Steps that change nothing but the rays of the eye."""
 FACES_AWAY = (("return visible", "return visible & (np.sum(normals * to_light, axis=-1) > 0)"),)
 """What faces away from the sun is in its own shadow, as where shadow rays start a little off the surface."""
@@ -272,13 +271,16 @@ class Predictor:
 
     def described(self, pipeline: Pipeline) -> SceneDict:
         """The scene as this tracer takes it."""
-        changes = tuple(step for step in pipeline if step[0] in ("camera", "things", "lights", "earlier"))
+        changes = tuple(step for step in pipeline if step[0] in ("read_scene", "earlier"))
         return self._remembered("scene", changes, partial(self._described, changes))
 
     def _described(self, changes: Pipeline) -> SceneDict:
         made = as_dict(self.scene, self.shadows)
-        for name, what in sorted(changes, key=lambda step: step[0] != "earlier"):
-            made = what(None)(made, self.before) if name == "earlier" else what(made)
+        for name, what in changes:
+            made = what(None)(made, self.before) if name == "earlier" else made
+        if touches(changes, "read_scene"):
+            made, things = written(changes)["read_scene"](made, made["things"])
+            made = made | {"things": things}
         return made
 
     def functions(self, pipeline: Pipeline) -> dict[str, Any]:
@@ -362,7 +364,10 @@ class Predictor:
 
 def output(pipeline: Pipeline, radiance: Array, brightest: float) -> Array:
     """The values that a tracer with these mistakes hands in."""
-    return np.asarray(applied(pipeline, "output", lambda x, most: x)(radiance, brightest), float)
+    if not touches(pipeline, "hand_in"):
+        return radiance
+    steps = tuple(step for step in pipeline if step[0] == "hand_in")
+    return np.asarray(written(steps)["hand_in"](radiance, brightest), float)
 
 
 def _same(a: Any, b: Any) -> bool:

@@ -14,7 +14,14 @@ from typing import Any
 
 import numpy as np
 
+from raytwin.files import srgb_decode, srgb_encode
+
 Array = np.ndarray
+
+
+def read_scene(scene: Any, things: Any) -> Any:
+    """The scene and its objects as the tracer takes them."""
+    return scene, things
 
 
 def pixel(u: Any, v: Any, width: int, height: int) -> Any:
@@ -91,10 +98,10 @@ def intersect_all(origins: Any, directions: Any, things: Any) -> Any:
 
 
 def nearest(t: Any) -> Any:
-    """The object (N,) that each ray meets first, -1 for none; and its t, infinite for none."""
+    """The object (N,) that each ray meets first, -1 for none."""
     which = np.argmin(t, axis=0)
     closest = t[which, np.arange(t.shape[1])]
-    return np.where(np.isfinite(closest), which, -1), closest
+    return np.where(np.isfinite(closest), which, -1)
 
 
 def normals_at(points: Any, which: Any, eye: Any, things: Any) -> Any:
@@ -134,7 +141,9 @@ def met(rays: Any, scene: Any, things: Any) -> Any:
     """The eye; which thing each ray (N, 3) of the camera meets (N,); where (N, 3), not finite for none."""
     eye, directions = to_board(rays, scene["R_cam_board"], scene["t_cam_board"])
     origins = np.tile(eye, (len(directions), 1))
-    which, t = nearest(intersect_all(origins, directions, things))
+    every_t = intersect_all(origins, directions, things)
+    which = nearest(every_t)
+    t = every_t[which, np.arange(len(which))]
     return eye, which, origins + t[:, None] * directions
 
 
@@ -158,20 +167,27 @@ def radiance(scene: Any, things: Any, eye: Any, which: Any, points: Any) -> Any:
     return picture
 
 
+def hand_in(picture: Any, brightest: Any) -> Any:
+    """The values of the picture: linear radiance."""
+    return picture
+
+
 def hit_points(scene: Any) -> Any:
     """Where each pixel's ray first meets a sphere (H, W, 3); NaN for none."""
+    scene, things = read_scene(scene, scene["spheres"])
     rays = back_project(scene["K"], scene["dist"], scene["width"], scene["height"])
-    _, which, points = met(rays.reshape(-1, 3), scene, scene["spheres"])
+    _, which, points = met(rays.reshape(-1, 3), scene, things)
     points = np.where((which >= 0)[:, None], points, np.nan)
     return points.reshape(scene["height"], scene["width"], 3)
 
 
 def render(scene: Any) -> Any:
     """The picture (H, W, 3), linear radiance."""
-    things = [*scene["spheres"], *scene["planes"]]
+    scene, things = read_scene(scene, [*scene["spheres"], *scene["planes"]])
     rays = back_project(scene["K"], scene["dist"], scene["width"], scene["height"])
     eye, which, points = met(rays.reshape(-1, 3), scene, things)
     picture = radiance(scene, things, eye, which, points)
+    picture = hand_in(picture, np.max(picture))
     return picture.reshape(scene["height"], scene["width"], 3)
 
 
@@ -215,7 +231,8 @@ def slipped(function: str, changes: Changes) -> str:
 
 def namespace(texts: Iterable[str], numpy: Any = np) -> dict[str, Any]:
     """Functions of these texts, which call one another."""
-    space: dict[str, Any] = {"np": numpy, "Any": Any, "__builtins__": __builtins__}
+    space: dict[str, Any] = {"np": numpy, "Any": Any, "__builtins__": __builtins__, "srgb_decode": srgb_decode}
+    space["srgb_encode"] = srgb_encode
     for code in map(code_of, texts):
         space[code.co_name] = FunctionType(code, space)
     return space
