@@ -1,0 +1,352 @@
+"""How well the ready rubric sees and names slips in students' texts: `python -m measure.planted_slips [N] [SEED]`.
+
+Slips of the operators, as the textbook gets them, are planted in three students' texts, N (40) in each, drawn by SEED
+(0), equally many of each operator. What does not run, or changes nothing in cases and scenes that the rubric does not
+have, is left out and counted. Each is graded with the ready rubric. What a student reads first is right if it is
+
+- a change of the line that the slip is on, which makes everything right: the slip undone, or an equivalent of it;
+- or a mistake of the part of the tracer that the slip is in, alone and proved, or a generated slip.
+"""
+
+import ast
+import difflib
+import os
+import re
+import resource
+import signal
+import sys
+import tempfile
+import types
+import warnings
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from measure import record
+from measure.slip_classes import MOST, RARER, stop
+from starter_submissions import PLAIN
+from tracers_by_students import BOARD_FRAME, VECTORS
+
+from raytwin.contract.check_function import call_stage
+from raytwin.contract.stage import Case
+from raytwin.contract.stage_table import CONTRACT
+from raytwin.diagnose.catalogue import FAULTS
+from raytwin.diagnose.draw_scene import draw_scene
+from raytwin.diagnose.operators import Edit, edits
+from raytwin.diagnose.parametric_faults import FAMILIES
+from raytwin.diagnose.repair import kind_of
+from raytwin.grade.grade_submission import grade_submission
+from raytwin.grade.job import job_of
+from raytwin.grade.questions import LARGER
+from raytwin.grade.result import Result
+from raytwin.grade.rubric import PICTURES, READY, read_rubric
+from raytwin.renderers.scene_exchange import as_arrays
+
+SAME = 1e-9
+"""Of the scale: what changes less changes nothing."""
+FIX = re.compile(r"line (\d+): (.*); `(.*)` in place of `(.*)` makes everything right$")
+"""The third level of hints."""
+
+TEXTS = {"arrays": PLAIN, "render alone": BOARD_FRAME, "vectors": VECTORS}
+NOT_PLANTED = {"estimate_pose", "vec", "array"}
+"""The textbook has no pose; the others only change the layout."""
+CAMERA, SOLVER, NORMALS, LIGHT, REST = (
+    {"camera"}, {"solver"}, {"normals"}, {"light"}, {"order", "normals", "light", "shadow", "output", "solver"},
+)  # fmt: skip
+STAGES: dict[str, set[str]] = {
+    **dict.fromkeys(("undo_lens", "back_project", "camera_rays", "directions", "distort", "newton",
+                     "eye_and_ways"), CAMERA),
+    **dict.fromkeys(("intersect_sphere", "intersect_plane", "hit", "Vec", "__init__"), SOLVER | {"order", "shadow"}),
+    **dict.fromkeys(("normal", "normalize"), NORMALS | {"solver", "camera"}),
+    "shade": LIGHT, "hit_points": {"order", "solver"}, "closest": {"order", "solver"}, "in_shadow": {"shadow"},
+    "render": REST | {"camera"},
+}  # fmt: skip
+"""Function or method -> stages of the mistakes that may be told of a slip in it."""
+
+
+@dataclass(frozen=True)
+class Planted:
+    """`before`, in a function of a text, became `after`; `lines`: those that differ, `source`: the text with it."""
+
+    text: str
+    function: str
+    operator: str
+    before: str
+    after: str
+    lines: range
+    source: str
+
+    def __str__(self) -> str:
+        return f"{self.text}, {self.function}, line {self.lines[0]}: `{self.before}` -> `{self.after}`"
+
+
+# ------------------------------------------------------------------------------------------ planting
+
+
+def slips_of(name: str) -> list[tuple[str, Edit]]:
+    """All slips of a text: (function, edit)."""
+    return [
+        (function, edit)
+        for unit, function in _functions(ast.parse(TEXTS[name]))
+        for edit in edits(unit)
+        if edit.weight + RARER.get(edit.operator, 0.0) <= MOST
+    ]
+
+
+def planted(name: str, function: str, edit: Edit) -> Planted | None:
+    """The text with the slip; None where it cannot be written into it."""
+    text = TEXTS[name]
+    if not (source := written_into(text, edit)):
+        return None
+    found = difflib.SequenceMatcher(None, text.split("\n"), source.split("\n"), False).get_opcodes()
+    changed = [(first, end) for kind, _, _, first, end in found if kind != "equal"]
+    if not changed:
+        return None
+    lines = range(changed[0][0] + 1, max(changed[-1][1], changed[0][0] + 1) + 1)
+    return Planted(name, function, kind_of(edit.operator), edit.before, edit.after, lines, source)
+
+
+def _functions(tree: ast.Module) -> Iterator[tuple[ast.FunctionDef, str]]:
+    for one in tree.body:
+        inner = one.body if isinstance(one, ast.ClassDef) else [one]
+        yield from ((f, f.name) for f in inner if isinstance(f, ast.FunctionDef) and f.name not in NOT_PLANTED)
+
+
+def written_into(text: str, edit: Edit) -> str:
+    """The text with the edit, every other character as it was; empty where a part has no place in the text."""
+    parts = []
+    for old, new in edit.parts:
+        if getattr(old, "end_lineno", None) is None:
+            return ""
+        place: Any = old
+        begin = _place(text, place.lineno, place.col_offset)
+        end = _place(text, place.end_lineno, place.end_col_offset)
+        whole = new if isinstance(new, list) else [new]
+        words = "\n".join(ast.unparse(ast.fix_missing_locations(one)) for one in whole)
+        fits = isinstance(whole[0], ast.stmt | ast.Name | ast.Constant | ast.Call | ast.Attribute | ast.Subscript)
+        indented = words.replace("\n", "\n" + " " * place.col_offset)
+        parts.append((begin, end, indented if fits or isinstance(old, ast.keyword) else f"({words})"))
+    for begin, end, words in sorted(parts, reverse=True):
+        text = text[:begin] + words + text[end:]
+    try:
+        ast.parse(text)
+    except SyntaxError:
+        return ""
+    return text
+
+
+def _place(text: str, line: int, column: int) -> int:
+    return sum(len(one) + 1 for one in text.split("\n")[: line - 1]) + column
+
+
+# ------------------------------------------------------------------------------------------ what changes nothing
+
+
+@cache
+def probes() -> dict[str, list[Case]]:
+    """Cases and scenes that the rubric has not: function -> calls."""
+    found = {name: stage.cases(77_001) for name, stage in CONTRACT.items() if name != "estimate_pose"}
+    for k in range(4):
+        scene = as_arrays(draw_scene(77_100 + k, (60, 44), scale=(1.0, LARGER)[k % 2]), ("shadow", "lambert")[k // 3])
+        for name in ("hit_points", "render"):
+            found[name].append(Case("", (scene,), (np.asarray(CONTRACT[name].reference(scene)),)))
+    return found
+
+
+def values(source: str) -> list[np.ndarray] | None:
+    """What the text's functions return; None where one of them does not run."""
+    module = types.ModuleType("planted")
+    sys.modules["planted"] = module
+    got: list[np.ndarray] = []
+    try:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 20)
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            exec(compile(source, "planted.py", "exec"), module.__dict__)
+            for name, cases in probes().items():
+                if hasattr(module, name):
+                    for answer in call_stage(CONTRACT[name], getattr(module, name), cases):
+                        if isinstance(answer, str):
+                            return None
+                        got += answer
+    except (Exception, TimeoutError):
+        return None
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+    return got
+
+
+@cache
+def right_values(name: str) -> list[np.ndarray]:
+    got = values(TEXTS[name])
+    assert got is not None
+    return got
+
+
+def change(right: Sequence[np.ndarray], got: Sequence[np.ndarray]) -> float:
+    """The largest difference, of the scale of what is right; infinite where a value is no number, or another shape."""
+    worst = 0.0
+    for a, b in zip(right, got, strict=True):
+        if a.shape != b.shape:
+            return np.inf
+        same = (a == b) | (np.isnan(a) & np.isnan(b))
+        with np.errstate(all="ignore"):
+            off = np.where(same, 0.0, np.abs(a - b) / max(1e-300, float(np.abs(a[np.isfinite(a)]).max(initial=0))))
+        worst = max(worst, float(np.where(np.isnan(off), np.inf, off).max(initial=0)))
+    return worst
+
+
+def drawn_slips(name: str, count: int, seed: int, counts: Counter[str]) -> Iterator[tuple[Planted, float]]:
+    """So many slips of a text that change something, and by how much: of each operator one, then a second, ..."""
+    rng = np.random.default_rng([seed, count])
+    kinds: dict[str, list[tuple[str, Edit]]] = {}
+    for function, edit in slips_of(name):
+        kinds.setdefault(kind_of(edit.operator), []).append((function, edit))
+    counts["slips of the operators"] += sum(map(len, kinds.values()))
+    piles = [[pile[k] for k in rng.permutation(len(pile))] for _, pile in sorted(kinds.items())]
+    piles = [piles[k] for k in rng.permutation(len(piles))]
+    drawn: set[str] = set()
+    for one in [one for some in zip_longest(*piles) for one in some if one is not None]:
+        if count == 0:
+            return
+        slip = planted(name, *one)
+        if slip is None or slip.source in drawn:
+            continue
+        drawn.add(slip.source)
+        counts["drawn"] += 1
+        made = values(slip.source)
+        by = np.inf if made is None else change(right_values(name), made)
+        if made is None:
+            counts["do not run"] += 1
+        elif by <= SAME:
+            counts["change nothing"] += 1
+        else:
+            count -= 1
+            yield slip, by
+
+
+# ------------------------------------------------------------------------------------------ grading
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """`how`: what told the student first: a repair, a written way, a generated slip, a fitted number, the error."""
+
+    how: str
+    right: bool
+    proved: bool
+    line: int | None
+    line_right: bool
+    first: str
+
+
+WRITTEN = {fault.name for fault in FAULTS}
+FITTED = {family.name for family in FAMILIES}
+
+
+def verdict_of(slip: Planted, result: Result) -> Verdict:
+    """What a student with this result reads first, and whether that is right."""
+    worst = result.worst
+    assert worst is not None
+    first = worst.sentences[0] if worst.sentences else ""
+    found = [m for e in result.exercises for m in map(FIX.match, e.sentences) if m]
+    told = FIX.match(first)
+    line = int((told or found[0])[1]) if told or found else None
+    line_right = line is not None and line in slip.lines
+    proved = worst.sureness == "proved"
+    if told:
+        return Verdict("repair", line_right, True, line, line_right, first)
+    if worst.status == "error":
+        raised = re.search(r"\(line (\d+)", first)
+        right = raised is not None and int(raised[1]) in slip.lines
+        return Verdict("error", right or line_right, False, line, line_right, first)
+    if not worst.faults:
+        return Verdict("unknown", False, False, line, line_right, first)
+    names = [name for name, _ in worst.faults]
+    stages = {fault.stage for fault in (*FAULTS, *FAMILIES) if fault.name in names}
+    how = "generated slip" if any(n.startswith("slip-in-") for n in names) else (
+        "written way" if set(names) <= WRITTEN else "fitted number")  # fmt: skip
+    if how == "generated slip":
+        stages |= {"camera" if re.match(r"slip-in-(pixel|undistort|through|to_board)", n) else "" for n in names} - {""}
+    exact = proved or how == "generated slip"
+    right = exact and len(names) == 1 and stages <= STAGES[slip.function]
+    return Verdict(how, right, proved, line, line_right, first)
+
+
+def cpu_seconds() -> float:
+    """Of this process, and of those that it has started."""
+    spent = os.times()
+    return spent.user + spent.system + spent.children_user + spent.children_system
+
+
+def graded(file: Path, whole: Path, functions: Path) -> Result:
+    """The grade by the rubric `whole`, or by its `functions` alone where these decide what is read first.
+
+    A function that fails and is repaired comes before all pictures; without these it takes a fraction of the seconds.
+    """
+    for path in (functions, whole):
+        result = grade_submission(job_of(file.stem, file, path, read_rubric(path)))
+        if (worst := result.worst) is not None and worst.status == "fail" and worst.sureness == "proved":
+            break
+    return result
+
+
+def rubrics(folder: Path) -> tuple[Path, Path]:
+    """The ready rubric with all that is known of repairs, and its functions alone."""
+    text = READY.read_text(encoding="utf-8").replace("\nseed =", "\nhints = 3\nseed =", 1)
+    head, *exercises = text.partition("\n[speed]")[0].split("[[exercises]]")
+    limits = "[limits]" + text.partition("[limits]")[2]
+    alone = [e for e in exercises if not any(f'"{stage}"' in e for stage in PICTURES)]
+    whole, functions = folder / "rubric.toml", folder / "functions.toml"
+    whole.write_text(text, encoding="utf-8")
+    functions.write_text("[[exercises]]".join([head, *alone]) + "\n" + limits, encoding="utf-8")
+    return whole, functions
+
+
+def main(number: str = "40", seed: str = "0") -> int:
+    """Print each slip, what is read of it first, and the counts."""
+    resource.setrlimit(resource.RLIMIT_AS, (3 << 30, 3 << 30))  # a slip may ask for arrays without end
+    signal.signal(signal.SIGVTALRM, stop)
+    warnings.simplefilter("ignore")
+    counts: Counter[str] = Counter()
+    ways: Counter[str] = Counter()
+    with tempfile.TemporaryDirectory() as folder:
+        whole, functions = rubrics(Path(folder))
+        some = (drawn_slips(name, int(number), int(seed), counts) for name in TEXTS)
+        for slip, by in [one for row in zip_longest(*some) for one in row if one is not None]:
+            file = Path(folder, "submission.py")
+            file.write_text(slip.source, encoding="utf-8")
+            began = cpu_seconds()
+            result = graded(file, whole, functions)
+            spent = cpu_seconds() - began
+            counts["planted"] += 1
+            if all(e.status in ("pass", "missing") for e in result.exercises):
+                print(f"UNSEEN {slip} ({slip.operator}): changes {by:.1e}", flush=True)
+                continue
+            told = verdict_of(slip, result)
+            ways[told.how] += 1
+            counts["detected"] += 1
+            counts["named first"] += told.right
+            counts["proved"] += told.proved
+            counts["proved and right"] += told.proved and told.right
+            counts["line named"] += told.line is not None
+            counts["line named and right"] += told.line_right
+            others = sorted({name for e in result.exercises for name in e.causes})
+            how = f"{'ok' if told.right else 'WRONG'} {told.how}{' (proved)' if told.proved else ''} {spent:.1f} s"
+            print(f"{how} {slip} ({slip.operator}): {told.first[:170]} | line {told.line} of {slip.lines} {others}",
+                  flush=True)  # fmt: skip
+    rows: list[tuple[Any, ...]] = [(row, counts[row]) for row in (
+        "slips of the operators", "drawn", "do not run", "change nothing", "planted", "detected", "named first",
+        "proved", "proved and right", "line named", "line named and right")]  # fmt: skip
+    rows += [(f"named by {how}" if how != "unknown" else "no name", count) for how, count in ways.most_common()]
+    record.table("causes", "planted", ["", "count"], rows, f"python -m measure.planted_slips {number} {seed}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*record.arguments()))
