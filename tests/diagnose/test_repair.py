@@ -157,6 +157,52 @@ def test_lost_lines_late_variables_and_exchanged_names_are_put_right():
         assert right in texts, right
 
 
+SLOW = """
+import time
+CALLS = []
+
+def lens(x):
+    CALLS.append(len(CALLS))
+    time.sleep(0.002)
+    return x + power()
+
+def power():
+    return 2
+
+class Ball:
+    def size(self):
+        return 1
+
+def measured(ball, x):
+    time.sleep(0.002)
+    return ball.size() * x
+
+def f(x):
+    return lens(x) * measured(Ball(), 3) - 1
+"""
+
+
+def test_slow_functions_are_called_once_but_where_a_change_reaches_them():
+    space: dict = {}
+    exec(SLOW, space)
+    chosen = list(candidates([("", SLOW)], "f"))
+    ours = [c for c in chosen if c.names == ("f",)][:30]
+
+    def run(some):
+        loaded = [marshal.loads(c.code) for c in some]
+        return attempt(space, "f", loaded, [c.names for c in some], [c.setting for c in some], (3,), 1.0)
+
+    run(ours)
+    assert len(space["CALLS"]) < len(ours) / 2
+    for names, change, expected in (
+        (("power",), lambda e: e.after == "3", 6 * 3 - 1),
+        (("Ball",), lambda e: e.after == "2", 5 * 2 * 3 - 1),
+        (("f",), lambda e: e.before == "1" and e.after == "0", 15.0),
+    ):
+        ((got,),) = run([next(c for c in chosen if c.names == names and change(c.edit))])
+        assert got == expected, names
+
+
 def test_a_change_that_asks_for_too_much_memory_is_none():
     import resource
 

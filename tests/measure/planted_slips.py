@@ -5,7 +5,7 @@ Slips of the operators, as the textbook gets them, are planted in three students
 have, is left out and counted. Each is graded with the ready rubric. What a student reads first is right if it is
 
 - a change of the line that the slip is on, which makes everything right: the slip undone, or an equivalent of it;
-- or a mistake of the part of the tracer that the slip is in, alone and proved, or a generated slip.
+- or a mistake of the part of the tracer that the slip is in, alone and proved.
 """
 
 import ast
@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 from measure import record
-from measure.slip_classes import MOST, RARER, stop
+from measure.undetected_slips import stop
 from starter_submissions import PLAIN
 from tracers_by_students import BOARD_FRAME, VECTORS
 
@@ -47,6 +47,14 @@ from raytwin.grade.result import Result
 from raytwin.grade.rubric import PICTURES, READY, read_rubric
 from raytwin.renderers.scene_exchange import as_arrays
 
+MOST = 1.35
+"""Weight: what is more far-fetched is left out."""
+RARER = {
+    "a square root is missing": 0.6, "a square is missing": 0.3, "the absolute value is missing": 0.6,
+    "a bound of 0 is missing": 0.6, "it is not made unit": 0.6, "it is not transposed": 0.6, "pi is missing": 0.3,
+    "pi is too many": 0.3, "there are too few steps": 9.0,
+}  # fmt: skip
+"""Operator of repairs -> weight that is added where its reverse is a mistake: few take a root that is not wanted."""
 SAME = 1e-9
 """Of the scale: what changes less changes nothing."""
 FIX = re.compile(r"line (\d+): (.*); `(.*)` in place of `(.*)` makes everything right$")
@@ -235,7 +243,7 @@ def drawn_slips(name: str, count: int, seed: int, counts: Counter[str]) -> Itera
 
 @dataclass(frozen=True)
 class Verdict:
-    """`how`: what told the student first: a repair, a written way, a generated slip, a fitted number, the error."""
+    """`how`: what told the student first: a repair, a written way, a fitted number, the error."""
 
     how: str
     right: bool
@@ -269,12 +277,8 @@ def verdict_of(slip: Planted, result: Result) -> Verdict:
         return Verdict("unknown", False, False, line, line_right, first)
     names = [name for name, _ in worst.faults]
     stages = {fault.stage for fault in (*FAULTS, *FAMILIES) if fault.name in names}
-    how = "generated slip" if any(n.startswith("slip-in-") for n in names) else (
-        "written way" if set(names) <= WRITTEN else "fitted number")  # fmt: skip
-    if how == "generated slip":
-        stages |= {"camera" if re.match(r"slip-in-(pixel|undistort|through|to_board)", n) else "" for n in names} - {""}
-    exact = proved or how == "generated slip"
-    right = exact and len(names) == 1 and stages <= STAGES[slip.function]
+    how = "written way" if set(names) <= WRITTEN else "fitted number"
+    right = proved and len(names) == 1 and stages <= STAGES[slip.function]
     return Verdict(how, right, proved, line, line_right, first)
 
 

@@ -141,12 +141,21 @@ def _running(statement: ast.AST, runs: Callable[[ast.stmt], bool]) -> Iterator[a
 
 def locate(tree: ast.AST, like: ast.AST) -> None:
     """Give what is new in the tree the place of another node; below nodes that have one nothing is new."""
+    place = {name: getattr(like, name) for name in PLACE if hasattr(like, name)}
     todo = [tree]
     while todo:
         node = todo.pop()
-        if not hasattr(node, "lineno"):
-            ast.copy_location(node, like)
-            todo += ast.iter_child_nodes(node)
+        if "lineno" not in node.__dict__:
+            if "lineno" in node._attributes:
+                node.__dict__.update(place)
+            for value in [node.__dict__.get(name) for name in node._fields]:
+                if isinstance(value, ast.AST):
+                    todo.append(value)
+                elif isinstance(value, list):
+                    todo += [one for one in value if isinstance(one, ast.AST)]
+
+
+PLACE = ("lineno", "col_offset", "end_lineno", "end_col_offset")
 
 
 def _same(old: ast.AST, new: New) -> bool:
@@ -305,11 +314,17 @@ def _template(text: str) -> ast.expr:
 
 def fill(text: str, **parts: ast.expr) -> Any:
     """The expression `text`, its names A, B and so on replaced by nodes."""
-    made: Any = _template(text)
-    for name, part in parts.items():
-        for node in [n for n in ast.walk(made) if isinstance(n, ast.Name) and n.id == name]:
-            made = replaced(made, node, part)
-    return made
+    return _filled(_template(text), parts)
+
+
+def _filled(tree: Any, parts: Mapping[str, ast.expr]) -> Any:
+    if isinstance(tree, ast.Name):
+        return parts.get(tree.id, tree)
+    if isinstance(tree, list):
+        return [_filled(one, parts) for one in tree]
+    if not (isinstance(tree, ast.AST) and tree._fields):
+        return tree
+    return type(tree)(**{name: _filled(getattr(tree, name), parts) for name in tree._fields})
 
 
 WRAPS: tuple[tuple[str, float, str], ...] = (
@@ -758,7 +773,7 @@ class _Swapped(ast.NodeTransformer):
         self.other = {one: other, other: one}
 
     def visit_Name(self, node: ast.Name) -> ast.Name:
-        return ast.Name(self.other.get(node.id, node.id), node.ctx)
+        return ast.copy_location(ast.Name(self.other.get(node.id, node.id), node.ctx), node)
 
 
 def _lambda(n: ast.Lambda, scope: _Scope) -> Found:

@@ -290,20 +290,86 @@ def _bound(statement: ast.stmt) -> tuple[str, ...]:
 
 
 def remembering(space: Any, name: Any) -> Any:
-    """The function of that name, which is asked once for the same arguments."""
+    """The function of that name, which is asked once for the same arguments, unless it changes them."""
     import pickle
 
     kept, right = space.setdefault("raytwin_kept", {}), space[name]
 
     def remembered(*args: Any) -> Any:
-        key = name, pickle.dumps(args)
+        try:
+            key = name, pickle.dumps(args)
+        except Exception:  # of classes that are made anew
+            return right(*args)
         if key not in kept:
             if len(kept) > 50:
                 kept.clear()
-            kept[key] = pickle.dumps(right(*args))
+            got = right(*args)
+            try:
+                if pickle.dumps(args) != key[1]:
+                    return got
+                kept[key] = pickle.dumps(got)
+            except Exception:
+                return got
         return pickle.loads(kept[key])
 
     return remembered
+
+
+def slow_functions(space: Any, call: Any) -> Any:
+    """Name -> (function that remembers, names that it reads in turn) of functions that take long in this call."""
+    import contextlib
+    import dis
+    import time
+    import types
+
+    spent: dict[str, list[float]] = {}
+
+    def timed(name: Any, function: Any) -> Any:
+        def measured(*args: Any, **named: Any) -> Any:
+            began = time.perf_counter()
+            try:
+                return function(*args, **named)
+            finally:
+                spent.setdefault(name, []).append(time.perf_counter() - began)
+
+        return measured
+
+    def codes(thing: Any) -> Any:
+        some = vars(thing).values() if isinstance(thing, type) else [thing]
+        todo = [one.__code__ for one in some if isinstance(one, types.FunctionType)]
+        for code in todo:
+            todo += [one for one in code.co_consts if isinstance(one, types.CodeType)]
+        return todo
+
+    def reads(name: Any) -> Any:
+        """None if it changes global names."""
+        found, todo = {name}, [name]
+        for one in todo:
+            for code in codes(space.get(one)):
+                if dis.opmap["STORE_GLOBAL"] in code.co_code[::2]:
+                    return None
+                todo += [n for n in code.co_names if n not in found]
+                found.update(code.co_names)
+        return found
+
+    functions = {
+        name: one for name, one in space.items() if isinstance(one, types.FunctionType) and one.__globals__ is space
+    }
+    space.update({name: timed(name, one) for name, one in functions.items()})
+    with contextlib.suppress(TimeoutError):
+        call()
+    space.update(functions)
+    slow = {name: reads(name) for name, some in spent.items() if sum(some) / len(some) > 3e-4}
+    return {name: (remembering(space, name), names) for name, names in slow.items() if names is not None}
+
+
+def unchanged(space: Any, slow: Any, bound: Any) -> Any:
+    """Those of the `slow` functions that do without names that are bound anew, and without what their classes have."""
+    classes = [space[name] for name in bound if isinstance(space.get(name), type)]
+    methods = {name for one in classes for name in vars(one) if callable(vars(one)[name])}
+    if any(name.startswith("__") and name not in ("__init__", "__repr__") for name in methods):
+        return {}  # operators of values are not called by name
+    return {name: keep for name, (keep, reads) in slow.items() if not reads & {*bound, *methods}}
 
 
 def attempt(
@@ -350,6 +416,7 @@ def attempt(
     timed = hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread()
     before_it = signal.signal(signal.SIGVTALRM, stop) if timed else None
     made = []
+    slow = space.setdefault("raytwin_slow", {})
     rights = {name: space[name] for name in innocent if name in space}
     space.update({name: remembering(space, name) for name in rights})
     with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings(), numpy.errstate(all="ignore"):
@@ -358,8 +425,13 @@ def attempt(
         as_it_is = said(answer(seconds, None, ()))
         if as_it_is is not None:
             seconds = min(seconds, 0.03 + 10 * (time.process_time() - began))
+        if codes and function not in slow:
+            slow[function] = slow_functions(space, lambda: answer(seconds, None, ()))
         for code, bound, setting in zip(codes, names, settings, strict=True):
             old = {name: space[name] for name in bound if name in space}
+            keeping = unchanged(space, slow[function], bound)
+            old |= {name: space[name] for name in keeping}
+            space.update(keeping)
             got = None
             with contextlib.suppress(TimeoutError):  # the clock may ring on the way out, too
                 got = answer(seconds, code, setting)

@@ -31,6 +31,8 @@ from raytwin.diagnose.repair import (
     places_reached,
     remembering,
     repair,
+    slow_functions,
+    unchanged,
 )
 from raytwin.grade.fingerprint import PROBE_SEED, fingerprint
 from raytwin.grade.follow_through import code_with
@@ -45,6 +47,10 @@ DRIVER = f"""
 from typing import Any
 
 {inspect.getsource(remembering)}
+
+{inspect.getsource(slow_functions)}
+
+{inspect.getsource(unchanged)}
 
 {inspect.getsource(attempt)}
 
