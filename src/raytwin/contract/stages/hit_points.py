@@ -10,7 +10,10 @@ from raytwin.diagnose import textbook
 
 
 def hit_points(scene: SceneDict) -> Any:
-    """Where each pixel's ray first meets a sphere: points (H, W, 3) in the board's frame, metres; NaN for none."""
+    """Where each pixel's ray first meets a sphere: points (H, W, 3) in the board's frame, metres; NaN for none.
+
+    Planes are left out: they hide no sphere here.
+    """
     with np.errstate(all="ignore"):
         return textbook.hit_points(scene)
 

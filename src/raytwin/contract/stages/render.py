@@ -13,8 +13,9 @@ def render(scene: SceneDict) -> Any:
     """The picture (H, W, 3), linear radiance, row 0 on top.
 
     Each pixel shows what the ray through its centre meets first: shaded by sun and sky, or the sky's radiance where
-    it meets nothing. With scene["rung"] == "shadow" the sun does not reach points that another object hides from
-    it; with "lambert" nothing casts shadows. Planes are rectangles, center ± half_u ± half_v, lit from both sides.
+    it meets nothing. With scene["rung"] == "shadow" the sun does not reach points that an object hides from it: another
+    one, or, seen from inside a sphere, its own wall; with "lambert" nothing casts shadows. Planes are rectangles,
+    center ± half_u ± half_v, lit from both sides.
     """
     with np.errstate(all="ignore"):
         return textbook.render(scene)
