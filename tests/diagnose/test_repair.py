@@ -20,9 +20,10 @@ from raytwin.diagnose.textbook import TEXT
 
 
 def tried(space, chosen, argument, seconds=1.0):
-    loaded = {code: marshal.loads(code) for code in {c.code for c in chosen}}
+    loaded = {code: marshal.loads(code) for code in {code for c in chosen for code in c.codes}}
     settings = [c.setting for c in chosen]
-    return attempt(space, "f", [loaded[c.code] for c in chosen], [("f",)] * len(chosen), settings, (argument,), seconds)
+    codes = [[loaded[code] for code in c.codes] for c in chosen]
+    return attempt(space, "f", codes, [("f",)] * len(chosen), settings, (argument,), seconds)
 
 
 QUICK = [s for s in SLIPS if s.label in (
@@ -252,7 +253,72 @@ def test_what_repairs_a_random_slip_is_right_in_cases_that_nobody_tried():
         if found is not None:
             space = module(source).__dict__
             space[SWITCH] = dict(found.candidate.setting)
-            exec(marshal.loads(found.candidate.code), space)
+            for code in found.candidate.codes:
+                exec(marshal.loads(code), space)
             assert all(judge_function(stage, space[name], seed).passed for seed in (50, 51, 52)), found
             proved += 1
     assert proved >= 1
+
+
+TWO_LOOPS = """
+def nearest(balls, sheets):
+    best, first = 1e9, -1
+    for ball in balls:
+        t = ball[0]
+        if t < best:
+            best = t
+            first = ball[1]
+    for sheet in sheets:
+        t = sheet[0]
+        if t < best:
+            best = t
+            first = sheet[1]
+    return best, first
+"""
+
+
+def numbers_cases():
+    some = [([(3, 1), (2, 2)], [(4, 3), (1, 4)]), ([(3, 1)], [(2, 5), (2.5, 6)]), ([(1, 1)], [])]
+    return [Case("", args, tuple(map(np.asarray, plain(TWO_LOOPS, "nearest")(*args)))) for args in some]
+
+
+def plain(text, name):
+    exec(text, space := {})
+    return space[name]
+
+
+def repaired(text, name, cases, right_values=lambda case, got: None):
+    space = {}
+    exec(text, space)
+
+    def run(chosen, arguments, changed):
+        codes = [[marshal.loads(code) for code in c.codes] for c in chosen]
+        settings = [c.setting for c in chosen]
+        return attempt(space, name, codes, [c.names for c in chosen], settings, arguments, 1.0, changed)
+
+    def is_right(case, got):
+        return len(got) == 2 and all(map(np.array_equal, case.expected, got))
+
+    wrong_first = sorted(cases, key=lambda case: is_right(case, plain(text, name)(*case.args)))
+    runner = Runner(run, lambda chosen, arguments: None)
+    return repair([("", text)], name, wrong_first, is_right, runner, lambda: True, right_values=right_values)
+
+
+@pytest.mark.parametrize("lost", ["            best = t\n", "            first = sheet[1]\n"])
+def test_a_line_that_is_missing_is_found_in_a_block_like_it(lost):
+    before, _, after = TWO_LOOPS.rpartition(lost)
+    found = repaired(before + after, "nearest", numbers_cases())
+    assert found is not None
+    assert found.operator == f"`{lost.strip()}` is missing"
+    assert found.line in (12, 13)
+
+
+def test_two_mistakes_in_one_function_are_both_named():
+    text = "def f(x, y):\n    a = x * 2 + y\n    b = x - y\n    return a, b\n"
+    wrong = text.replace("x * 2 + y", "x * 2 - y").replace("x - y", "y - x")
+    cases = [Case("", args, plain(text, "f")(*args)) for args in [(3.0, 4.0), (1.5, 0.25)]]
+    found = repaired(wrong, "f", cases, lambda case, got: np.equal(case.expected, got) if len(got) == 2 else None)
+    assert found is not None
+    assert {found.line, found.beside.line} == {2, 3}
+    assert "two changes" in found.hint(3)
+    assert repaired(wrong, "f", cases) is None  # what makes a part right is not known

@@ -47,10 +47,10 @@ def repair_here(
 
     loaded: dict[bytes, Any] = {}
 
-    def prepared(chosen: Sequence[Candidate]) -> tuple[list[Any], list[tuple[str, ...]]]:
-        for code in {c.code for c in chosen} - set(loaded):
+    def prepared(chosen: Sequence[Candidate]) -> tuple[list[list[Any]], list[tuple[str, ...]]]:
+        for code in {code for c in chosen for code in c.codes} - set(loaded):
             loaded[code] = marshal.loads(code)
-        return [loaded[c.code] for c in chosen], [c.names for c in chosen]
+        return [[loaded[code] for code in c.codes] for c in chosen], [c.names for c in chosen]
 
     def run(chosen: Sequence[Candidate], arguments: Sequence[Any], changed: bool) -> Answers:
         with _bounded_memory():
@@ -59,7 +59,7 @@ def repair_here(
         return made
 
     def places(chosen: Sequence[Candidate], arguments: Sequence[Any]) -> frozenset[int]:
-        one_each = list({c.code: c for c in chosen}.values())
+        one_each = list({c.codes: c for c in chosen}.values())
         return frozenset(places_reached(space, name, *prepared(one_each), arguments, A_CALL))
 
     token = _REPAIRING.set(True)

@@ -7,6 +7,7 @@ Applied to the textbook they are mistakes, to a student's text they are repairs:
 import ast
 import copy
 import itertools
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -102,16 +103,18 @@ def edits(
     statement: ast.stmt,
     file: File = ALONE,
     rare: bool = False,
+    only: tuple[type, ...] = (ast.AST,),
     runs: Callable[[ast.stmt], bool] = lambda one: True,
 ) -> list[Edit]:
     """Single slips of a top-level statement, the least far-fetched first: those of weights up to `USUAL`, or the rest.
 
-    `runs(statement)`: whether it is one that matters. Names in scope are those of a function, or of a class's method.
+    `only`: of nodes of these types. `runs(statement)`: whether it is one that matters. Names in scope are those of a
+    function, or of a class's method.
     """
     made: list[Edit] = []
     for unit in _units(statement):
         scope = _Scope(unit, file, rare)
-        by_node = {id(node): list(_of_node(node, scope)) for node in _running(unit, runs)}
+        by_node = {id(node): list(_of_node(node, scope)) for node in _running(unit, runs) if isinstance(node, only)}
         made += [edit for some in by_node.values() for edit in some]
         made += [edit for same in _repeated(unit) for edit in _at_all(same, by_node)]
     made = [edit for edit in made if (edit.weight > USUAL) == rare and not _same(edit.old, edit.new)]
@@ -220,10 +223,11 @@ class _Scope:
         self.values: set[int] = set()
         self.assigned: dict[str, list[ast.expr]] = {}
         self.steps = [n for n in nodes if isinstance(n, ast.AugAssign)]
-        self.cases = [n for n in nodes if isinstance(n, ast.If)]
-        self.lines = [n for n in nodes if isinstance(n, ast.Assign)]
         self.parents = {id(child): n for n in [statement, *nodes] for child in ast.iter_child_nodes(n)}
         self.uses: dict[str, list[ast.Name]] = {}
+        self.loops = {name for n in nodes if isinstance(n, ast.For) for name in _names_in(n.target)} - {"_"}
+        self.blocks = [block for n in [statement, *nodes] for block in _blocks(n)]
+        self.lengths = {ast.unparse(n) for n in nodes if isinstance(n, ast.Call) and ast.unparse(n.func) == "len"}
         self.attributes: dict[str, set[str]] = {}
         donors: dict[str, ast.expr] = {}
         for n in nodes:
@@ -242,11 +246,19 @@ class _Scope:
             if isinstance(n, ast.Subscript) and isinstance(n.value, ast.Name) and _is_word(n.slice):
                 for word in self.words:
                     donors.setdefault(f"{n.value.id}[{word!r}]", _template(f"{n.value.id}[{word!r}]"))
-        self.donors = list(donors.items())[:MOST_DONORS] if rare else []
+        donors |= {text: _template(text) for text in sorted(self.lengths)}
+        self.donors = list(donors.items())[:MOST_DONORS]
 
     def _is_called(self, node: ast.AST) -> bool:
         parent = self.parents.get(id(node))
         return isinstance(parent, ast.Call) and parent.func is node
+
+    def loop_of(self, node: ast.AST) -> ast.AST | None:
+        """The innermost loop around the node."""
+        around = self.parents.get(id(node))
+        while around is not None and not isinstance(around, ast.For):
+            around = self.parents.get(id(around))
+        return around
 
     def is_module(self, node: ast.AST) -> bool:
         """`np`, `np.linalg`, `cv2`: a name that is none of the function's, and what it has."""
@@ -258,6 +270,12 @@ class _Scope:
 MOST_DONORS = 24
 """Attributes and entries that may be missing beside a value."""
 MODULES = {"math", "cv2", "scipy", "optimize", "linalg", "itertools", "functools"}
+
+
+def _blocks(n: ast.AST) -> Iterator[list[ast.stmt]]:
+    for block in (getattr(n, "body", None), getattr(n, "orelse", None)):
+        if isinstance(block, list) and block:
+            yield block
 
 
 def _values(n: ast.AST) -> list[ast.expr]:
@@ -288,11 +306,15 @@ def _of_node(node: ast.AST, scope: _Scope) -> Iterator[Edit]:
     for kind, rule in RULES:
         if isinstance(node, kind):
             yield from (Edit(words, weight, node, new, *also) for words, weight, new, *also in rule(node, scope))
+    if isinstance(node, ast.expr):
+        yield from (Edit(words, weight, node, new) for words, weight, new in _rewritten(node, scope))
     if id(node) in scope.values and isinstance(node, ast.expr) and not (_is_text(node) or scope.is_module(node)):
         yield from (Edit(words, weight, node, new) for words, weight, new in _wrapped(node, scope))
-    for block in (getattr(node, "body", None), getattr(node, "orelse", None)):
-        if isinstance(block, list):
+    for block in _blocks(node):
+        if not isinstance(node, ast.ClassDef):
             yield from _moved(block)
+            yield from _companion(block, scope)
+            yield from () if scope.rare else _lost(block, scope)
 
 
 def _is_word(node: ast.AST) -> bool:
@@ -356,6 +378,7 @@ WRAPS: tuple[tuple[str, float, str], ...] = (
     ("it is cut to whole numbers", 1.8, "A.astype(float)"),
     ("rows and columns are swapped", 1.8, "A.transpose(1, 0, 2)"),
     ("the sum over an axis is missing", 1.8, "NP.sum(A, axis=-1)"),
+    ("the inverse is wanted", 1.6, "NP.linalg.inv(A)"),
     ("the length is wanted", 1.9, "NP.linalg.norm(A, axis=-1)"),
     ("it is bounded", 2.2, "NP.clip(A, 0, 1)"),
     ("it is encoded", 2.2, "A ** (1 / 2.2)"),
@@ -384,7 +407,6 @@ def _wrapped(node: ast.expr, scope: _Scope) -> Found:
     if called in ASKING:
         return  # a value that becomes NaN there is an accident
     if called == "range":  # so is a loop that never runs
-        yield from ((words, weight, fill(text, A=node)) for words, weight, text in WRAPS if words == "one step is off")
         return
     if isinstance(parent, ast.Assign) and isinstance(node, ast.Name):  # any change there makes a copy, too
         yield "a copy is missing", 0.9, fill("A.copy()", A=node)
@@ -431,6 +453,114 @@ def _names_in(tree: ast.AST, use: type[ast.expr_context] = ast.expr_context) -> 
 
 def _name(name: str) -> ast.expr:
     return _template(name)
+
+
+REWRITINGS: tuple[tuple[str, float, str, str], ...] = (
+    ("the brackets are missing", 1.2, "-A + B", "-(A + B)"),
+    ("the brackets are missing", 1.2, "-A - B", "-(A - B)"),
+    ("the brackets are missing", 1.1, "~A & B", "~(A & B)"),
+    ("the brackets are missing", 1.1, "~A | B", "~(A | B)"),
+    ("the brackets are too many", 1.1, "~(A & B)", "~A & B"),
+    ("the brackets are too many", 1.1, "~(A | B)", "~A | B"),
+    ("the brackets are too many", 1.1, "-(A + B)", "-A + B"),
+    ("the brackets are too many", 1.1, "-(A - B)", "-A - B"),
+    ("the brackets are too many", 1.2, "(A + B) * C", "A * C + B"),
+    ("the brackets are too many", 1.2, "(A + B) / C", "A / C + B"),
+    ("the brackets are too many", 1.2, "(A - B) * C", "A * C - B"),
+    ("the brackets are too many", 1.2, "(A - B) / C", "A / C - B"),
+    ("the sum is taken too early", 1.1, "(A + B) @ C", "A @ C + B"),
+    ("the sum is taken too early", 1.1, "(A - B) @ C", "A @ C - B"),
+    ("`&` binds more tightly than the comparisons", 0.9, "A > B & C > D", "(A > B) & (C > D)"),
+    ("`&` binds more tightly than the comparisons", 0.9, "A > B & C < D", "(A > B) & (C < D)"),
+    ("`&` binds more tightly than the comparisons", 0.9, "A < B & C < D", "(A < B) & (C < D)"),
+    ("`&` binds more tightly than the comparisons", 0.9, "A <= B & C <= D", "(A <= B) & (C <= D)"),
+    ("`|` binds more tightly than the comparisons", 0.9, "A < B | C <= D", "(A < B) | (C <= D)"),
+    ("`and` is for single values, `&` for arrays", 0.9, "A and B", "A & B"),
+    ("`or` is for single values, `|` for arrays", 0.9, "A or B", "A | B"),
+    ("`not` is for single values, `~` for arrays", 0.9, "not A", "~A"),
+    ("`is` asks for the same object, `==` for the same value", 0.9, "A is B", "A == B"),
+    ("`is` asks for the same object, `==` for the same value", 0.9, "A is not B", "A != B"),
+    ("`^` is no power", 0.9, "A ^ B", "A ** B"),
+    ("all are one and the same list", 0.9, "[A] * B", "[A for _ in range(B)]"),
+    ("it counts from another number", 1.5, "enumerate(A)", "enumerate(A, 1)"),
+    ("it counts from another number", 1.3, "enumerate(A, B)", "enumerate(A)"),
+    ("the first is left out", 1.2, "range(A, B)", "range(B)"),
+    ("it begins one too early", 1.1, "range(A, B)", "range(A + 1, B)"),
+    ("it ends one too early", 1.1, "range(A, B)", "range(A, B + 1)"),
+    ("it ends one too late", 1.1, "range(A, B)", "range(A, B - 1)"),
+    ("it ends one too early", 1.1, "range(A)", "range(A + 1)"),
+    ("it ends one too late", 1.1, "range(A)", "range(A - 1)"),
+    ("it counts from 1", 1.1, "NP.arange(A, B)", "NP.arange(B)"),
+    ("it counts from 1", 1.1, "NP.arange(1, A + 1)", "NP.arange(A)"),
+    ("both ends are in it", 1.1, "NP.linspace(A, B, C)", "NP.linspace(A, B - 1, C)"),
+    ("both ends are in it", 1.1, "NP.linspace(A, B, C)", "NP.linspace(A, B, C, endpoint=False)"),
+    ("infinity is wanted", 1.2, "NP.zeros(A)", "NP.full(A, NP.inf)"),
+    ("NaN is wanted", 1.2, "NP.zeros(A)", "NP.full(A, NP.nan)"),
+    ("NaN is wanted", 1.2, "NP.zeros_like(A)", "NP.full_like(A, NP.nan, dtype=float)"),
+    ("infinity is wanted", 1.2, "NP.zeros_like(A)", "NP.full_like(A, NP.inf, dtype=float)"),
+    ("NaN is wanted", 1.1, "NP.inf", "NP.nan"),
+    ("infinity is wanted", 1.1, "NP.nan", "NP.inf"),
+    ("infinity is wanted", 1.1, "-NP.inf", "NP.inf"),
+    ("the rotation vector is wanted", 0.9, "A.from_euler(B, C)", "A.from_rotvec(C)"),
+    ("the rotation vector is wanted", 1.0, "A.from_quat(B)", "A.from_rotvec(B)"),
+    ("the rotation vector is wanted", 1.0, "A.as_euler(B)", "A.as_rotvec()"),
+    ("infinity is wanted", 1.2, "A > 0", "A < NP.inf"),
+    ("infinity is wanted", 1.2, "A < 0", "A < NP.inf"),
+    ("it is doubled, not squared", 1.1, "2 * A", "A ** 2"),
+    ("it is doubled, not squared", 1.1, "A * 2", "A ** 2"),
+    ("it is squared, not doubled", 1.1, "A ** 2", "2 * A"),
+    ("it is squared, not cubed", 1.5, "A ** 2", "A ** 3"),
+    ("other entries are wanted", 1.2, "A[..., :B]", "A[..., B:]"),
+    ("other entries are wanted", 1.2, "A[..., B:]", "A[..., :B]"),
+    ("other entries are wanted", 1.2, "A[:, :B]", "A[:, B:]"),
+    ("other entries are wanted", 1.2, "A[:, B:]", "A[:, :B]"),
+    ("other entries are wanted", 1.5, "A[B:C]", "A[B:C + 1]"),
+    ("other entries are wanted", 1.5, "A[B:C]", "A[B:C - 1]"),
+    ("other entries are wanted", 1.5, "A[B:C]", "A[B + 1:C]"),
+    ("it is not divided by its last entry", 1.2, "A[:, :2]", "A[:, :2] / A[:, 2:]"),
+    ("it is not divided by its last entry", 1.2, "A[..., :2]", "A[..., :2] / A[..., 2:]"),
+    ("the number is not exact", 1.3, "NP.float32", "NP.float64"),
+)
+"""What may be written for what: in words, how far-fetched, the pattern, and what is right. A, B and so on are any
+expressions, NP is NumPy."""
+
+
+@cache
+def _patterns() -> Mapping[type, list[tuple[str, float, ast.expr, str]]]:
+    """The rewritings by the kind of node that they are for."""
+    made: dict[type, list[tuple[str, float, ast.expr, str]]] = {}
+    for words, weight, pattern, right in REWRITINGS:
+        tree = _template(pattern)
+        made.setdefault(type(tree), []).append((words, weight, tree, right))
+    return made
+
+
+def _rewritten(node: ast.expr, scope: _Scope) -> Found:
+    for words, weight, pattern, right in _patterns().get(type(node), ()):
+        parts: dict[str, ast.expr] = {}
+        if _matches(pattern, node, parts, scope.numpy):
+            yield words, weight, fill(right, **parts, NP=_template(scope.numpy))
+
+
+def _matches(pattern: Any, node: Any, parts: dict[str, ast.expr], numpy: str) -> bool:
+    """Whether the node has the pattern's form; `parts` are what its letters stand for."""
+    if isinstance(pattern, ast.Name) and len(pattern.id) == 1 and isinstance(node, ast.expr):
+        return pattern.id not in parts and not isinstance(node, ast.Slice | ast.Starred) and not parts.update(
+            {pattern.id: node})  # fmt: skip
+    if isinstance(pattern, ast.Name) and pattern.id == "NP":
+        return isinstance(node, ast.Name) and node.id == numpy
+    if isinstance(pattern, list):
+        return (
+            isinstance(node, list)
+            and len(pattern) == len(node)
+            and all(_matches(p, n, parts, numpy) for p, n in zip(pattern, node, strict=True))
+        )
+    if not isinstance(pattern, ast.AST):
+        return bool(pattern == node)
+    return type(pattern) is type(node) and all(
+        _matches(value, getattr(node, name, None), parts, numpy)
+        for name, value in ast.iter_fields(pattern) if name != "ctx"
+    )  # fmt: skip
 
 
 # ------------------------------------------------------------------------------------------ expressions
@@ -494,8 +624,8 @@ REVERSED: dict[type, tuple[tuple[float, type], ...]] = {
     ast.GtE: ((1.0, ast.LtE), (1.8, ast.Gt)),
     ast.Eq: ((1.0, ast.NotEq),),
     ast.NotEq: ((1.0, ast.Eq),),
-    ast.In: ((1.0, ast.NotIn),),
-    ast.NotIn: ((1.0, ast.In),),
+    ast.In: ((1.6, ast.NotIn),),
+    ast.NotIn: ((1.6, ast.In),),
 }
 
 
@@ -531,7 +661,8 @@ EXCHANGED = (
     ("deg2rad", "rad2deg"), ("isfinite", "isinf"), ("isfinite", "isnan"), ("vstack", "hstack"),
     ("logical_and", "logical_or"), ("sum", "prod"), ("floor", "rint"), ("nanmin", "nanmax"), ("sum", "max"),
     ("minimum", "fmin"), ("maximum", "fmax"), ("min", "nanmin"), ("max", "nanmax"), ("argmin", "nanargmin"),
-    ("min", "minimum"), ("max", "maximum"),
+    ("min", "minimum"), ("max", "maximum"), ("inner", "outer"), ("outer", "multiply"), ("dot", "cross"),
+    ("empty", "zeros"), ("empty_like", "zeros_like"), ("isinf", "isnan"), ("ceil", "floor"), ("append", "extend"),
 )  # fmt: skip
 SIMILAR: dict[str, list[str]] = {}
 for _a, _b in EXCHANGED:
@@ -541,6 +672,8 @@ OVER_AN_AXIS = {
     "sum", "norm", "mean", "min", "max", "argmin", "argmax", "any", "all", "prod", "stack", "concatenate", "flip",
     "cumsum", "nanmin", "nanmax", "argsort", "sort", "median", "repeat", "roll",
 }  # fmt: skip
+SHARED = "an array is changed in place"
+"""What may be wrong in a function that is right where its arguments are nobody else's."""
 WITHOUT_KEEPDIMS = {"stack", "concatenate", "flip", "cumsum", "argsort", "sort", "repeat", "roll"}
 
 
@@ -551,7 +684,7 @@ def _call(n: ast.Call, scope: _Scope) -> Found:
         for j in range(i + 1, len(n.args)):
             yield "arguments are swapped", 1.2, ast.Call(n.func, _swapped(n.args, i, j), n.keywords)
     if len(n.args) == 1 and isinstance(one := n.args[0], ast.BinOp):
-        yield "the brackets end too late", 1.2, ast.BinOp(ast.Call(n.func, [one.left], n.keywords), one.op, one.right)
+        yield "the brackets end too late", 1.05, ast.BinOp(ast.Call(n.func, [one.left], n.keywords), one.op, one.right)
     inner = [*n.args[:3], *([n.func.value] if isinstance(n.func, ast.Attribute) else [])]
     for one in inner:
         if not isinstance(one, ast.Constant) and ast.unparse(one) not in (scope.numpy, "math", f"{scope.numpy}.linalg"):
@@ -565,12 +698,56 @@ def _call(n: ast.Call, scope: _Scope) -> Found:
     if called in OVER_AN_AXIS:
         yield from _axes(n, called)
         yield from _axes_and_uses(n, called, scope)
+    yield from _called_by_name(n, called, scope)
+
+
+def _called_by_name(n: ast.Call, called: str, scope: _Scope) -> Found:
+    """What certain functions are called with."""
     if called == "reshape":
         yield "the order is by columns", 1.6, ast.Call(n.func, n.args, [*n.keywords, _keyword("order", "F")])
     if called == "meshgrid":
         yield "rows and columns are swapped", 1.3, ast.Call(n.func, n.args, [_keyword("indexing", "ij")])
     if called == "range":
         yield "there are too few steps", 0.9, fill("range(100)")
+    if called in TYPED and all(k.arg != "dtype" for k in n.keywords):
+        yield (
+            "it holds whole numbers",
+            1.3,
+            ast.Call(n.func, n.args, [*n.keywords, ast.keyword("dtype", _name("float"))]),
+        )
+    if called == "enumerate" and scope.rare:
+        for name in scope.names:
+            yield "it counts from another number", 2.1, fill("A(B, len(C))", A=n.func, B=n.args[0], C=_name(name))
+    for k, one in enumerate(n.args):
+        if isinstance(one, ast.Call | ast.Attribute | ast.Subscript) and not isinstance(n.func, ast.Attribute):
+            yield (
+                f"`{_short(one)}` is too many",
+                1.1,
+                ast.Call(n.func, [*n.args[:k], ast.List([], ast.Load()), *n.args[k + 1 :]], n.keywords),
+            )
+    if called in ("einsum", "partial") and n.args:
+        yield from _einsum(n)
+
+
+TYPED = {"zeros_like", "ones_like", "empty_like", "full", "full_like", "array", "asarray", "arange"}
+
+
+def _einsum(n: ast.Call) -> Found:
+    """Two letters of one operand swapped, or two operands."""
+    for k, one in enumerate(n.args):
+        if isinstance(one, ast.Constant) and isinstance(one.value, str) and "->" in one.value:
+            terms = re.findall(r"[^,>-]+", one.value)
+            for t, term in enumerate(terms):
+                letters = [i for i, letter in enumerate(term) if letter.isalpha()]
+                for i, j in itertools.combinations(letters, 2):
+                    other = "".join(_swapped(term, i, j))
+                    texts = [*terms[:t], other, *terms[t + 1 :]]
+                    text = f"{','.join(texts[:-1])}->{texts[-1]}"
+                    yield (
+                        "the indices are swapped",
+                        1.0,
+                        ast.Call(n.func, [*n.args[:k], ast.Constant(text), *n.args[k + 1 :]], n.keywords),
+                    )
 
 
 def _other_functions(n: ast.Call, called: str, scope: _Scope) -> Found:
@@ -643,6 +820,8 @@ def _attribute(n: ast.Attribute, scope: _Scope) -> Found:
 
 def _subscript(n: ast.Subscript, scope: _Scope) -> Found:
     yield "the index is too many", 1.9, n.value
+    if isinstance(n.slice, ast.Name | ast.Compare):
+        yield "the others are wanted", 1.2, fill("A[~B]", A=n.value, B=n.slice)
     if (other := {"(0, 0)": "(1, 1)", "(1, 1)": "(0, 0)"}.get(ast.unparse(n.slice))) is not None:
         yield "the other entry of the diagonal is wanted", 0.8, ast.Subscript(n.value, _template(other), n.ctx)
     if isinstance(n.slice, ast.Constant | ast.UnaryOp) and not _is_text(n.slice):
@@ -654,6 +833,10 @@ def _subscript(n: ast.Subscript, scope: _Scope) -> Found:
         for end in filter(None, (n.slice.lower, n.slice.upper)):
             for text in ("A[::B]", "A[:, :B]", "A[B:]", "A[:B]", "A[-B:]"):
                 yield "other entries are wanted", 1.5, fill(text, A=n.value, B=end)
+    yield from _index(n, scope)
+
+
+def _index(n: ast.Subscript, scope: _Scope) -> Found:
     if isinstance(n.slice, ast.Tuple) and len(n.slice.elts) == 2:
         first, second = n.slice.elts
         if isinstance(first, ast.Slice) and first.lower is first.upper is None:
@@ -708,10 +891,23 @@ def _number(node: ast.Constant, value: float, scope: _Scope) -> Found:
             yield "pi is not exact", 0.9, fill("NP.pi", NP=_template(scope.numpy))
     if isinstance(parent, ast.Compare) and value == 0:
         yield "infinity is wanted", 1.5, fill("NP.inf", NP=_template(scope.numpy))
+    around = scope.parents.get(id(parent)) if isinstance(parent, ast.Tuple) else parent
+    index = isinstance(around, ast.Subscript)
     for other in dict.fromkeys(others):
         if other != value:
             small = 1.04 if {value, other} == {0, 1} else 1.2 if other in (0, 1, 2) else 1.8
-            yield "another number is wanted", small, _template(repr(other))
+            beside = 1.1 if index and abs(other - value) == 1 else small
+            yield "another number is wanted", beside, _template(repr(other))
+
+
+def _one_of_a_loop(n: ast.expr, scope: _Scope) -> Found:
+    """The loop's variable is wanted, not what stands there; or what it counts begins further on."""
+    if isinstance(n, ast.Name):
+        for text, donor in scope.donors if n.id in scope.loops and not scope.rare else ():
+            yield f"the term `{text}` is missing", 1.6, fill("B + A", A=n, B=donor)
+    elif not scope.rare and not scope.is_module(n) and not scope._is_called(n):
+        for name in sorted(scope.loops - _names_in(n)):
+            yield f"`{name}` is wanted", 1.9, _name(name)
 
 
 def _name_for_another(n: ast.Name, scope: _Scope) -> Found:
@@ -754,7 +950,7 @@ def _assign(n: ast.Assign, scope: _Scope) -> Found:
         for op in (ast.Add(), ast.BitAnd(), ast.BitOr(), ast.Mult(), ast.Sub()):
             yield "each time replaces the one before", 1.5, ast.AugAssign(target, op, n.value)
         if isinstance(target, ast.Subscript) and ast.unparse(target.slice) in (":", "..."):
-            yield "an array is changed in place", 0.95, ast.Assign([_stored(target.value)], n.value)
+            yield SHARED, 0.95, ast.Assign([_stored(target.value)], n.value)
         if isinstance(target, ast.Name):
             for least in ("minimum", "maximum"):
                 text = f"NP.{least}(A, B)"
@@ -804,7 +1000,7 @@ def _stored(target: ast.expr) -> ast.expr:
 def _augmented(n: ast.AugAssign, scope: _Scope) -> Found:
     if isinstance(n.target, ast.Name):
         value = ast.BinOp(_name(n.target.id), n.op, n.value)
-        yield "an array is changed in place", 0.75, ast.Assign([n.target], value)
+        yield SHARED, 0.75, ast.Assign([n.target], value)
     yield "this line is too many", 1.7, [ast.copy_location(ast.Pass(), n)]
     if type(n.op) in OTHER_SIGN:
         words, other = OTHER_SIGN[type(n.op)]
@@ -813,6 +1009,14 @@ def _augmented(n: ast.AugAssign, scope: _Scope) -> Found:
 
 
 def _expression(n: ast.Expr, scope: _Scope) -> Found:
+    one = n.value
+    if isinstance(one, ast.Compare) and isinstance(one.ops[0], ast.Eq):
+        yield "`==` stands for `=`", 0.8, ast.Assign([_stored(one.left)], one.comparators[0])
+    if isinstance(one, ast.Call):
+        named = [one.func.value] if isinstance(one.func, ast.Attribute) and not scope.is_module(one.func) else one.args
+        for name in named[:1]:
+            if isinstance(name, ast.Name):
+                yield "what it returns is not used", 1.1, ast.Assign([_stored(name)], one)
     yield "this line is too many", 1.7, [ast.copy_location(ast.Pass(), n)]
 
 
@@ -822,12 +1026,12 @@ def _if(n: ast.If, scope: _Scope) -> Found:
     yield "the condition never holds", 1.5, list(n.orelse) or [ast.copy_location(ast.Pass(), n)]
     if n.orelse:
         yield "the two cases are swapped", 1.1, ast.If(n.test, n.orelse, n.body)
-    here = set(map(ast.unparse, n.body))
-    for like in scope.cases:
-        if like is not n and ast.unparse(like.test) == ast.unparse(n.test):
-            for line in like.body:
-                if isinstance(line, SIMPLE) and ast.unparse(line) not in here:
-                    yield f"`{_short(line)}` is missing", 1.2, ast.If(n.test, [line, *n.body], n.orelse)
+    if n.orelse:
+        yield "the other case is too many", 1.3, ast.If(n.test, n.body, [])
+    if len(n.body) > 1:
+        yield "the last line belongs behind the condition", 1.5, [ast.If(n.test, n.body[:-1], n.orelse), n.body[-1]]
+    if any(isinstance(o, ast.In | ast.NotIn) for t in ast.walk(n.test) if isinstance(t, ast.Compare) for o in t.ops):
+        yield "results are kept between calls", 0.9, list(n.body)
 
 
 def _loop(n: ast.For | ast.While, scope: _Scope) -> Found:
@@ -835,13 +1039,6 @@ def _loop(n: ast.For | ast.While, scope: _Scope) -> Found:
         shorter = copy.copy(n)
         shorter.body = n.body[:-1] or [ast.copy_location(ast.Pass(), n)]
         yield "the return is one level too deep: it ends the loop", 0.8, [shorter, n.body[-1]]
-    stored = _names_in(n, ast.Store)
-    for line in scope.lines:  # one that another loop has, where this one reads what that loop left
-        name = ast.unparse(line.targets[0])
-        if name not in stored and (readers := [k for k, one in enumerate(n.body) if name in _names_in(one)]):
-            longer = copy.copy(n)
-            longer.body = [*n.body[: readers[0]], line, *n.body[readers[0] :]]
-            yield f"`{_short(line)}` is missing in the loop", 1.5, longer
     for step in scope.steps:
         if step not in n.body:
             longer = copy.copy(n)
@@ -851,6 +1048,10 @@ def _loop(n: ast.For | ast.While, scope: _Scope) -> Found:
         shorter = copy.copy(n)
         shorter.body = n.body[:-1]
         yield "the last line belongs behind the loop", 2.0, [shorter, n.body[-1]]
+        for one in [s for s in n.body[:3] if isinstance(s, SIMPLE)]:
+            shorter = copy.copy(n)
+            shorter.body = [s for s in n.body if s is not one]
+            yield "the line belongs before the loop", 1.5, [one, shorter]
 
 
 def _jump(n: ast.stmt, scope: _Scope) -> Found:
@@ -869,6 +1070,11 @@ def _function(n: ast.FunctionDef, scope: _Scope) -> Found:
             longer = copy.copy(n)
             longer.body = [new, *n.body]
             yield "the default value is kept between calls", 1.3, [longer]
+    if not isinstance(n.body[-1], ast.Return) and n.name != "__init__":
+        for name in sorted(_names_in(n, ast.Store)):
+            longer = copy.copy(n)
+            longer.body = [*n.body, ast.copy_location(ast.Return(_name(name)), n.body[-1])]
+            yield f"`return {name}` is missing", 1.2, [longer]
     if n.decorator_list:
         plain = copy.copy(n)
         plain.decorator_list = []
@@ -891,8 +1097,87 @@ def _moved(block: list[ast.stmt]) -> Iterator[Edit]:
             yield Edit("the line belongs into the loop", 1.7, after, nothing, ((last, [last, after]),))
         if isinstance(after, ast.For | ast.While):
             for before in [s for s in block[max(0, k - 5) : k + 1] if isinstance(s, SIMPLE)]:
-                first = after.body[0]
-                yield Edit("the line belongs into the loop", 1.4, first, [before, first], moved=before)
+                for loop in [n for n in ast.walk(after) if isinstance(n, ast.For | ast.While)]:
+                    first = loop.body[0]
+                    yield Edit("the line belongs into the loop", 1.4, first, [before, first], moved=before)
+        if isinstance(one, ast.Return):
+            passed: list[ast.stmt] = [ast.copy_location(ast.Pass(), one)]
+            yield Edit("it returns too early", 0.9, one, passed)
+
+
+def _lost(block: list[ast.stmt], scope: _Scope) -> Iterator[Edit]:
+    """A line that a block of the same kind has, in this one's names.
+
+    What is missing is mostly written elsewhere in the text (Barr and others, The plastic surgery hypothesis, 2014).
+    """
+    forms = [_form(one) for one in block]
+    here = set(map(ast.unparse, block))
+    seen: set[str] = set()
+    for other in scope.blocks:
+        theirs = [_form(one) for one in other]
+        if other is block or not set(forms) & set(theirs):
+            continue
+        names = _counterparts(scope.loop_of(other[0]), scope.loop_of(block[0]))
+        for a, b in itertools.product(other, block):
+            if _form(a) == _form(b) and len(_all_names(a)) > 2 and ast.unparse(a) not in here:
+                names |= {x.id: y.id for x, y in zip(_all_names(a), _all_names(b), strict=True) if x.id != y.id}
+        for k, one in enumerate(other):
+            line = _renamed(one, names) if ast.unparse(one) not in here else one
+            text = ast.unparse(line)
+            if not isinstance(one, SIMPLE) or text in here or text in seen:
+                continue
+            seen.add(text)
+            behind = [one for f in theirs[k + 1 :] for one, mine in zip(block, forms, strict=True) if f == mine]
+            before = [one for f in theirs[:k] for one, mine in zip(block, forms, strict=True) if f == mine]
+            at = [*behind[:1], *before[-1:], block[0]][0]
+            first = bool(behind or not before)
+            yield Edit(f"`{_short(line)}` is missing", 1.2, at, [line, at] if first else [at, line])
+
+
+def _companion(block: list[ast.stmt], scope: _Scope) -> Iterator[Edit]:
+    """A line like one that is there, for another name: as a rule where two entries are exchanged."""
+    for one in block:
+        exchanged = isinstance(one, ast.Assign) and isinstance(one.targets[0], ast.Tuple)
+        for base in _changed_in_place(one) if scope.rare != exchanged else ():
+            for name in scope.names:
+                if name != base:
+                    like = _renamed(one, {base: name})
+                    yield Edit(f"`{_short(like)}` is missing", 0.9 if exchanged else 2.1, one, [one, like])
+
+
+def _form(one: ast.AST) -> str:
+    """The statement's form, whatever its names are."""
+    return re.sub(r"Name\(id='\w+'", "Name(", ast.dump(one)) if isinstance(one, SIMPLE) else repr(id(one))
+
+
+def _all_names(tree: ast.AST) -> list[ast.Name]:
+    return [n for n in ast.walk(tree) if isinstance(n, ast.Name)]
+
+
+def _counterparts(theirs: ast.AST | None, mine: ast.AST | None) -> dict[str, str]:
+    """The names of one loop in place of another's."""
+    if isinstance(theirs, ast.For) and isinstance(mine, ast.For):
+        pairs = zip(_all_names(theirs.target), _all_names(mine.target), strict=False)
+        return {a.id: b.id for a, b in pairs if a.id != b.id}
+    return {}
+
+
+def _renamed(one: ast.stmt, names: Mapping[str, str]) -> Any:
+    """A copy with other names."""
+    made = copy.deepcopy(one)
+    for n in _all_names(made):
+        n.id = names.get(n.id, n.id)
+    return made
+
+
+def _changed_in_place(one: ast.stmt) -> set[str]:
+    """The names of arrays and values that a line changes."""
+    if isinstance(one, ast.AugAssign):
+        return {n.id for n in _all_names(one.target)[:1]}
+    if isinstance(one, ast.Assign) and (stored := [n for t in one.targets for n in ast.walk(t)
+                                                   if isinstance(n, ast.Subscript | ast.Name)]):  # fmt: skip
+        return {n.id for n in _all_names(stored[0])[:1]} & _names_in(one.value)
+    return set()
 
 
 RULES: tuple[tuple[Any, Callable[[Any, _Scope], Found]], ...] = (
@@ -907,6 +1192,7 @@ RULES: tuple[tuple[Any, Callable[[Any, _Scope], Found]], ...] = (
     (ast.Tuple | ast.List, _sequence),
     (ast.Constant, _constant),
     (ast.Name, _name_for_another),
+    (ast.Subscript | ast.Attribute | ast.Name, _one_of_a_loop),
     (ast.Assign, _assign),
     (ast.AugAssign, _augmented),
     (ast.Expr, _expression),

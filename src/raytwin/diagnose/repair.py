@@ -10,14 +10,15 @@ import itertools
 import math
 import re
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from raytwin.diagnose.operators import MODULES, Edit, File, edits, replaced
-from raytwin.diagnose.schemata import Schema, Setting, schemata
+from raytwin.diagnose.operators import MODULES, SHARED, Edit, File, edits, replaced
+from raytwin.diagnose.schemata import Setting, schemata
 
 Cells = Sequence[tuple[str, str]]
 """(name, text): a Python file has one, a notebook several."""
@@ -29,13 +30,18 @@ CLEARED = 0.6
 """By so much more far-fetched is a change of a statement that runs in functions that are right, too."""
 AT_ONCE = 48
 """Candidates that are tried in one call."""
+BEAM = 8
+"""Changes that make part of the numbers right, beside which second ones are tried."""
 A_CALL = 0.25
 """Seconds of computing after which a candidate is given up; or so many times what the student's own function takes."""
 
 
 @dataclass(frozen=True)
 class Repair:
-    """`line` of `cell` has `before`; `after` in its place makes everything right. `operator`: what was wrong."""
+    """`line` of `cell` has `before`; `after` in its place makes everything right. `operator`: what was wrong.
+
+    `beside`: the other of two changes that are needed both.
+    """
 
     cell: str
     line: int
@@ -44,11 +50,17 @@ class Repair:
     after: str
     tried: int = 0
     candidate: "Candidate | None" = field(default=None, compare=False)
+    beside: "Repair | None" = None
 
     def hint(self, level: int) -> str:
         """1: where. 2: what is wrong there, too. 3: what to write, too. Empty for 0."""
         if level < 1:
             return ""
+        if self.beside is not None:
+            return f"two changes make everything right: {self._alone(level)}; and {self.beside.hint(level)}"
+        return self._alone(level)
+
+    def _alone(self, level: int) -> str:
         where = f"{self.cell + ', ' if self.cell.startswith('cell ') else ''}line {self.line}"
         if level == 1:
             return f"look at {where}: a change there makes everything right"
@@ -59,14 +71,18 @@ class Repair:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A change: `code` binds `names` anew, with the change in it where the switch has this `setting`."""
+    """A change: `codes` bind `names` anew, with the change in them where the switch has this `setting`.
+
+    `beside`: the change of which this is made besides.
+    """
 
     cell: str
     statement: ast.stmt
     edit: Edit
-    code: bytes
+    codes: tuple[bytes, ...]
     names: tuple[str, ...]
     setting: Setting
+    beside: "Candidate | None" = None
 
 
 @dataclass(frozen=True)
@@ -89,6 +105,7 @@ def repair(
     more_time: Callable[[], bool], innocent: Sequence[str] = (), known: Sequence["Candidate"] = (),
     further: Callable[[], Sequence[Any]] = tuple, seen: Mapping[str, int] = NONE_SEEN,
     keeps: Callable[[Candidate], bool] = lambda candidate: True,
+    right_values: Callable[[Any, Any], np.ndarray | None] = lambda case, got: None,
 ) -> Repair | None:  # fmt: skip
     """The least far-fetched change of one place after which `function` is right in all cases; None where none is found.
 
@@ -96,27 +113,44 @@ def repair(
     by their own tests. `more_time()`: whether to go on. `known`: what has made other functions right is tried first.
     `further()`: cases that a change must make right as well before it counts as proved: by chance it may fit `cases`.
     `seen`: how often each kind of slip was made: what is common is tried first. `keeps(candidate)`: whether what is
-    right beside the function stays right.
+    right beside the function stays right. `right_values(case, arrays)`: which numbers are right; None: of other shapes.
+    Where no change alone does, second changes are tried beside those that make most of the numbers right.
     """
     tried = 0
+    first = cases[0]
+    partial = _Partial(lambda got: right_values(first, got))
 
     def passing(left: list[Candidate], some: Sequence[Any]) -> list[Candidate]:
         for case in some:
             if not left:
                 break
-            answers = runner.run(left, case.args, case is cases[0])
+            answers = runner.run(left, case.args, case is first)
+            if case is first:
+                partial.add(left, answers)
             left = [c for c, got in zip(left, answers, strict=True) if got is not None and is_right(case, got)]
         return left
 
-    every = candidates(cells, function, innocent, seen, lambda some: runner.places(some, cases[0].args), runner.right)
-    for chunk in itertools.chain([list(known)], _chunks(every)):
-        if not more_time():
-            return None
-        tried += len(chunk)
-        left = passing(chunk, cases)
-        if left and (left := [c for c in passing(left, further()) if keeps(c)]):
-            return replace(_as_repair(left[0]), tried=tried, candidate=left[0])
-    return None
+    def searched(sources: Iterable[Iterator[Candidate]]) -> Repair | None:
+        nonlocal tried
+        for chunk in itertools.chain.from_iterable(map(_chunks, sources)):
+            if not more_time():
+                return None
+            tried += len(chunk)
+            left = passing(chunk, cases)
+            if left and (left := [c for c in passing(left, further()) if keeps(c)]):
+                return replace(_as_repair(left[0]), tried=tried, candidate=left[0])
+        return None
+
+    reached, every = (_statements(cells, function, names) for names in (innocent, ()))
+    known_lines = {(cell, statement.lineno) for cell, statement in reached}
+    aside = [(cell, statement) for cell, statement in every if (cell, statement.lineno) not in known_lines]
+    search = _Search(cells, reached, seen, lambda some: runner.places(some, first.args), runner.right, aside)
+    found = searched([iter(known), search.candidates()])
+    if found is None:
+        best = partial.best(lambda one: runner.run([one], first.args, False)[0])
+        beside = [search.beside(one) for one in best]
+        found = searched(some(rare) for rare in (False, True) for some in beside)
+    return found
 
 
 def _chunks(every: Iterator[Candidate]) -> Iterator[list[Candidate]]:
@@ -126,6 +160,8 @@ def _chunks(every: Iterator[Candidate]) -> Iterator[list[Candidate]]:
 
 def _as_repair(best: Candidate) -> Repair:
     """The statement on one line, before and after; of what spans more, the expression that differs."""
+    if best.beside is not None:
+        return replace(_as_repair(best.beside), beside=_as_repair(replace(best, beside=None)))
     edit = best.edit
     if edit.moved is not None:
         text = ast.unparse(edit.moved).splitlines()[0]
@@ -174,25 +210,115 @@ def candidates(
     `places(candidates)`: those that a wrong case reaches. Statements that do not run there are left as they are.
     `right(candidates)`: those that functions reach that are right: a mistake there is less likely.
     """
-    reached = _statements(cells, function, innocent)
-    file = _file(cells, [statement for _, statement in reached])
-    marks = _marks(reached)
-    running, beside = _nodes(marks, places(marks)), _nodes(marks, right(marks))
-    cleared = {id(node) for one in beside or () for node in _own(one)}
-    first = 0
-    for rare in (False, True):
-        found = []
+    yield from _Search(cells, _statements(cells, function, innocent), seen, places, right).candidates()
+
+
+class _Search:
+    """All changes of some statements: alone, and beside another change.
+
+    `aside`: what is right alone, but may change arrays that are not its own.
+    """
+
+    def __init__(
+        self, cells: Cells, reached: Sequence[tuple[str, ast.stmt]], seen: Mapping[str, int],
+        places: Callable[[Sequence[Candidate]], frozenset[int] | None],
+        right: Callable[[Sequence[Candidate]], frozenset[int] | None],
+        aside: Sequence[tuple[str, ast.stmt]] = (),
+    ) -> None:  # fmt: skip
+        self.aside = aside
+        self.reached, self.seen, self.places = reached, seen, places
+        self.file = _file(cells, [statement for _, statement in reached])
+        self.end = 0
+        marks = self._marks(reached)
+        self.running = _nodes(marks, places(marks))
+        self.cleared = {id(node) for one in _nodes(marks, right(marks)) or () for node in _own(one)}
+
+    def candidates(self) -> Iterator[Candidate]:
+        for rare in (False, True):
+            found = [c for cell, statement in self.reached for c in self._changes(cell, statement, rare, self.running)]
+            for cell, statement in () if rare else self.aside:
+                some = [e for e in edits(statement, only=(ast.Assign, ast.AugAssign)) if e.operator == SHARED]
+                found += self._candidates(cell, statement, some)
+            yield from sorted(found, key=self._weight)
+
+    def beside(self, first: Candidate) -> Callable[[bool], Iterator[Candidate]]:
+        """The changes of the text that has `first` in it: the usual ones, or the rare."""
+        made = first.edit.applied(first.statement)
+        (statement,) = made if isinstance(made, list) else (made,)
+        reached = [(cell, statement if one is first.statement else one) for cell, one in self.reached]
+
+        @cache
+        def running() -> set[ast.AST] | None:
+            marks = self._marks(reached)
+            return _nodes(marks, self.places(marks))
+
+        def some(rare: bool) -> Iterator[Candidate]:
+            found = [c for cell, one in reached for c in self._changes(cell, one, rare, running())]
+            for c in sorted(found, key=self._weight):
+                alone = c.statement is statement
+                yield replace(
+                    c,
+                    beside=first,
+                    codes=c.codes if alone else (*first.codes, *c.codes),
+                    names=c.names if alone else (*first.names, *c.names),
+                    setting=c.setting if alone else (*first.setting, *c.setting),
+                )
+
+        return some
+
+    def _weight(self, c: Candidate) -> float:
+        return _weight(c.edit, self.seen) + CLEARED * (id(c.edit.old) in self.cleared)
+
+    def _changes(self, cell: str, statement: ast.stmt, rare: bool, running: set[ast.AST] | None) -> Iterator[Candidate]:
+        some = edits(statement, self.file, rare, runs=lambda one: running is None or one in running)
+        return self._candidates(cell, statement, some)
+
+    def _marks(self, reached: Sequence[tuple[str, ast.stmt]]) -> list[Candidate]:
+        """A candidate for each statement within the reached ones: its place tells whether it runs."""
+        marks: list[Candidate] = []
         for cell, statement in reached:
-            some_edits = edits(statement, file, rare, lambda one: running is None or one in running)
-            for some, schema in schemata(statement, some_edits, first):
-                first = schema.end
-                found += _with(cell, statement, some, schema)
-        yield from sorted(found, key=lambda c: _weight(c.edit, seen) + CLEARED * (id(c.edit.old) in cleared))
+            inner = [n for n in ast.walk(statement) if isinstance(n, ast.stmt) and n is not statement]
+            marks += self._candidates(
+                cell, statement, [Edit("", 0.0, n, [ast.copy_location(ast.Pass(), n)]) for n in inner]
+            )
+        return marks
+
+    def _candidates(self, cell: str, statement: ast.stmt, every: Sequence[Edit]) -> Iterator[Candidate]:
+        names = _bound(statement)
+        for some, schema in schemata(statement, every, self.end):
+            self.end = schema.end
+            for edit in some:
+                yield Candidate(cell, statement, edit, (schema.code,), names, schema.settings[id(edit)])
 
 
-def _with(cell: str, statement: ast.stmt, some: Sequence[Edit], schema: Schema) -> list[Candidate]:
-    names = _bound(statement)
-    return [Candidate(cell, statement, edit, schema.code, names, schema.settings[id(edit)]) for edit in some]
+class _Partial:
+    """The changes that make some of a case's numbers right, and spoil none."""
+
+    def __init__(self, right_values: Callable[[tuple[np.ndarray, ...]], np.ndarray | None]) -> None:
+        self.right_values = right_values
+        self.some: list[tuple[Candidate, np.ndarray]] = []
+
+    def add(self, tried: Sequence[Candidate], answers: Answers) -> None:
+        for candidate, got in zip(tried, answers, strict=True):
+            if got is not None and candidate.beside is None:
+                right = self.right_values(got)
+                if right is not None and right.any():
+                    self.some.append((candidate, right))
+
+    def best(self, run: Callable[[Candidate], tuple[np.ndarray, ...] | None]) -> list[Candidate]:
+        """Those that make most right, of those that do the same the least far-fetched. `run`: what a call returns."""
+        if not self.some:
+            return []
+        as_it_is = run(replace(self.some[0][0], setting=()))
+        before = None if as_it_is is None else self.right_values(as_it_is)
+        gains: dict[bytes, tuple[int, Candidate]] = {}
+        for candidate, right in self.some:
+            spoiled = before is not None and before & ~right
+            gain = int(right.sum()) - (0 if before is None else int(before.sum()))
+            if gain > 0 and not np.any(spoiled):
+                gains.setdefault(np.packbits(right).tobytes(), (gain, candidate))
+        ordered = sorted(gains.values(), key=lambda one: -one[0])
+        return [candidate for _, candidate in ordered[:BEAM]]
 
 
 def _own(statement: ast.AST) -> Iterator[ast.AST]:
@@ -201,19 +327,6 @@ def _own(statement: ast.AST) -> Iterator[ast.AST]:
     for child in ast.iter_child_nodes(statement):
         if not isinstance(child, ast.stmt):
             yield from _own(child)
-
-
-def _marks(reached: Sequence[tuple[str, ast.stmt]]) -> list[Candidate]:
-    """A candidate for each statement within the reached ones: its place tells whether it runs."""
-    marks: list[Candidate] = []
-    first = 0
-    for cell, statement in reached:
-        inner = [n for n in ast.walk(statement) if isinstance(n, ast.stmt) and n is not statement]
-        some_edits = [Edit("", 0.0, n, [ast.copy_location(ast.Pass(), n)]) for n in inner]
-        for some, schema in schemata(statement, some_edits, first):
-            first = schema.end
-            marks += _with(cell, statement, some, schema)
-    return marks
 
 
 def _nodes(marks: Sequence[Candidate], asked: frozenset[int] | None) -> set[ast.AST] | None:
@@ -376,7 +489,7 @@ def attempt(
     space: Any, function: Any, codes: Any, names: Any, settings: Any, arguments: Any, seconds: Any,
     changed: Any = False, innocent: Any = (),
 ) -> Any:  # fmt: skip
-    """What the function returns with each code run in `space`, the switch being set; names are put back after.
+    """What the function returns with each of `codes` run in `space`, the switch being set; names are put back after.
 
     A list of arrays or None: it raised, it took too long, or, if `changed`, it returns what it does without.
     What `innocent` functions return is kept. Its text is sent into the sandbox: it imports what it needs itself.
@@ -399,8 +512,8 @@ def attempt(
             if timed:
                 signal.setitimer(signal.ITIMER_VIRTUAL, limit)
             space["raytwin_switch"] = dict(map(tuple, setting))
-            if code is not None:
-                exec(code, space)
+            for one in code:
+                exec(one, space)
             got = space[function](*pickle.loads(stored))
             return tuple(numpy.array(a, dtype=float) for a in (got if isinstance(got, tuple) else (got,)))
         except (Exception, SystemExit):  # a change that does not run is none
@@ -422,7 +535,7 @@ def attempt(
     with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings(), numpy.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         began = time.process_time()
-        as_it_is = said(answer(seconds, None, ()))
+        as_it_is = said(answer(seconds, (), ()))
         if as_it_is is not None:
             seconds = min(seconds, 0.03 + 10 * (time.process_time() - began))
         if codes and function not in slow:
@@ -455,9 +568,9 @@ def places_reached(space: Any, function: Any, codes: Any, names: Any, arguments:
     old = {name: space[name] for bound in names for name in bound if name in space}
 
     def call(*args: Any) -> Any:
-        for code in codes:
-            space["raytwin_switch"] = Asked()
-            exec(code, space)
+        space["raytwin_switch"] = Asked()
+        for one in (one for code in codes for one in code):
+            exec(one, space)
         return space[function](*args)
 
     space["raytwin_call"] = call

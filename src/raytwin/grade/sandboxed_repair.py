@@ -15,7 +15,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from raytwin.contract.check_function import is_right
+from raytwin.contract.check_function import is_right, right_values
 from raytwin.contract.repair_function import STEPS, further_probes, probes, smaller
 from raytwin.contract.stage import Case, Stage
 from raytwin.contract.stage_table import LESSONS
@@ -67,7 +67,7 @@ def raytwin_learn(codes, lengths):
 def {CALLED}(function, codes, lengths, which, names, settings, arguments, seconds, changed, innocent):
     import numpy
     raytwin_learn(codes, lengths)
-    chosen = [raytwin_codes[k] for k in which]
+    chosen = [[raytwin_codes[k] for k in some] for some in which]
     shapes, numbers = [], []
     for made in attempt(globals(), function, chosen, names, settings, arguments, seconds, changed, innocent):
         shapes.append(-1 if made is None else len(made))
@@ -79,7 +79,7 @@ def {CALLED}(function, codes, lengths, which, names, settings, arguments, second
 def {PLACES}(function, codes, lengths, which, names, arguments, seconds):
     import numpy
     raytwin_learn(codes, lengths)
-    chosen = [raytwin_codes[k] for k in which]
+    chosen = [[raytwin_codes[k] for k in some] for some in which]
     return numpy.array(places_reached(globals(), function, chosen, names, arguments, seconds), int)
 """
 """Runs in the sandbox, behind the submission's own text and in its module."""
@@ -204,7 +204,8 @@ def _repair(
     further = partial(further_probes, stage, seed)
     right_in: Callable[[Case, Any], bool] = partial(is_right, stage)
     more_time = lambda: _clock(child) < until  # noqa: E731
-    return repair(cells, stage.name, tried, right_in, runner, more_time, innocent, known, further, seen, keeps)
+    return repair(cells, stage.name, tried, right_in, runner, more_time, innocent, known, further, seen, keeps,
+                  partial(right_values, stage))  # fmt: skip
 
 
 CASES_OF_RIGHT = 2
@@ -236,17 +237,17 @@ class _Trials:
             return [None] * len(chosen)
 
     def places(self, function: str, chosen: Sequence[Candidate], arguments: Sequence[Any]) -> frozenset[int] | None:
-        one_each = list({c.code: c for c in chosen}.values())
+        one_each = list({c.codes: c for c in chosen}.values())
         answer = self.child.call(PLACES, function, *self._codes(one_each), list(arguments), A_CALL)
         return None if answer.problem or not answer.arrays else frozenset(int(n) for n in answer.arrays[0].ravel())
 
     def _codes(self, chosen: Sequence[Candidate]) -> tuple[Any, ...]:
         """The codes that were not sent before, their lengths, and which of all each candidate has; its names."""
-        new = [code for code in dict.fromkeys(c.code for c in chosen) if code not in self.sent]
+        new = [code for code in dict.fromkeys(code for c in chosen for code in c.codes) if code not in self.sent]
         for code in new:
             self.sent[code] = len(self.sent)
         codes, lengths = np.frombuffer(b"".join(new), np.uint8), np.array([len(code) for code in new], int)
-        return codes, lengths, [self.sent[c.code] for c in chosen], [list(c.names) for c in chosen]
+        return codes, lengths, [[self.sent[code] for code in c.codes] for c in chosen], [list(c.names) for c in chosen]
 
 
 def _read(shapes: list[int], numbers: np.ndarray, count: int) -> Answers:
