@@ -190,7 +190,7 @@ def test_slow_functions_are_called_once_but_where_a_change_reaches_them():
     ours = [c for c in chosen if c.names == ("f",)][:30]
 
     def run(some):
-        loaded = [marshal.loads(c.code) for c in some]
+        loaded = [[marshal.loads(code) for code in c.codes] for c in some]
         return attempt(space, "f", loaded, [c.names for c in some], [c.setting for c in some], (3,), 1.0)
 
     run(ours)

@@ -539,7 +539,7 @@ def attempt(
         if as_it_is is not None:
             seconds = min(seconds, 0.03 + 10 * (time.process_time() - began))
         if codes and function not in slow:
-            slow[function] = slow_functions(space, lambda: answer(seconds, None, ()))
+            slow[function] = slow_functions(space, lambda: answer(seconds, (), ()))
         for code, bound, setting in zip(codes, names, settings, strict=True):
             old = {name: space[name] for name in bound if name in space}
             keeping = unchanged(space, slow[function], bound)
