@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from raytwin import files
-from raytwin.diagnose.antialiasing import between
 from raytwin.diagnose.budget import Budget
 from raytwin.diagnose.catalogue import FAULTS
 from raytwin.diagnose.certainty import is_likelier, shows
@@ -16,7 +15,7 @@ from raytwin.diagnose.changes import chain, moved
 from raytwin.diagnose.diagnosis import _search, diagnose, explain
 from raytwin.diagnose.parametric_faults import FAMILIES, bright
 from raytwin.diagnose.pixel_sample import PixelSample, SubmittedImage, look
-from raytwin.diagnose.predict import RIGHT, Predictor, planted, predictor
+from raytwin.diagnose.predict import RIGHT, planted, predictor
 from raytwin.image import Image
 from raytwin.scene import Scene, Sphere
 from raytwin.tracer import trace
@@ -169,15 +168,6 @@ def test_an_object_that_stands_a_little_off_is_named_with_how_far():
     center = tuple(np.add(scene.objects[index].center, (0.002, -0.001, 0.003)).tolist())
     said, *_ = explain(trace(with_object(scene, index, center=center)), trace(scene), scene)
     assert f"{scene.names[index]} stands off by (+2, -1, +3) mm in the board's frame" in said
-
-
-def test_pixels_of_several_rays_are_still_found_by_what_they_blend():
-    scene = SCENES["distorted"]
-    v, u = np.indices((60, 80), float).reshape(2, -1)
-    rng = np.random.default_rng(1)
-    rays = [Predictor(scene, *(np.stack([u, v]) + rng.random((2, u.size)) - 0.5)).radiance() for _ in range(4)]
-    for shown in (rays[0], np.mean(rays, axis=0)):
-        assert between([look(SubmittedImage(scene, shown.reshape(60, 80, 3)))]) is not None
 
 
 def test_a_search_without_time_says_what_it_did_not_try():

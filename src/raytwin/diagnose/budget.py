@@ -1,11 +1,9 @@
 """A limit in seconds for a whole diagnosis, and what was not tried within it."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TypeVar
 
-T = TypeVar("T")
 SECONDS = 30.0
 """CPU seconds of this thread, so that a busy machine does not change what is found."""
 
@@ -35,15 +33,6 @@ class Budget:
     def spent(self) -> bool:
         """Whether no time is left at all."""
         return self.clock() - self.began >= self.seconds
-
-    def within(self, name: str, items: Iterable[T]) -> Iterator[T]:
-        """Yield the items while the search lasts; of a mistake `name` that was not tried with all of them."""
-        for item in items:
-            if self.over:
-                self.cut([name], 0)
-                return
-            yield item
-        self.cut([name], 1)
 
     def cut(self, names: Sequence[str], done: int) -> None:
         """Note that only the first `done` of `names` were tried."""

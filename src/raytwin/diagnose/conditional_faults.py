@@ -1,38 +1,28 @@
 """Mistakes that are tried only where a clue speaks for them, and nothing else explains the pictures.
 
-A channel that is wrong beside others that are right: read from another one. Outlines that are wrong: several rays a
-pixel. Scenes that the same process was given before: what has stayed of them.
+Outlines that are wrong: several rays a pixel. Scenes that the same process was given before: what has stayed of them.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import product
 
-import numpy as np
-
 from raytwin.diagnose.antialiasing import AVERAGED, along_outlines
 from raytwin.diagnose.changes import (
     CAMERA,
     LIGHT,
     ORDER,
-    OUTPUT,
     Fault,
-    behind,
     by_key,
     chain,
-    given,
     is_ball,
     offset_by,
     row,
-    shown,
 )
 from raytwin.diagnose.pixel_sample import PixelSample
-from raytwin.diagnose.predict import RIGHT, Before, Pipeline, SceneDict, as_dict, replaced
+from raytwin.diagnose.predict import Before, Pipeline, SceneDict, as_dict, replaced
 from raytwin.scene import Scene
 
-COLOURS = "red", "green", "blue"
-RIGHT_CHANNEL = 0.01
-"""A channel counts as right if its wrong pixels are at most this share of the worst channel's."""
 BLENDED = 0.03
 """Least share of the pixels beside outlines that is wrong if several rays per pixel are averaged."""
 
@@ -42,56 +32,7 @@ def faults_suggested(samples: Sequence[PixelSample]) -> tuple[Fault, ...]:
     if any(s.view.scene is None for s in samples):
         return ()
     blurred = AVERAGED if along_outlines(samples) > BLENDED else ()
-    return (*by_channel(wrong_channels(samples)), *blurred, *stale(samples))
-
-
-# ------------------------------------------------------------------------------------------ channels
-
-
-def wrong_channels(samples: Sequence[PixelSample]) -> tuple[int, ...]:
-    """The channels that are wrong, where others are right; else none."""
-    wrong = np.zeros(3)
-    for s in samples:
-        if s.wrong.any():
-            off = np.abs(s.shown - s.predict(RIGHT)) - s.slack > s.tau
-            wrong += (s.weight[:, None] * off).sum(axis=0)
-    found = tuple(np.flatnonzero(wrong > RIGHT_CHANNEL * wrong.max()).tolist())
-    return found if len(found) < 3 and not any(s.view.points and s.wrong.any() for s in samples) else ()
-
-
-def by_channel(wrong: Sequence[int]) -> tuple[Fault, ...]:
-    """These channels read from another one, in one term or several; or, of one, nothing written in it."""
-    made: list[Fault] = []
-    for sources in product(range(3), repeat=len(wrong)) if wrong else ():
-        if all(a != b for a, b in zip(wrong, sources, strict=True)):
-            index = list(range(3))
-            for a, b in zip(wrong, sources, strict=True):
-                index[a] = b
-            said = " and ".join(f"{COLOURS[a]} from {COLOURS[b]}" for a, b in zip(wrong, sources, strict=True))
-            made += [_misread(name, said, changes) for name, changes in _terms_by(index)]
-    if len(wrong) == 1:
-        made.append(row("channel-empty", OUTPUT, f"{COLOURS[wrong[0]]} is zero everywhere: write all three channels",
-                        shown(lambda x: np.where(np.arange(3) == wrong[0], 0.0, x))))  # fmt: skip
-    return tuple(made)
-
-
-def _misread(name: str, said: str, changes: tuple[Pipeline, ...]) -> Fault:
-    return row(f"channel-of-{name.replace(', ', '-').replace(' ', '-')}", OUTPUT if name == "the picture" else LIGHT,
-               f"a channel is read from another one, {said}, in {name} (a slip in a line that was copied): 0, 1, 2 are "
-               "red, green, blue in every term", *changes)  # fmt: skip
-
-
-def _terms_by(index: list[int]) -> Iterator[tuple[str, tuple[Pipeline, ...]]]:
-    """Each term, and several at once, with its channels in another order; the sky's for the background, too, or not."""
-    irradiance, sky, albedo = (given(**{name: lambda x: x[..., index]}) for name in ("irradiance", "sky", "albedo"))
-    (background,) = behind(f"sky[{index}]")
-    yield "the irradiance", (irradiance,)
-    yield "the irradiance and the sky", (chain(irradiance, sky), chain(irradiance, sky, background))
-    yield "the sky", (sky, chain(sky, background))
-    yield "the background", (background,)
-    yield "the albedo", (albedo,)
-    yield "all that is lit", (chain(albedo, irradiance, sky),)
-    yield "the picture", (shown(lambda x: x[..., index]),)
+    return (*blurred, *stale(samples))
 
 
 # ------------------------------------------------------------------------------------------ earlier scenes

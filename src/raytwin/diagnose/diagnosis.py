@@ -11,7 +11,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from raytwin.diagnose.antialiasing import between
 from raytwin.diagnose.budget import SECONDS, Budget
 from raytwin.diagnose.catalogue import ACNE, FACTS, FAULTS
 from raytwin.diagnose.certainty import (
@@ -139,11 +138,7 @@ def _search(
         more = min(found, key=lambda g: g.cost)
         if len(more.causes) > len(found[0].causes) and not left_over(samples, more.steps)[0]:
             found = [more, *(g for g in found if g is not more)]
-    made = _described(found, samples, base, where, budget)
-    if not made.causes and thorough and is_firm(samples) and (beside := between(samples, budget)) is not None:
-        fault, share = beside
-        return Diagnosis(False, (Cause(fault.name, fault.stage, fault.sentence),), ((),), share, None, "likely", where)
-    return made
+    return _described(found, samples, base, where, budget)
 
 
 def _one_value(views: Sequence[SubmittedImage]) -> float | None:

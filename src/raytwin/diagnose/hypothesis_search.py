@@ -13,16 +13,18 @@ import numpy as np
 from raytwin.diagnose.budget import Budget
 from raytwin.diagnose.catalogue import FAULTS, SHADOW_TESTS, equivalent_forms
 from raytwin.diagnose.certainty import is_good, shows
-from raytwin.diagnose.changes import LIGHT, NORMALS, OUTPUT, SAMPLING, SHADOW, Fault
+from raytwin.diagnose.changes import Fault
 from raytwin.diagnose.explanation import Cause
 from raytwin.diagnose.parametric_faults import ParametricFault, fit, promising, total
 from raytwin.diagnose.pixel_sample import PixelSample
-from raytwin.diagnose.predict import RIGHT, UP_TO_RAYS, Array, Pipeline
+from raytwin.diagnose.predict import UP_TO_RAYS, Array, Pipeline
 from raytwin.diagnose.prediction_cache import costs
 from raytwin.diagnose.tolerance_mask import SHADOW_STEPS
 
 SCREEN = 4
 """Every fault is tried on one in so many of the pixels first."""
+THIN = 3
+"""Where faults are many, they are tried on one in so many of these pixels before."""
 FINALISTS = 24
 """Hypotheses that are compared on all pixels, those of least cost: more cost time."""
 CLEAR = 0.1
@@ -41,12 +43,6 @@ SOME = 3
 """Views, the most wrong ones, on which it is seen which numbers are worth fitting."""
 FITS = 5
 """Faults whose numbers are fitted to the end, of those whose first step explains most."""
-OF_VALUES = (NORMALS, LIGHT, SHADOW, SAMPLING, OUTPUT)
-"""Stages that leave alone what rays meet: quickly tried, and tried first."""
-NOTHING = 1e-4
-"""Share of the cost: where a mistake of these stages leaves less, other stages are not tried."""
-REACHED = 0.5
-"""Share of the pixels that one fault leaves wrong: a second one that changes fewer of them is not tried with it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,16 +95,13 @@ class Search:
         ways = [
             before.and_then(Cause(f.name, f.stage, f.sentence), way, typical=before.typical and not k, way=way)
             for f in faults if f.name not in named for k, way in enumerate(f.ways)
-            if not before.causes or self._reaches(way, before.steps)
         ]  # fmt: skip
         if before.causes or faults[: len(FAULTS)] != FAULTS:
             tried = self._screened(ways, before)
         elif len(few := self._by_common(ways, before)) < len(ways):
             tried = self._screened(few, before)
         else:
-            tried = self._screened([w for w in ways if w.causes[-1].stage in OF_VALUES], before)
-            if not tried or min(w.cost for w in tried) > NOTHING * before.cost:
-                tried += self._screened([w for w in ways if w.causes[-1].stage not in OF_VALUES], before)
+            tried = self._screened(ways, before)
         exact = ranked(self._in_other_forms(tried, before), faults, EVEN * before.cost, self.seen)
         families = [f for f in families if f.name not in named]
         if not families or (exact and exact[0].cost < CLEAR * before.cost and self.explained_by(exact)):
@@ -139,14 +132,6 @@ class Search:
 
     def _scenes(self) -> list[Any]:
         return [s.view.scene for s in self.samples if s.view.scene]
-
-    def _reaches(self, way: Pipeline, steps: Pipeline) -> bool:
-        """Whether a way alone changes most of the pixels that these steps leave wrong; where that was seen."""
-        for s in (s.thin for s in self.small):
-            if (alone := s.changed.get(way)) is not None:
-                left = s.errors(steps) > s.tau
-                return not left.any() or bool((s.weight * (alone & left)).sum() > REACHED * (s.weight * left).sum())
-        return True
 
     def _in_other_forms(self, tried: list[Hypothesis], before: Hypothesis) -> list[Hypothesis]:
         """The best, each also with what right tracers do in one way or another; their cost on all pixels."""
@@ -182,21 +167,18 @@ class Search:
     def _screened(self, guesses: list[Hypothesis], before: Hypothesis, least: int = FINALISTS) -> list[Hypothesis]:
         """Those that cost least, by one view after the other; a quarter is left each time, and what costs hardly more.
 
-        Many are tried on a third of the first view's pixels before: there it is seen which pixels each changes.
+        Many are tried on a third of the first view's pixels before.
         """
         guesses = sorted(guesses, key=lambda g: -self.seen.get(g.causes[-1].name, 0))
         sums, wrong, views, order = np.zeros(len(guesses)), 0.0, 0, self._order(before)
-        first = [order[0].thin] if len(guesses) > 2 * least else []
-        for sight in (*first, *order):
-            unchanged = sight.errors(RIGHT)
+        if len(guesses) > 2 * least:
+            order = [order[0].only(slice(None, None, THIN)), *order]
+        for sight in order:
             each: list[float] = []
             for guess in guesses:
                 if self.budget.over:
                     break
-                errors = sight.errors(guess.steps)
-                each.append(sight.cost(errors))
-                if guess.way is not None and len(guess.causes) == 1 and sight in first:
-                    sight.changed[guess.way] = np.abs(errors - unchanged) > 0.1 * sight.tau
+                each.append(sight.cost(sight.errors(guess.steps)))
             self.budget.cut([guess.causes[-1].name for guess in guesses], len(each))
             if len(each) < len(guesses) and views:
                 break  # what is left was tried on some views

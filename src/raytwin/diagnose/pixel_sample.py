@@ -67,7 +67,7 @@ class PixelSample:
     `shown`, `right` (N, 3); `slack` (N, 3): what rounding may do; `scale`: of the values; `tau`: an error of this size
     is one. `wrong`, `edge`: (N,). `more`: the right picture has light that sun, shadow and open sky do not make;
     `whole`: (H, W) bool, the outlines, and where a ray belongs to a pixel; `mixed`: the share of the wrong pixels'
-    neighbours that are right. `changed`: the pixels that a mistake alone makes other ones; `made`: last predictions.
+    neighbours that are right. `made`: last predictions.
     """
 
     view: SubmittedImage
@@ -86,7 +86,6 @@ class PixelSample:
     whole: tuple[Array, Array]
     mixed: float = 0.0
     moved: dict[Pipeline, Array] = field(default_factory=dict, init=False)
-    changed: dict[Pipeline, Array] = field(default_factory=dict, init=False)
     made: list[tuple[Pipeline, Array]] = field(default_factory=list, init=False)
 
     def predict(self, pipeline: Pipeline) -> Array:
@@ -168,11 +167,6 @@ class PixelSample:
         made = replace(self, index=index, weight=weight, shown=shown, right=right, slack=slack)
         made = replace(made, bench=self.bench.at(u, v), edge=edge.ravel()[index])
         return replace(made, wrong=made.errors(RIGHT) > self.tau)
-
-    @functools.cached_property
-    def thin(self) -> "PixelSample":
-        """The same at every third of its pixels."""
-        return self.only(slice(None, None, 3))
 
     def only(self, part: Any) -> "PixelSample":
         """The same at some of its pixels: a slice, or (N,) bool."""

@@ -121,8 +121,6 @@ def written(pipeline: Pipeline) -> dict[str, Any]:
         space["intersect_all"] = partial(_intersect_all, space)
     if "normals_at" not in texts:
         space["normals_at"] = _normals_at
-    if not touches(pipeline, "sun_visible"):
-        space["sun_visible"] = partial(_sun_visible, space)
     for name, what in pipeline:
         if name not in BESIDE and not isinstance(what, tuple):
             space[name] = what(space.get(name))
@@ -209,16 +207,6 @@ def _normals_at(points: Array, which: Array, eye: Array, things: Any) -> Array:
     turns = np.isinf(radii) | (_norm(eye - centers, -1) <= radii)
     away = turns & ~(_sum(n * (eye - points), -1) > 0)
     return np.where(away[:, None], -n, n)
-
-
-def _sun_visible(
-    space: dict[str, Any], points: Array, normals: Array, which: Array, to_light: Array, eye: Array, things: Any
-) -> Array:
-    """All at once; what faces away from the sun is in its own shadow."""
-    t = space["intersect_all"](points, np.tile(to_light, (len(points), 1)), things)
-    around = ["radius" in x and np.linalg.norm(eye - x["center"]) <= x["radius"] for x in things]
-    own = (which == np.arange(len(things))[:, None]) & ~np.array(around, bool)[:, None]
-    return ~(np.isfinite(t[: len(things)]) & ~own).any(axis=0) & (normals @ to_light > 0)
 
 
 # ------------------------------------------------------------------------------------------ predictions
