@@ -179,7 +179,7 @@ def measured(ball, x):
     return ball.size() * x
 
 def f(x):
-    return lens(x) * measured(Ball(), 3) - 1
+    return lens(x) * measured(Ball(), x=3) - 1
 """
 
 

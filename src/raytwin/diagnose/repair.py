@@ -408,17 +408,17 @@ def remembering(space: Any, name: Any) -> Any:
 
     kept, right = space.setdefault("raytwin_kept", {}), space[name]
 
-    def remembered(*args: Any) -> Any:
+    def remembered(*args: Any, **named: Any) -> Any:
         try:
-            key = name, pickle.dumps(args)
+            key = name, pickle.dumps((args, named))
         except Exception:  # of classes that are made anew
-            return right(*args)
+            return right(*args, **named)
         if key not in kept:
             if len(kept) > 50:
                 kept.clear()
-            got = right(*args)
+            got = right(*args, **named)
             try:
-                if pickle.dumps(args) != key[1]:
+                if pickle.dumps((args, named)) != key[1]:
                     return got
                 kept[key] = pickle.dumps(got)
             except Exception:
