@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from raytwin.contract.composed_tracer import NEEDED
 from raytwin.contract.loading import arrays_of
-from raytwin.contract.repair_function import further_probes, probes, repair_here
+from raytwin.contract.repair_function import further_probes, probes, repair_here, right_ones
 from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant, together
 from raytwin.contract.stage_result import CaseResult, StageResult
 from raytwin.diagnose.repair import Repair
@@ -42,8 +42,12 @@ def repair_function(stage: Stage, function: Function, seed: int = 0, source: str
     if stage.misfit(function):
         return None
     right = partial(is_right, stage)
-    cases = probes(stage, stage.cases(seed), lambda case: not right(case, _call(function, case)))
-    return repair_here(function, cases, right, source, partial(further_probes, stage, seed))
+
+    def is_wrong(case: Case) -> bool:
+        return not right(case, _call(function, case))
+
+    cases, further = probes(stage, stage.cases(seed), is_wrong), partial(further_probes, stage, seed)
+    return repair_here(function, cases, right, source, further, right=right_ones(stage, cases, is_wrong))
 
 
 def is_right(stage: Stage, case: Case, got: Outcome) -> bool:

@@ -29,10 +29,11 @@ def repair_here(
     source: str = "",
     further: Callable[[], Sequence[Case]] = tuple,
     innocent: Sequence[str] = (),
+    right: Sequence[Case] = (),
 ) -> Repair | None:
     """The change that makes the function right in all `cases`, of which the first is wrong; None where none is found.
 
-    Nothing is tried on a function whose text is not known: `source`, its file, or a notebook's cells.
+    `right`: cases that it has right. Nothing is tried on a function whose text is not known: `source`, its file, or a notebook's cells.
     """
     space, name = getattr(function, "__globals__", None), getattr(function, "__name__", "")
     if (
@@ -62,10 +63,13 @@ def repair_here(
         one_each = list({c.codes: c for c in chosen}.values())
         return frozenset(places_reached(space, name, *prepared(one_each), arguments, A_CALL))
 
+    def reached_by_right(chosen: Sequence[Candidate]) -> frozenset[int]:
+        return frozenset().union(*(places(chosen, case.args) for case in right))
+
     token = _REPAIRING.set(True)
     try:
         more_time = lambda: time.process_time() - began < SECONDS  # noqa: E731
-        return repair(cells, name, cases, is_right, Runner(run, places), more_time, innocent, further=further)
+        return repair(cells, name, cases, is_right, Runner(run, places, reached_by_right), more_time, innocent, further=further)
     finally:
         _REPAIRING.reset(token)
 
@@ -110,6 +114,11 @@ def probes(stage: Stage, cases: Sequence[Case], is_wrong: Callable[[Case], bool]
     small = (smaller(stage, case, step) for step in STEPS for case in wrong[:2])
     rest = [case for case in cases if not any(case is one for one in wrong)]
     return [*[case for case in small if case is not None and is_wrong(case)][:1], *wrong, *rest] if wrong else []
+
+
+def right_ones(stage: Stage, cases: Sequence[Case], is_wrong: Callable[[Case], bool]) -> list[Case]:
+    """Those of the cases that are right, pictures thinned: what runs in these is less likely to be wrong."""
+    return [smaller(stage, case, STEPS[0]) or case for case in cases if not is_wrong(case)]
 
 
 def further_probes(stage: Stage, seed: int) -> list[Case]:

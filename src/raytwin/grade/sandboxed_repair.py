@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 
 from raytwin.contract.check_function import is_right, right_values
-from raytwin.contract.repair_function import STEPS, further_probes, probes, smaller
+from raytwin.contract.repair_function import STEPS, further_probes, probes, right_ones, smaller
 from raytwin.contract.stage import Case, Stage
 from raytwin.contract.stage_table import LESSONS
 from raytwin.diagnose.repair import (
@@ -195,6 +195,8 @@ def _repair(
         for other in (LESSONS[name] for name in right if name not in ours):
             case = other.cases(seed)[0]
             some |= trials.places(other.name, chosen, (smaller(other, case, STEPS[0]) or case).args) or frozenset()
+        for case in right_ones(stage, tried, is_wrong):
+            some |= trials.places(stage.name, chosen, case.args) or frozenset()
         return frozenset(some)
 
     if not (tried := probes(stage, cases, is_wrong)):
