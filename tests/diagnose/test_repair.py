@@ -10,7 +10,7 @@ import pytest
 from starter_submissions import LOOPS, PLAIN, RIGHT, SLIPS
 
 from raytwin.contract.check_function import judge_function, repair_function
-from raytwin.contract.repair_function import _bounded_memory
+from raytwin.contract.repair_function import _bounded_memory, repair_here
 from raytwin.contract.stage import Case
 from raytwin.contract.stage_table import CONTRACT
 from raytwin.diagnose.operators import edits
@@ -202,6 +202,18 @@ def test_slow_functions_are_called_once_but_where_a_change_reaches_them():
     ):
         ((got,),) = run([next(c for c in chosen if c.names == names and change(c.edit))])
         assert got == expected, names
+
+
+def test_what_does_not_run_in_right_cases_is_changed_first():
+    line = "y = x * 2 + 1 - x / 3 + x * x * 5 - 7 * x"
+    text = f"def f(x):\n    {line}\n    if x < 0:\n        y = y + 2 * x\n    return y\n"
+    exec(text, space := {})
+    right = Case("", (2.0,), (np.array(space["f"](2.0)),))
+    cases = [Case("", (x,), (np.array(space["f"](x) + x),)) for x in (-1.0, -3.0)]
+    args = [*cases, right], lambda case, got: np.allclose(case.expected[0], got[0]), text
+    without, found = repair_here(space["f"], *args), repair_here(space["f"], *args, right=[right])
+    assert without.line == found.line == 4
+    assert found.tried < without.tried / 2
 
 
 def test_a_change_that_asks_for_too_much_memory_is_none():

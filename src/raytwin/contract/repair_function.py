@@ -33,7 +33,8 @@ def repair_here(
 ) -> Repair | None:
     """The change that makes the function right in all `cases`, of which the first is wrong; None where none is found.
 
-    `right`: cases that it has right. Nothing is tried on a function whose text is not known: `source`, its file, or a notebook's cells.
+    `right`: cases that it has right. Nothing is tried on a function whose text is not known: `source`, its file, or a
+    notebook's cells.
     """
     space, name = getattr(function, "__globals__", None), getattr(function, "__name__", "")
     if (
@@ -69,7 +70,8 @@ def repair_here(
     token = _REPAIRING.set(True)
     try:
         more_time = lambda: time.process_time() - began < SECONDS  # noqa: E731
-        return repair(cells, name, cases, is_right, Runner(run, places, reached_by_right), more_time, innocent, further=further)
+        runner = Runner(run, places, reached_by_right)
+        return repair(cells, name, cases, is_right, runner, more_time, innocent, further=further)
     finally:
         _REPAIRING.reset(token)
 
