@@ -262,7 +262,7 @@ def verdict_of(slip: Planted, result: Result) -> Verdict:
     worst = result.worst
     assert worst is not None
     first = worst.sentences[0] if worst.sentences else ""
-    found = [m for e in result.exercises for m in map(FIX.match, e.sentences) if m]
+    found = [m for e in result.exercises for m in map(FIX.search, e.sentences) if m]
     told = FIX.match(first)
     line = int((told or found[0])[1]) if told or found else None
     line_right = line is not None and line in slip.lines

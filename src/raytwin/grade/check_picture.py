@@ -92,10 +92,12 @@ def _compare_radiance(
 
 def _compare_points(right: np.ndarray, got: np.ndarray, tolerance: Tolerance) -> tuple[bool, float | None, float]:
     """Compare points, NaN for none: return the 99.9 % quantile of the distances, and the share that is off."""
-    seen, there = (np.isfinite(x).all(axis=-1) for x in (right, got))
-    apart = np.linalg.norm(np.where((seen & there)[..., None], got - right, 0.0), axis=-1)
+    seen, there = (~np.isnan(x).any(axis=-1) for x in (right, got))
+    with np.errstate(over="ignore"):
+        apart = np.linalg.norm(np.where((seen & there)[..., None], got - right, 0.0), axis=-1)
     allowed_distance = max(tolerance.p999_abs, 1e-6) * max(1.0, float(np.abs(right[seen]).max(initial=0.0)))
     wrong = (apart > allowed_distance) | (seen != there)
-    error = float(np.quantile(apart[seen & there], 0.999)) if (seen & there).any() else None
+    finite = apart[seen & there & np.isfinite(apart)]
+    error = float(np.quantile(finite, 0.999)) if finite.size else None
     allowed = max(tolerance.mask_pixels, int(1e-3 * wrong.size))
     return int(wrong.sum()) <= allowed and bool((seen & there).any()), error, float(wrong.mean())

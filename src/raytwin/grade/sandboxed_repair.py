@@ -19,6 +19,7 @@ from raytwin.contract.check_function import is_right, right_values
 from raytwin.contract.repair_function import STEPS, further_probes, probes, right_ones, smaller
 from raytwin.contract.stage import Case, Stage
 from raytwin.contract.stage_table import LESSONS
+from raytwin.diagnose.catalogue import FACTS
 from raytwin.diagnose.repair import (
     A_CALL,
     Answers,
@@ -41,7 +42,7 @@ from raytwin.grade.rubric import Rubric
 from raytwin.sandbox.sandbox import Code, Sandbox
 
 SECONDS, UNNAMED, IN_ALL = 4.0, 8.0, 14.0
-"""Seconds of computing: for one function, for one of which no mistake is named, and for a submission."""
+"""Seconds of computing: for one function, for one of which no mistake is proved, and for a submission."""
 CALLED, PLACES = "raytwin_attempt", "raytwin_places"
 DRIVER = f"""
 from typing import Any
@@ -89,7 +90,8 @@ def looked_again(result: Result, rubric: Rubric, code: Code, replaced: Sequence[
     """The result, with the lines to look at among its exercises' sentences, as far as the rubric's `hints` go, and
     fingerprints of what no cause is named for.
 
-    Of pictures only those are tried of which no cause is proved; functions that are right by their own tests are not.
+    Of pictures those are tried of which no cause is proved, or one that says only what is seen. Functions that are
+    right by their own tests are not tried.
     `replaced`: functions that failed, of which right ones take the place when pictures are repaired.
     """
     wrong = [e for e in result.exercises if e.status in ("fail", "error") and not _is_known(e)]
@@ -115,7 +117,7 @@ def looked_again(result: Result, rubric: Rubric, code: Code, replaced: Sequence[
             began, trials = _clock(child), _Trials(child)
             for exercise in some if rubric.hints else ():
                 if exercise.stage in child.functions and CALLED in child.functions and exercise.stage not in found:
-                    seconds = UNNAMED if exercise.stage in unnamed else SECONDS
+                    seconds = SECONDS if _is_proved(exercise) else UNNAMED
                     until = min(_clock(child) + seconds, began + left)
                     known = [r.candidate for r in found.values() if r.candidate is not None and not ours]
                     stage, seed = LESSONS[exercise.stage], result.seed
@@ -135,8 +137,16 @@ MOST_PROBES = 3
 """Cases that a fingerprint is taken of."""
 
 
+SEEN = FACTS | {"no-spheres", "no-planes"}
+"""Faults that say what a picture lacks, and not why."""
+
+
+def _is_proved(exercise: Marked) -> bool:
+    return exercise.sureness == "proved" and not any(name in SEEN for name, _ in exercise.faults)
+
+
 def _is_known(exercise: Marked) -> bool:
-    return exercise.stage in PICTURES and exercise.sureness == "proved"
+    return exercise.stage in PICTURES and _is_proved(exercise)
 
 
 def _fingerprint(child: Sandbox, stage: Stage) -> str:
@@ -154,7 +164,7 @@ def _with_hint(exercise: Marked, repair: Repair | None, level: int, found: str) 
         return exercise
     hint = repair.hint(level)
     first, rest = exercise.sentences[:1], exercise.sentences[1:]
-    sentences = (*first, hint, *rest) if exercise.sureness == "proved" else (hint, *first, *rest)
+    sentences = (*first, hint, *rest) if _is_proved(exercise) else (hint, *first, *rest)
     return msgspec.structs.replace(exercise, sentences=sentences, sureness="proved", repair=kind_of(repair.operator))
 
 
