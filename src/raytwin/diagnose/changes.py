@@ -29,12 +29,8 @@ class Fault:
     alone: tuple[Pipeline, ...] = ()
 
 
-Ways = dict[str, tuple[Pipeline, ...]]
-"""Name of a fault -> the mistakes that make it."""
-
-
-def row(name: str, stage: str, sentence: str, *ways: Pipeline, alone: tuple[Pipeline, ...] = ()) -> Fault:
-    return Fault(name, stage, sentence, ways, alone)
+def row(name: str, stage: str, sentence: str, *ways: Pipeline) -> Fault:
+    return Fault(name, stage, sentence, ways)
 
 
 def chain(*ways: Pipeline) -> Pipeline:
