@@ -299,7 +299,7 @@ def plain(text, name):
     return space[name]
 
 
-def repaired(text, name, cases, right_values=lambda case, got: None):
+def repaired(text, name, cases, errors=lambda case, got: None):
     space = {}
     exec(text, space)
 
@@ -313,7 +313,7 @@ def repaired(text, name, cases, right_values=lambda case, got: None):
 
     wrong_first = sorted(cases, key=lambda case: is_right(case, plain(text, name)(*case.args)))
     runner = Runner(run, lambda chosen, arguments: None)
-    return repair([("", text)], name, wrong_first, is_right, runner, lambda: True, right_values=right_values)
+    return repair([("", text)], name, wrong_first, is_right, runner, lambda: True, errors=errors)
 
 
 @pytest.mark.parametrize("lost", ["            best = t\n", "            first = sheet[1]\n"])
@@ -329,7 +329,9 @@ def test_two_mistakes_in_one_function_are_both_named():
     text = "def f(x, y):\n    a = x * 2 + y\n    b = x - y\n    return a, b\n"
     wrong = text.replace("x * 2 + y", "x * 2 - y").replace("x - y", "y - x")
     cases = [Case("", args, plain(text, "f")(*args)) for args in [(3.0, 4.0), (1.5, 0.25)]]
-    found = repaired(wrong, "f", cases, lambda case, got: np.equal(case.expected, got) if len(got) == 2 else None)
+    found = repaired(
+        wrong, "f", cases, lambda case, got: 1e9 * np.abs(np.subtract(case.expected, got)) if len(got) == 2 else None
+    )
     assert found is not None
     assert {found.line, found.beside.line} == {2, 3}
     assert "two changes" in found.hint(3)

@@ -55,10 +55,10 @@ def is_right(stage: Stage, case: Case, got: Outcome) -> bool:
     return _passes(stage, case, got)
 
 
-def right_values(stage: Stage, case: Case, got: Outcome) -> np.ndarray | None:
-    """Which of the case's numbers are right; None where there are none of its shapes."""
+def errors_of(stage: Stage, case: Case, got: Outcome) -> np.ndarray | None:
+    """How far each number is off, 1: as far as it may be; None where there are none of the case's shapes."""
     checked = _checked(stage, case, got)
-    return None if isinstance(checked, str) else _errors(stage, case, checked) <= stage.tolerance
+    return None if isinstance(checked, str) else _errors(stage, case, checked) / stage.tolerance
 
 
 # ------------------------------------------------------------------------------------------ calling

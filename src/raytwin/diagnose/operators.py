@@ -352,7 +352,7 @@ def _filled(tree: Any, parts: Mapping[str, ast.expr]) -> Any:
 WRAPS: tuple[tuple[str, float, str], ...] = (
     ("a square root is missing", 1.15, "NP.sqrt(A)"),
     ("a square is missing", 1.15, "A**2"),
-    ("the sign is wrong", 1.0, "-A"),
+    ("the sign is wrong", 1.02, "-A"),
     ("the absolute value is missing", 1.3, "NP.abs(A)"),
     ("a bound of 0 is missing", 1.1, "NP.maximum(0, A)"),
     ("it is not made unit", 1.1, "A / NP.linalg.norm(A, axis=-1, keepdims=True)"),

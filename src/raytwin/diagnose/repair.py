@@ -12,7 +12,6 @@ import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -30,6 +29,8 @@ CLEARED = 0.6
 """By so much more far-fetched is a change of a statement that runs in functions that are right, too."""
 AT_ONCE = 48
 """Candidates that are tried in one call."""
+NEARER = 0.1
+"""By so many powers of ten the errors have to become smaller, where none vanishes."""
 BEAM = 8
 """Changes that make part of the numbers right, beside which second ones are tried."""
 A_CALL = 0.25
@@ -99,13 +100,19 @@ class Runner:
     places: Callable[[Sequence[Candidate], Sequence[Any]], frozenset[int] | None]
     right: Callable[[Sequence[Candidate]], frozenset[int] | None] = lambda candidates: None
 
+    def alone(self, candidate: Candidate, case: Any) -> tuple[np.ndarray, ...] | None:
+        return self.run([candidate], case.args, False)[0]
+
+    def places_in(self, case: Any) -> Callable[[Sequence[Candidate]], frozenset[int] | None]:
+        return lambda candidates: self.places(candidates, case.args)
+
 
 def repair(
     cells: Cells, function: str, cases: Sequence[Any], is_right: Callable[[Any, Any], bool], runner: Runner,
     more_time: Callable[[], bool], innocent: Sequence[str] = (), known: Sequence["Candidate"] = (),
     further: Callable[[], Sequence[Any]] = tuple, seen: Mapping[str, int] = NONE_SEEN,
     keeps: Callable[[Candidate], bool] = lambda candidate: True,
-    right_values: Callable[[Any, Any], np.ndarray | None] = lambda case, got: None,
+    errors: Callable[[Any, Any], np.ndarray | None] = lambda case, got: None,
 ) -> Repair | None:  # fmt: skip
     """The least far-fetched change of one place after which `function` is right in all cases; None where none is found.
 
@@ -113,12 +120,12 @@ def repair(
     by their own tests. `more_time()`: whether to go on. `known`: what has made other functions right is tried first.
     `further()`: cases that a change must make right as well before it counts as proved: by chance it may fit `cases`.
     `seen`: how often each kind of slip was made: what is common is tried first. `keeps(candidate)`: whether what is
-    right beside the function stays right. `right_values(case, arrays)`: which numbers are right; None: of other shapes.
-    Where no change alone does, second changes are tried beside those that make most of the numbers right.
+    right beside the function stays right. `errors(case, arrays)`: by how much of what is allowed numbers are off; None:
+    of other shapes. Where no change alone does, second ones are tried beside those that make most numbers right.
     """
     tried = 0
     first = cases[0]
-    partial = _Partial(lambda got: right_values(first, got))
+    partial = _Partial(lambda got: errors(first, got))
 
     def passing(left: list[Candidate], some: Sequence[Any]) -> list[Candidate]:
         for case in some:
@@ -126,31 +133,44 @@ def repair(
                 break
             answers = runner.run(left, case.args, case is first)
             if case is first:
+                if partial.before is None:
+                    partial.begin(runner.alone(replace(left[0], setting=()), first))
                 partial.add(left, answers)
             left = [c for c, got in zip(left, answers, strict=True) if got is not None and is_right(case, got)]
         return left
 
-    def searched(sources: Iterable[Iterator[Candidate]]) -> Repair | None:
+    def searched(sources: Iterable[tuple[Sequence[Any], Iterator[Candidate]]]) -> Repair | None:
         nonlocal tried
-        for chunk in itertools.chain.from_iterable(map(_chunks, sources)):
-            if not more_time():
-                return None
-            tried += len(chunk)
-            left = passing(chunk, cases)
-            if left and (left := [c for c in passing(left, further()) if keeps(c)]):
-                return replace(_as_repair(left[0]), tried=tried, candidate=left[0])
+        for order, source in sources:
+            for chunk in _chunks(source):
+                if not more_time():
+                    return None
+                tried += len(chunk)
+                left = passing(chunk, order)
+                if left and (left := [c for c in passing(left, further()) if keeps(c)]):
+                    return replace(_as_repair(left[0]), tried=tried, candidate=left[0])
         return None
 
     reached, every = (_statements(cells, function, names) for names in (innocent, ()))
     known_lines = {(cell, statement.lineno) for cell, statement in reached}
     aside = [(cell, statement) for cell, statement in every if (cell, statement.lineno) not in known_lines]
-    search = _Search(cells, reached, seen, lambda some: runner.places(some, first.args), runner.right, aside)
-    found = searched([iter(known), search.candidates()])
-    if found is None:
-        best = partial.best(lambda one: runner.run([one], first.args, False)[0])
-        beside = [search.beside(one) for one in best]
-        found = searched(some(rare) for rare in (False, True) for some in beside)
-    return found
+    search = _Search(cells, reached, seen, runner.places_in(first), runner.right, aside)
+
+    alone = [(cases, source) for source in (iter(known), search.candidates(False), search.candidates(True))]
+    usual, rare = (_beside(search, partial, cases, is_right, runner, rare) for rare in (False, True))
+    return searched(itertools.chain(alone[:2], usual, alone[2:], rare))
+
+
+def _beside(
+    search: "_Search", partial: "_Partial", cases: Sequence[Any], is_right: Callable[[Any, Any], bool], runner: Runner,
+    rare: bool,
+) -> Iterator[tuple[Sequence[Any], Iterator[Candidate]]]:  # fmt: skip
+    """Second changes beside each of the best first ones, and the cases, first one that is wrong with the first."""
+    for one in partial.best():
+        wrong = [case for case in cases if (got := runner.alone(one, case)) is None or not is_right(case, got)]
+        if wrong:
+            order = [wrong[0], *(case for case in cases if case is not wrong[0])]
+            yield order, search.beside(one, rare, runner.places_in(wrong[0]))
 
 
 def _chunks(every: Iterator[Candidate]) -> Iterator[list[Candidate]]:
@@ -210,7 +230,8 @@ def candidates(
     `places(candidates)`: those that a wrong case reaches. Statements that do not run there are left as they are.
     `right(candidates)`: those that functions reach that are right: a mistake there is less likely.
     """
-    yield from _Search(cells, _statements(cells, function, innocent), seen, places, right).candidates()
+    search = _Search(cells, _statements(cells, function, innocent), seen, places, right)
+    yield from itertools.chain(search.candidates(False), search.candidates(True))
 
 
 class _Search:
@@ -226,52 +247,52 @@ class _Search:
         aside: Sequence[tuple[str, ast.stmt]] = (),
     ) -> None:  # fmt: skip
         self.aside = aside
-        self.reached, self.seen, self.places = reached, seen, places
+        self.reached, self.seen = reached, seen
         self.file = _file(cells, [statement for _, statement in reached])
         self.end = 0
+        self.made: dict[Any, tuple[ast.stmt, list[Candidate]]] = {}
+        self.beside_running: dict[Candidate, set[ast.AST] | None] = {}
         marks = self._marks(reached)
         self.running = _nodes(marks, places(marks))
         self.cleared = {id(node) for one in _nodes(marks, right(marks)) or () for node in _own(one)}
 
-    def candidates(self) -> Iterator[Candidate]:
-        for rare in (False, True):
-            found = [c for cell, statement in self.reached for c in self._changes(cell, statement, rare, self.running)]
-            for cell, statement in () if rare else self.aside:
-                some = [e for e in edits(statement, only=(ast.Assign, ast.AugAssign)) if e.operator == SHARED]
-                found += self._candidates(cell, statement, some)
-            yield from sorted(found, key=self._weight)
+    def candidates(self, rare: bool) -> Iterator[Candidate]:
+        """The usual ones, or the rare."""
+        found = [c for cell, statement in self.reached for c in self._changes(cell, statement, rare, self.running)]
+        for cell, statement in () if rare else self.aside:
+            some = [e for e in edits(statement, only=(ast.Assign, ast.AugAssign)) if e.operator == SHARED]
+            found += self._candidates(cell, statement, some)
+        yield from sorted(found, key=self._weight)
 
-    def beside(self, first: Candidate) -> Callable[[bool], Iterator[Candidate]]:
-        """The changes of the text that has `first` in it: the usual ones, or the rare."""
+    def beside(
+        self, first: Candidate, rare: bool, places: Callable[[Sequence[Candidate]], frozenset[int] | None]
+    ) -> Iterator[Candidate]:
+        """The changes of the text that has `first` in it; `places` as for all."""
         made = first.edit.applied(first.statement)
         (statement,) = made if isinstance(made, list) else (made,)
         reached = [(cell, statement if one is first.statement else one) for cell, one in self.reached]
-
-        @cache
-        def running() -> set[ast.AST] | None:
+        if first not in self.beside_running:
             marks = self._marks(reached)
-            return _nodes(marks, self.places(marks))
-
-        def some(rare: bool) -> Iterator[Candidate]:
-            found = [c for cell, one in reached for c in self._changes(cell, one, rare, running())]
-            for c in sorted(found, key=self._weight):
-                alone = c.statement is statement
-                yield replace(
-                    c,
-                    beside=first,
-                    codes=c.codes if alone else (*first.codes, *c.codes),
-                    names=c.names if alone else (*first.names, *c.names),
-                    setting=c.setting if alone else (*first.setting, *c.setting),
-                )
-
-        return some
+            self.beside_running[first] = _nodes(marks, places(marks))
+        running = self.beside_running[first]
+        found = [c for cell, one in reached for c in self._changes(cell, one, rare, running)]
+        for c in sorted(found, key=self._weight):
+            if c.statement is statement:
+                yield replace(c, beside=first)
+            else:
+                together = (*first.codes, *c.codes), (*first.names, *c.names), (*first.setting, *c.setting)
+                yield replace(c, beside=first, codes=together[0], names=together[1], setting=together[2])
 
     def _weight(self, c: Candidate) -> float:
         return _weight(c.edit, self.seen) + CLEARED * (id(c.edit.old) in self.cleared)
 
-    def _changes(self, cell: str, statement: ast.stmt, rare: bool, running: set[ast.AST] | None) -> Iterator[Candidate]:
-        some = edits(statement, self.file, rare, runs=lambda one: running is None or one in running)
-        return self._candidates(cell, statement, some)
+    def _changes(self, cell: str, statement: ast.stmt, rare: bool, running: set[ast.AST] | None) -> list[Candidate]:
+        inside = running if running is None else frozenset(id(n) for n in ast.walk(statement) if n in running)
+        key = id(statement), rare, inside
+        if key not in self.made:
+            some = edits(statement, self.file, rare, runs=lambda one: running is None or one in running)
+            self.made[key] = statement, list(self._candidates(cell, statement, some))
+        return self.made[key][1]
 
     def _marks(self, reached: Sequence[tuple[str, ast.stmt]]) -> list[Candidate]:
         """A candidate for each statement within the reached ones: its place tells whether it runs."""
@@ -292,33 +313,44 @@ class _Search:
 
 
 class _Partial:
-    """The changes that make some of a case's numbers right, and spoil none."""
+    """The changes that make some of a case's numbers right, or all more nearly so, and spoil none."""
 
-    def __init__(self, right_values: Callable[[tuple[np.ndarray, ...]], np.ndarray | None]) -> None:
-        self.right_values = right_values
-        self.some: list[tuple[Candidate, np.ndarray]] = []
+    def __init__(self, errors: Callable[[tuple[np.ndarray, ...]], np.ndarray | None]) -> None:
+        self.errors = errors
+        self.some: list[tuple[Candidate, bytes, float]] = []
+        self.before: np.ndarray | None = None
+
+    def begin(self, got: tuple[np.ndarray, ...] | None) -> None:
+        """What the function returns as it is; None: it raises."""
+        self.before = None if got is None else self.errors(got)
 
     def add(self, tried: Sequence[Candidate], answers: Answers) -> None:
         for candidate, got in zip(tried, answers, strict=True):
-            if got is not None and candidate.beside is None:
-                right = self.right_values(got)
-                if right is not None and right.any():
-                    self.some.append((candidate, right))
+            off = None if got is None or candidate.beside else self.errors(got)
+            if off is not None and not (self.before is not None and np.any((self.before <= 1) & (off > 1))):
+                self.some.append((candidate, np.packbits(off <= 1).tobytes(), _distance(off)))
 
-    def best(self, run: Callable[[Candidate], tuple[np.ndarray, ...] | None]) -> list[Candidate]:
-        """Those that make most right, of those that do the same the least far-fetched. `run`: what a call returns."""
-        if not self.some:
-            return []
-        as_it_is = run(replace(self.some[0][0], setting=()))
-        before = None if as_it_is is None else self.right_values(as_it_is)
-        gains: dict[bytes, tuple[int, Candidate]] = {}
-        for candidate, right in self.some:
-            spoiled = before is not None and before & ~right
-            gain = int(right.sum()) - (0 if before is None else int(before.sum()))
-            if gain > 0 and not np.any(spoiled):
-                gains.setdefault(np.packbits(right).tobytes(), (gain, candidate))
-        ordered = sorted(gains.values(), key=lambda one: -one[0])
-        return [candidate for _, candidate in ordered[:BEAM]]
+    def best(self) -> list[Candidate]:
+        """Those that make most right, then those that come nearest; the least far-fetched of those that do the same."""
+        right = b"" if self.before is None else np.packbits(self.before <= 1).tobytes()
+        least = math.inf if self.before is None else _distance(self.before)
+        one_each: dict[tuple[bytes, float], Candidate] = {}
+        for candidate, bits, distance in self.some:
+            one_each.setdefault((bits, round(distance, 6)), candidate)
+        gains = sorted((_ones(right) - _ones(bits), distance, k) for k, (bits, distance) in enumerate(one_each))
+        changes = list(one_each.values())
+        better = [changes[k] for gain, _, k in gains if gain < 0][:BEAM]
+        nearer = [changes[k] for _, distance, k in sorted(gains, key=lambda one: one[1]) if distance < least - NEARER]
+        return list(dict.fromkeys([*better, *nearer[: BEAM // 2]]))[:BEAM]
+
+
+def _ones(bits: bytes) -> int:
+    return int.from_bytes(bits, "big").bit_count()
+
+
+def _distance(off: np.ndarray) -> float:
+    """How far the numbers are from right ones, in powers of ten of what is allowed, on average."""
+    return float(np.mean(np.log10(np.clip(off, 1, 1e12)))) if off.size else 0.0
 
 
 def _own(statement: ast.AST) -> Iterator[ast.AST]:

@@ -15,7 +15,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from raytwin.contract.check_function import is_right, right_values
+from raytwin.contract.check_function import errors_of, is_right
 from raytwin.contract.repair_function import STEPS, further_probes, probes, right_ones, smaller
 from raytwin.contract.stage import Case, Stage
 from raytwin.contract.stage_table import LESSONS
@@ -217,7 +217,7 @@ def _repair(
     right_in: Callable[[Case, Any], bool] = partial(is_right, stage)
     more_time = lambda: _clock(child) < until  # noqa: E731
     return repair(cells, stage.name, tried, right_in, runner, more_time, innocent, known, further, seen, keeps,
-                  partial(right_values, stage))  # fmt: skip
+                  partial(errors_of, stage))  # fmt: skip
 
 
 CASES_OF_RIGHT = 2
