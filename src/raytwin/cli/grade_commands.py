@@ -87,11 +87,11 @@ def _say_what_the_sandbox_lacks() -> None:
 
 
 def _line(result: "Result", rubric: "Rubric") -> str:
-    from raytwin.report.class_page import of_points
+    from raytwin.report.class_page import in_short, of_points
 
-    said = result.problem or result.first_problem
-    first = said.splitlines()[0] if said else "all right"
-    return f"{of_points(result.points):>7} of {of_points(rubric.points)}  {result.student}: {first[:100]}"
+    said = in_short(result) or "all right"
+    short = said if len(said) <= 100 else f"{said[:99]}…"
+    return f"{of_points(result.points):>7} of {of_points(rubric.points)}  {result.student}: {short}"
 
 
 def starter_command(

@@ -17,7 +17,7 @@ class StageFailed(AssertionError):
 
     def __init__(self, result: StageResult) -> None:
         self.result = result
-        super().__init__(f"{result.stage}: {result.sentence}")
+        super().__init__(f"{result.stage}: {result.said[0]}")
 
 
 def check(

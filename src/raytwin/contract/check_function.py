@@ -20,6 +20,7 @@ from raytwin.contract.loading import arrays_of
 from raytwin.contract.repair_function import further_probes, probes, repair_here, right_ones
 from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant, together
 from raytwin.contract.stage_result import CaseResult, StageResult
+from raytwin.diagnose.explanation import Diagnosis
 from raytwin.diagnose.repair import Repair
 
 Outcome = Arrays | str
@@ -160,7 +161,22 @@ def _diagnosed(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> tu
         for case, (picture,) in zip(cases, got, strict=True)
     ]
     found = diagnose(views)
-    return tuple(cause.name for cause in found.causes), "; ".join(found.words)
+    return tuple(cause.name for cause in found.causes), "; ".join(student_words(found))
+
+
+def student_words(found: Diagnosis) -> tuple[str, ...]:
+    """The diagnosis in sentences for a student: each mistake, what may be meant as well, what is wrong beside it."""
+    first, more, _ = found.where.partition("something else is wrong")
+    where = first.partition(";")[0]
+    if not found.causes:
+        near = found.nearest if found.explained >= 0.5 else None
+        unknown = (f"no single common mistake fits: your pictures are {where}",)
+        return (*unknown, f"closest to it, but not all of it: {near.sentence}") if near else unknown
+    said = []
+    for cause, others in zip(found.causes, found.alternatives, strict=True):
+        said += [cause.sentence, *(f"or, with the same effect in these pictures: {o.sentence}" for o in others)]
+    said += [f"your pictures are {where}"] if where else []
+    return (*said, "something else is wrong, too") if more else tuple(said)
 
 
 def _checked(stage: Stage, case: Case, outcome: Outcome) -> Outcome:

@@ -48,12 +48,18 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         one = len(self.causes) == 1
         return "proved" if one and sum(not case.passed for case in self.cases) > 1 else "likely"
 
+    @property
+    def said(self) -> tuple[str, ...]:
+        """What is wrong, the surest first: a mistake that is known, then where to mend it; or a repair alone."""
+        if not self.hint:
+            return (self.sentence,)
+        return (self.sentence, f"{MEND} {self.hint}") if self.causes else (self.hint,)
+
     def __repr__(self) -> str:
         return str(self)
 
     def __str__(self) -> str:
-        hint = f"\n      {self.hint}" if self.hint else ""
-        return f"{'PASS' if self.passed else 'FAIL'}  {self.stage}: {self.sentence}{hint}"
+        return f"{'PASS' if self.passed else 'FAIL'}  {self.stage}: " + "\n      ".join(self.said)
 
     def _repr_html_(self) -> str:
         """A small page for notebooks: the sentence, the worst value, and every case."""
@@ -63,15 +69,18 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         values = "".join(
             f"<tr>{_cell(name)}{_cell(text, CODE)}</tr>" for name, text in worst if text and not self.passed
         )
+        first, *more = self.said
         return (
             f'<div style="border-left:4px solid {COLOURS[self.passed]};padding:2px 12px;max-width:60em">'
-            f'<p style="margin:4px 0">{mark} {escape(self.sentence)}</p>'
-            + (f'<p style="margin:4px 0">{escape(self.hint)}</p>' if self.hint else "")
+            f'<p style="margin:4px 0">{mark} {escape(first)}</p>'
+            + "".join(f'<p style="margin:4px 0">{escape(text)}</p>' for text in more)
             + (f"<table>{values}</table>" if values else "")
             + f"<table><tr>{_cell('case')}{_cell(f'error ({self.unit})')}{_cell('values off')}</tr>{rows}</table></div>"
         )
 
 
+MEND = "a place to mend it:"
+"""Stands before a repair where the mistake is known."""
 COLOURS = {True: "#1a7f37", False: "#cf222e"}
 CODE = "font-family:monospace;overflow-wrap:anywhere"
 

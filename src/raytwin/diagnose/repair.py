@@ -154,7 +154,7 @@ def repair(
     reached, every = (_statements(cells, function, names) for names in (innocent, ()))
     known_lines = {(cell, statement.lineno) for cell, statement in reached}
     aside = [(cell, statement) for cell, statement in every if (cell, statement.lineno) not in known_lines]
-    search = _Search(cells, reached, seen, runner.places_in(first), runner.right, aside)
+    search = _Search(cells, reached, seen, runner.places_in(first), runner.right, aside, more_time)
 
     alone = [(cases, source) for source in (iter(known), search.candidates(False), search.candidates(True))]
     usual, rare = (_beside(search, partial, cases, is_right, runner, rare) for rare in (False, True))
@@ -237,16 +237,17 @@ def candidates(
 class _Search:
     """All changes of some statements: alone, and beside another change.
 
-    `aside`: what is right alone, but may change arrays that are not its own.
+    `aside`: what is right alone, but may change arrays that are not its own. `more_time()`: whether to go on making
+    changes, of which a long text has so many that to make them takes minutes.
     """
 
     def __init__(
         self, cells: Cells, reached: Sequence[tuple[str, ast.stmt]], seen: Mapping[str, int],
         places: Callable[[Sequence[Candidate]], frozenset[int] | None],
         right: Callable[[Sequence[Candidate]], frozenset[int] | None],
-        aside: Sequence[tuple[str, ast.stmt]] = (),
+        aside: Sequence[tuple[str, ast.stmt]] = (), more_time: Callable[[], bool] = lambda: True,
     ) -> None:  # fmt: skip
-        self.aside = aside
+        self.aside, self.more_time = aside, more_time
         self.reached, self.seen = reached, seen
         self.file = _file(cells, [statement for _, statement in reached])
         self.end = 0
@@ -290,7 +291,9 @@ class _Search:
         inside = running if running is None else frozenset(id(n) for n in ast.walk(statement) if n in running)
         key = id(statement), rare, inside
         if key not in self.made:
-            some = edits(statement, self.file, rare, runs=lambda one: running is None or one in running)
+            some = edits(
+                statement, self.file, rare, runs=lambda one: self.more_time() and (running is None or one in running)
+            )
             self.made[key] = statement, list(self._candidates(cell, statement, some))
         return self.made[key][1]
 

@@ -45,11 +45,11 @@ def unnamed(results: Sequence[Result]) -> list[tuple[Marked, list[Result]]]:
     groups: list[tuple[Marked, list[Result]]] = []
     for result in results:
         for exercise in result.exercises:
-            if exercise.faults or not exercise.fingerprint:
+            if exercise.status != "fail" or exercise.faults or not exercise.fingerprint:
                 continue
             for first, who in groups:
                 if first.stage == exercise.stage and same(first.fingerprint, exercise.fingerprint):
-                    who.append(result)
+                    who += [] if result in who else [result]
                     break
             else:
                 groups.append((exercise, [result]))

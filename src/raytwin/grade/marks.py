@@ -8,7 +8,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from raytwin.contract.check_function import judge
+from raytwin.contract.check_function import judge, student_words
 from raytwin.contract.stage_table import LESSONS
 from raytwin.diagnose.diagnosis import Diagnosis, diagnose
 from raytwin.grade.check_picture import CheckedPicture, check_picture
@@ -39,7 +39,7 @@ def marked(
     checked = {id(a): check_picture(a) for a in asked if a.scene is not None}
     marks = {e.name: _mark_stage(e, of[e.name]) for e in rubric.exercises if of[e.name][0].scene is None}
     failed = [m for m in marks.values() if m.status not in ("pass", "missing")]
-    helped = ask_again(rubric, code, asked, checked, [m.stage for m in failed]) if code else Rerun()
+    helped = ask_again(rubric, code, asked, checked, [m.stage for m in failed]) if code and not problem else Rerun()
     causes = _Causes(checked, helped, [m for m in failed if m.stage in helped.names], result.seed, rubric.seen)
     pictures, speed = [], []
     for exercise in (e for e in rubric.exercises if e.name not in marks):
@@ -173,11 +173,10 @@ class _Causes:
         """Return what is said of one exercise."""
         mine = [self.checked[id(a)] for a in asked]
         wrong = [a for a, c in zip(asked, mine, strict=True) if not c.part.passed]
-        instead = f"with a right {self.functions} in place of yours"
         if wrong and all(map(self.helped.fixed_by, wrong)) and self.failed and (self.theirs or self.rest):
             faults = tuple(dict.fromkeys(fault for m in self.failed for fault in m.faults))
             sureness = max((m.sureness for m in self.failed), key=SUREST.index) if faults else ""
-            return _Found((f"{instead} this is right: begin there",), faults, sureness)
+            return _Found((f"follows from your {self.functions}: with a right one this is right",), faults, sureness)
         if not _has_wrong_numbers(mine):
             return _Found()
         found = self.rest or self.together
@@ -187,11 +186,9 @@ class _Causes:
             found = replace(found, sureness="likely" if found.causes else "unknown")
         if found is None:
             return _Found()
-        first, *more = student_words(found)
-        if self.rest is not None:
-            first = f"{instead} one mistake is left: {first}"
         faults = tuple((c.name, c.sentence) for c in found.causes)
-        return _Found((first, *more), faults, found.sureness if faults else "")
+        beside = (f"beside that, your {self.functions} makes it wrong",) if self.rest is not None else ()
+        return _Found((*student_words(found), *beside), faults, found.sureness if faults else "")
 
 
 def _has_wrong_numbers(checked: Sequence[CheckedPicture]) -> bool:
@@ -229,7 +226,7 @@ def _mark_pictures(exercise: Exercise, asked: list[Question], causes: _Causes) -
         visibility=exercise.visibility,
         unit="of the picture's scale" if exercise.stage == "render" else "m",
         tolerance=asked[0].tolerance.p999_abs,
-        sentences=sentences or ("wrong; no single common mistake fits",),
+        sentences=sentences or ("wrong, and no single common mistake fits",),
         causes=tuple(name for name, _ in found.faults),
         sureness=found.sureness,
         faults=found.faults,
@@ -246,18 +243,3 @@ def _fingerprint(asked: list[Question], checked: list[CheckedPicture]) -> str:
         return ""
     right = [a.case.expected[0] for a, _ in named]
     return fingerprint(right, [r if c.got is None else c.got for r, (_, c) in zip(right, named, strict=True)])
-
-
-def student_words(found: Diagnosis) -> tuple[str, ...]:
-    """The diagnosis in sentences for a student: each mistake, what may be meant as well, what is wrong beside it."""
-    if not found.causes:
-        where = (f"no single common mistake fits: {found.where}",)
-        near = found.nearest if found.explained >= 0.5 else None
-        return (*where, f"closest to it, but not all of it: {near.sentence}") if near else where
-    said = []
-    for cause, others in zip(found.causes, found.alternatives, strict=True):
-        said += [cause.sentence, *(f"or, with the same effect in these pictures: {o.sentence}" for o in others)]
-    first, more, _ = found.where.partition("something else is wrong")
-    clause = first.partition(";")[0]
-    said += [f"your pictures are {clause}"] if clause else []
-    return (*said, "something else is wrong, too") if more else tuple(said)

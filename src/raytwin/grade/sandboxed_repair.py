@@ -18,6 +18,7 @@ import numpy as np
 from raytwin.contract.check_function import errors_of, is_right
 from raytwin.contract.repair_function import STEPS, further_probes, probes, right_ones, smaller
 from raytwin.contract.stage import Case, Stage
+from raytwin.contract.stage_result import MEND
 from raytwin.contract.stage_table import LESSONS
 from raytwin.diagnose.catalogue import FACTS
 from raytwin.diagnose.repair import (
@@ -43,6 +44,8 @@ from raytwin.sandbox.sandbox import Code, Sandbox
 
 SECONDS, UNNAMED, IN_ALL = 4.0, 8.0, 14.0
 """Seconds of computing: for one function, for one of which no mistake is proved, and for a submission."""
+LONGEST = 100_000
+"""Characters of a text that is repaired: to read one of megabytes takes the grader minutes."""
 CALLED, PLACES = "raytwin_attempt", "raytwin_places"
 DRIVER = f"""
 from typing import Any
@@ -99,6 +102,7 @@ def looked_again(result: Result, rubric: Rubric, code: Code, replaced: Sequence[
     if not ((rubric.hints or unnamed) and wrong and code.kind == "python" and (code.source or code.cells)):
         return result
     cells: Cells = code.cells or (("", code.source),)
+    hints = rubric.hints if sum(len(text) for _, text in cells) <= LONGEST else 0
     right = list(dict.fromkeys(e.stage for e in result.exercises if e.status == "pass"))
     right = [stage for stage in right if all(e.stage != stage for e in wrong)]
     found: dict[str, Repair] = {}
@@ -115,7 +119,7 @@ def looked_again(result: Result, rubric: Rubric, code: Code, replaced: Sequence[
             if not ours:
                 prints |= {stage: _fingerprint(child, LESSONS[stage]) for stage in asked if stage in unnamed}
             began, trials = _clock(child), _Trials(child)
-            for exercise in some if rubric.hints else ():
+            for exercise in some if hints else ():
                 if exercise.stage in child.functions and CALLED in child.functions and exercise.stage not in found:
                     seconds = SECONDS if _is_proved(exercise) else UNNAMED
                     until = min(_clock(child) + seconds, began + left)
@@ -126,7 +130,7 @@ def looked_again(result: Result, rubric: Rubric, code: Code, replaced: Sequence[
                         found[exercise.stage] = made
             left -= _clock(child) - began
     exercises = tuple(
-        _with_hint(e, found.get(e.stage), rubric.hints, e.fingerprint or prints.get(e.stage, "")) if e in wrong else e
+        _with_hint(e, found.get(e.stage), hints, e.fingerprint or prints.get(e.stage, "")) if e in wrong else e
         for e in result.exercises
     )
     return msgspec.structs.replace(result, exercises=exercises)
@@ -158,13 +162,18 @@ def _fingerprint(child: Sandbox, stage: Stage) -> str:
 
 
 def _with_hint(exercise: Marked, repair: Repair | None, level: int, found: str) -> Marked:
-    """Behind a cause that is proved; before what is likely, or names none."""
+    """Behind an error and a cause that is proved; before what is likely. It replaces what names no cause."""
     exercise = msgspec.structs.replace(exercise, fingerprint=found)
     if repair is None:
         return exercise
     hint = repair.hint(level)
     first, rest = exercise.sentences[:1], exercise.sentences[1:]
-    sentences = (*first, hint, *rest) if _is_proved(exercise) else (hint, *first, *rest)
+    if _is_proved(exercise):
+        sentences = (*first, f"{MEND} {hint}", *rest)
+    elif exercise.status == "error":
+        sentences = (*exercise.sentences, hint)
+    else:
+        sentences = (hint, *exercise.sentences) if exercise.faults else (hint,)
     return msgspec.structs.replace(exercise, sentences=sentences, sureness="proved", repair=kind_of(repair.operator))
 
 

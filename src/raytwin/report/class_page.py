@@ -83,6 +83,7 @@ def write_class(results: Sequence[Result], rubric: Rubric, folder: Path) -> list
         alike=alike,
         crashed=[r for r in results if broken(r)],
         certainty=certainty,
+        in_short=in_short,
         **common,
     )
     write_csv(folder / "results.csv", csv_rows(results, rubric))
@@ -171,8 +172,15 @@ def certainty(result: Result) -> str:
     return result.worst.sureness if result.worst else ""
 
 
-def next_step(e: Marked) -> str:
-    """What a student does about an exercise, after reading what is wrong."""
+def in_short(result: Result) -> str:
+    """What went wrong, in one line: the error of what ran not at all, or the first cause."""
+    return "; ".join((result.problem or result.first_problem).split("\n"))
+
+
+def next_step(e: Marked | None) -> str:
+    """What a student does about an exercise, or a file, after reading what is wrong."""
+    if e is None:
+        return "Run the file yourself until it loads without an error, then hand in again."
     if e.status == "missing":
         return f"Write {e.stage}; the starter file says what it takes and returns."
     if e.status == "limit":
@@ -245,9 +253,8 @@ def csv_rows(results: Sequence[Result], rubric: Rubric) -> Iterator[Sequence[str
         by_name: dict[str, Marked] = {e.name: e for e in r.exercises}
         found = [by_name.get(n) for n in names]
         cells = [of_points(e.points) if e else "" for e in found] + [e.status if e else "" for e in found]
-        first = r.worst
-        crash = first.sentences[0] if first and first.status in CRASHED and first.sentences else ""
-        ends = ["; ".join(r.faults), r.problem or crash, certainty(r), f"{r.own_seconds:.2f}", r.graded]
+        crash = in_short(r) if r.problem or (r.worst and r.worst.status in CRASHED) else ""
+        ends = ["; ".join(r.faults), crash, certainty(r), f"{r.own_seconds:.2f}", r.graded]
         yield [r.student, of_points(r.points), of_points(rubric.points), of_points(r.bonus), *cells, *ends]
 
 

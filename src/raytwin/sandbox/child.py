@@ -137,7 +137,7 @@ def _hint(error: BaseException, submission: Path, modules: list[str]) -> str:
 def _said(error: BaseException, submission: Path, modules: list[str]) -> str:
     """`ValueError: ...`, what the sandbox has to do with it, and the lines of the submission that led there."""
     try:
-        text = " ".join(str(error).split())
+        text = " ".join(str(error).split()).replace(f"{submission}/", "")
         text = text if len(text) <= LONG else f"{text[:LONG]}..."
         lines = [" ".join([f"{type(error).__name__}: {text}", _hint(error, submission, modules)]).rstrip()]
         frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename.startswith(str(submission))]
