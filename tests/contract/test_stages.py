@@ -219,7 +219,8 @@ def test_check_names_in_a_picture_what_no_variant_has_with_its_number():
 
     found = judge_function(CONTRACT["render"], bright_shadows)
     assert found.causes == ("shadow-strength",)
-    assert found.sentence.startswith("cause (proved): shadows let 30 % of the sun through")
+    assert found.sentence.startswith("shadows let 30 % of the sun through: ")
+    assert "explains" not in found.sentence
 
 
 def test_check_raises_when_told_to_and_only_where_it_fails():

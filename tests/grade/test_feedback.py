@@ -92,7 +92,11 @@ def test_infinities_in_the_wrong_place_are_errors_and_the_right_ones_none():
 
 @pytest.mark.parametrize(
     ("field", "value", "said"),
-    [("fingerprint", "1 2", r"feedback\[0\]\.fingerprint"), ("stage", "shad", "did you mean shade")],
+    [
+        ("fingerprint", "1 2", r"feedback\[0\]\.fingerprint"),
+        ("sentence", " ", r"feedback\[0\]\.sentence"),
+        ("stage", "shad", "did you mean shade"),
+    ],
 )
 def test_a_row_that_is_wrong_is_refused_with_its_field(tmp_path, field, value, said):
     row = {"stage": "shade", "sentence": "x", "fingerprint": " ".join(["0.5"] * 16)} | {field: value}

@@ -15,9 +15,11 @@ from raytwin.scene import Tolerance
 SOURCE = next(s.source for s in SLIPS if s.label == "sum of everything")
 LIAR = "\n\nimport marshal\nmarshal.loads = lambda b: compile('raise SystemExit', '', 'exec')\n"
 """Answers nonsense for its repairs."""
+LONG = SOURCE + "# " + "x" * 100_000 + "\n"
+"""Too long to be read for a line."""
 
 
-@pytest.mark.parametrize(("text", "told"), [(SOURCE, True), (SOURCE + LIAR, False)])
+@pytest.mark.parametrize(("text", "told"), [(SOURCE, True), (SOURCE + LIAR, False), (LONG, False)])
 def test_the_line_of_a_slip_is_told_where_the_submission_lets_it_be_found(tmp_path, text, told):
     (tmp_path / "r.toml").write_text('title = "t"\nhints = 3\n[[exercises]]\nstage = "intersect_sphere"\npoints = 20\n')
     (tmp_path / "a.py").write_text(text)
@@ -43,3 +45,13 @@ def test_points_of_rays_that_meet_nothing_are_nan(miss, passes):
     right[:2] = np.nan
     got = np.where(np.isnan(right), miss, right)
     assert _compare_points(right, got, Tolerance())[0] == passes
+
+
+def test_a_text_that_is_nested_too_deeply_is_graded(tmp_path):
+    """As deep as Python's own reader allows."""
+    deep = "    return albedo * (n * irradiance + sky * 1.3)" + " + 0 * n" * 800
+    head = "def shade(points, normals, albedo, to_light, irradiance, sky):\n    n = abs(normals @ to_light)[:, None]\n"
+    (tmp_path / "r.toml").write_text('title = "t"\n[[exercises]]\nstage = "shade"\npoints = 20\n')
+    (tmp_path / "a.py").write_text(head + deep)
+    (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
+    assert (result.problem, result.exercises[0].status) == ("", "fail")

@@ -188,6 +188,8 @@ def read_rubric(path: str | Path) -> Rubric:
         check_one_of(f"{path}: feedback[{i}].stage", row.stage, LESSONS)
         if not is_fingerprint(row.fingerprint):
             raise InputError(f"{path}: feedback[{i}].fingerprint", "the numbers of a class page's row", row.fingerprint)
+        if not row.sentence.strip():
+            raise InputError(f"{path}: feedback[{i}].sentence", "a sentence for the students", "none")
     names = [e.name for e in named]
     if twice := next((n for n in names if names.count(n) > 1), None):
         raise InputError(f"{path}: exercises: name", "names that differ", f"{twice!r} twice")

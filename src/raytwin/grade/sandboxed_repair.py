@@ -4,6 +4,7 @@ It runs after grading, in a sandbox of its own, and changes no points. What the 
 what is right.
 """
 
+import contextlib
 import dataclasses
 import inspect
 import time
@@ -93,6 +94,8 @@ def looked_again(result: Result, rubric: Rubric, code: Code, replaced: Sequence[
     """The result, with the lines to look at among its exercises' sentences, as far as the rubric's `hints` go, and
     fingerprints of what no cause is named for.
 
+    A text that is nested too deeply to be read is not repaired.
+
     Of pictures those are tried of which no cause is proved, or one that says only what is seen. Functions that are
     right by their own tests are not tried.
     `replaced`: functions that failed, of which right ones take the place when pictures are repaired.
@@ -125,9 +128,10 @@ def looked_again(result: Result, rubric: Rubric, code: Code, replaced: Sequence[
                     until = min(_clock(child) + seconds, began + left)
                     known = [r.candidate for r in found.values() if r.candidate is not None and not ours]
                     stage, seed = LESSONS[exercise.stage], result.seed
-                    made = _repair(stage, seed, cells, trials, until, right, ours, known, rubric.seen)
-                    if made is not None:
-                        found[exercise.stage] = made
+                    with contextlib.suppress(RecursionError, MemoryError):
+                        made = _repair(stage, seed, cells, trials, until, right, ours, known, rubric.seen)
+                        if made is not None:
+                            found[exercise.stage] = made
             left -= _clock(child) - began
     exercises = tuple(
         _with_hint(e, found.get(e.stage), hints, e.fingerprint or prints.get(e.stage, "")) if e in wrong else e

@@ -168,8 +168,8 @@ def faults(results: Sequence[Result]) -> list[tuple[str, str, list[tuple[Result,
 
 
 def certainty(result: Result) -> str:
-    """The sureness of the first cause; empty where no cause is."""
-    return result.worst.sureness if result.worst else ""
+    """The sureness of the first cause; empty where no cause is, or an error says what happened."""
+    return result.worst.sureness if result.worst and result.worst.status == "fail" else ""
 
 
 def in_short(result: Result) -> str:
