@@ -74,8 +74,7 @@ def _normals(f: Any) -> Pipeline:
 
 FACED, MADE_UNIT = _normals(_faced), _normals(_made_unit)
 """Normals of spheres, too, are turned to the eye; normals are made unit."""
-COARSE = (others_hide, offset_by(1e-4), offset_by(1e-4, True))
-SHADOW_TESTS = (*COARSE, *(offset_by(eps, way) for eps in (1e-6, 1e-5, 1e-3) for way in (False, True)))
+SHADOW_TESTS = (others_hide, offset_by(1e-4), offset_by(1e-4, True))
 """Ways to test for shadows that are all right: the own object left out, or a start a little off the surface."""
 MEETING = ("intersect_sphere", "intersect_plane")
 
@@ -85,7 +84,7 @@ def equivalent_forms(pipeline: Pipeline) -> tuple[Pipeline, ...]:
 
     Normals turned to the eye, or made unit; how shadows are tested; functions of their own for shadow rays.
     """
-    tests = ((), *COARSE) if not touches(pipeline, "sun_visible") else ((),)
+    tests = ((), *SHADOW_TESTS) if not touches(pipeline, "sun_visible") else ((),)
     normals = ((), FACED, MADE_UNIT, chain(MADE_UNIT, FACED))
     made = [chain(pipeline, normal, test) for test in tests for normal in normals if normal or test]
     if meeting := tuple(step for step in pipeline if step[0] in MEETING):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from raytwin.diagnose.budget import Budget
-from raytwin.diagnose.catalogue import FAULTS, SHADOW_TESTS, equivalent_forms
+from raytwin.diagnose.catalogue import FAULTS, equivalent_forms
 from raytwin.diagnose.certainty import is_good, shows
 from raytwin.diagnose.changes import Fault
 from raytwin.diagnose.explanation import Cause
@@ -19,7 +19,6 @@ from raytwin.diagnose.parametric_faults import ParametricFault, fit, promising, 
 from raytwin.diagnose.pixel_sample import PixelSample
 from raytwin.diagnose.predict import UP_TO_RAYS, Array, Pipeline
 from raytwin.diagnose.prediction_cache import costs
-from raytwin.diagnose.tolerance_mask import SHADOW_STEPS
 
 SCREEN = 4
 """Every fault is tried on one in so many of the pixels first."""
@@ -96,12 +95,9 @@ class Search:
             before.and_then(Cause(f.name, f.stage, f.sentence), way, typical=before.typical and not k, way=way)
             for f in faults if f.name not in named for k, way in enumerate(f.ways)
         ]  # fmt: skip
-        if before.causes or faults[: len(FAULTS)] != FAULTS:
-            tried = self._screened(ways, before)
-        elif len(few := self._by_common(ways, before)) < len(ways):
-            tried = self._screened(few, before)
-        else:
-            tried = self._screened(ways, before)
+        if not before.causes and faults[: len(FAULTS)] == FAULTS:
+            ways = self._by_common(ways, before)
+        tried = self._screened(ways, before)
         exact = ranked(self._in_other_forms(tried, before), faults, EVEN * before.cost, self.seen)
         families = [f for f in families if f.name not in named]
         if not families or (exact and exact[0].cost < CLEAR * before.cost and self.explained_by(exact)):
@@ -143,13 +139,6 @@ class Search:
         some = [g for g in some if not before.causes and _beyond_the_camera(g.way)]
         forms = [replace(g, steps=form, cost=np.inf) for g in some for form in equivalent_forms(g.steps)]
         tried += self._screened(forms, before)
-        some = [g for g in sorted(tried, key=lambda g: g.cost)[:TEMPTING] if _beyond_the_camera(g.way)]
-        tested = []
-        for g in (g for g in some if g.cost > EVEN * before.cost):
-            test = tuple(step for step in g.steps if step[0] in SHADOW_STEPS)
-            rest = tuple(step for step in g.steps if step[0] not in SHADOW_STEPS)
-            tested += [replace(g, steps=(*rest, *one)) for one in SHADOW_TESTS if test in ((), *SHADOW_TESTS)]
-        tried += self._screened(tested, before, TEMPTING)
         tried = sorted(tried, key=lambda g: g.cost)[:FINALISTS]
         near = [g for g in tried if g.cost < CLOSE * tried[0].cost + 1e-2 * before.cost]
         return [self.weighed(g) for k, g in enumerate(near) if not (k and self.budget.over)]
