@@ -2,6 +2,7 @@
 
 import itertools
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -190,6 +191,17 @@ def test_errors_under_the_truths_floor_are_the_same_and_another_machine_is_a_dou
     assert "processor" in found.doubts[0]
     with pytest.raises(InputError, match="none in common"):
         against(run({"a": (1.0,)}, EXACT), run({"b": (1.0,)}, EXACT))
+
+
+def test_references_of_other_sample_counts_are_a_doubt():
+    def beside(*truths: Converged) -> Bench:
+        return msgspec.structs.replace(run(STEADY, EXACT), truths=truths)
+
+    before = Converged("shadow-area", 4, 3, 4096, 1.0, {}), Converged("path-area", 4, 3, 64, 1.0, {})
+    now = msgspec.structs.replace(before[0], samples=1024), before[1], Converged("sky-area", 4, 3, 16, 1.0, {})
+    (doubt,) = against(beside(*now), beside(*before)).doubts
+    assert "shadow-area, 4 x 3: 1024 samples per pixel, before 4096" in doubt
+    assert not against(beside(*before), beside(*before)).doubts
 
 
 def test_seconds_to_an_error_lie_on_monte_carlos_line_between_two_counts():

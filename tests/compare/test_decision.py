@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from measure import noise_models
-from measure.noise_models import KINDS, picture
+from measure.noise_models import KINDS, UNSEEN, picture
 
 from raytwin.compare import compare
 from raytwin.compare.decision import decide
@@ -54,7 +54,7 @@ def alarms(name, understated=1.0):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("name", [name for name in KINDS if name != UNSEEN])
 def test_noise_alone_fails_no_more_often_than_stated(name):
     assert alarms(name) <= (MOST_OF_FILMS if name in FILMS else MOST)
 
@@ -91,9 +91,14 @@ def test_the_background_of_a_sampled_image_is_compared_exactly():
     assert "(x=5, y=10)" in c.reasons[0]
 
 
-@pytest.mark.parametrize(("p", "size", "samples"), [(0.002, 3.0, 16), (0.0007, 10.0, 64)])
+@pytest.mark.parametrize(
+    ("p", "size", "samples"), [(0.003, 2.0, 16), (0.01, 1.0, 16), (0.003, 3.0, 64), (0.003, -0.9, 24)]
+)
 def test_a_correct_render_does_not_fail_by_events_that_tiles_have_missed(p, size, samples):
-    """Events of a sixth of the radiance, of which many a tile has none: of 10 renders 8 failed, at a stated 1e-3."""
+    """Events of a few per cent of the light, of which tiles have 3, 10, 12 or 5; the last are dark (stated 1e-3).
+
+    Where only bright ones that are alone were counted, in units of radiance, 7 to 10 of 10 renders failed.
+    """
     rng, events = np.random.default_rng(29), {"p": p, "size": size, "proportional": True}
     reference = noise_models.exact(TRUTH, **events)
     for _ in range(10):

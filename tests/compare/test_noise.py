@@ -78,7 +78,7 @@ def survey_of(peak, mean=0.5, beside=1.0):
     v[12, 11:14:2, 1] = beside * 1e-4
     image = flat(v, mean)
     image.mean[12, 12, 1] = mean
-    return noise.survey(image)
+    return noise.survey(image, np.zeros_like(v))
 
 
 def typical(peak):
@@ -91,8 +91,8 @@ def test_a_firefly_has_more_than_25_times_what_is_typical_of_its_block_and_neigh
     for peak, seen in ((low * 0.98, 0), (low * 1.02, 1)):
         side = survey_of(peak, mean=0.01)
         assert list(side.events) == pytest.approx([0, seen, 0])
-        assert side.first[1] == pytest.approx(seen * math.sqrt(peak * 1e-4), rel=1e-5)
-        assert side.second[1] == pytest.approx(seen * peak * 1e-4, rel=1e-5)
+        assert side.first[0, 1] == pytest.approx(seen * math.sqrt(peak * 1e-4), rel=1e-5)
+        assert side.second[0, 1] == pytest.approx(seen * peak * 1e-4, rel=1e-5)
         assert [len(place) for place in side.fireflies] == [seen] * 3
     assert [int(place[0]) for place in survey_of(1e3, mean=0.01).fireflies] == [12, 12, 1]
 
@@ -111,7 +111,7 @@ def test_its_neighbours_are_the_eight_around_it():
         v = np.full((5, 5, 3), 1e-4, np.float32)
         for dy, dx in ((0, 0), *beside):
             v[2 + dy, 2 + dx, 1] = 1.0
-        return len(noise._fireflies(np.full_like(v, 0.01), v, *(np.array([i]) for i in (2, 2, 1)))[0]) == 1
+        return len(noise._fireflies(v, *(np.array([i]) for i in (2, 2, 1)))[0]) == 1
 
     assert alone(*far)
     for i, one in enumerate(steps):
@@ -119,10 +119,14 @@ def test_its_neighbours_are_the_eight_around_it():
         assert not any(alone(one, other) for other in steps[:i])
 
 
-@pytest.mark.parametrize(("events", "few"), [(69, True), (71, False)])
-def test_a_bright_pixel_of_many_samples_is_no_firefly(events, few):
-    """m² / v counts the events of one size that make a mean m with the variance v."""
-    assert survey_of(1000, mean=math.sqrt(0.1 * events)).events.any() == few
+def test_fireflies_darker_than_the_other_image_are_counted_apart():
+    v = np.full((24, 24, 3), 1e-6, np.float32)
+    v[4, 4], v[12, 12] = 1.0, 4.0
+    image, other = flat(v, 0.5), np.full_like(v, 0.5)
+    other[4, 4], other[12, 12] = 0.1, 0.9
+    side = noise.survey(image, other)
+    assert side.first.tolist() == [[1] * 3, [2] * 3]
+    assert side.second.tolist() == [[1] * 3, [4] * 3]
 
 
 def test_fireflies_are_counted_across_strips_and_at_the_frame():
@@ -130,9 +134,9 @@ def test_fireflies_are_counted_across_strips_and_at_the_frame():
     places = [(0, 0, 0), (63, 19, 1), (64, 0, 2), (129, 19, 0)]
     for y, x, c in places:
         v[y, x, c] = 1.0
-    side = noise.survey(flat(v, 0.01))
+    side = noise.survey(flat(v, 0.01), 0 * v)
     assert sorted(zip(*(map(int, p) for p in side.fireflies), strict=True)) == sorted(places)
-    assert list(side.first) == pytest.approx([2, 1, 1])
+    assert list(side.first[0]) == pytest.approx([2, 1, 1])
     assert list(side.events) == pytest.approx([2, 1, 1])
     assert side.mean == pytest.approx(float(v.mean(dtype=float)))
 
@@ -141,29 +145,35 @@ def test_the_upper_limit_of_what_was_missed_is_that_of_a_poisson_mean():
     """k alike: size / pixels times (sqrt(k) + c / 2)² + 1, and a fifth on top."""
     v = np.full((64, 64, 3), 1e-8, np.float32)
     v[4::16, 4::16] = 1.0
-    side = noise.survey(flat(v, 0.01))
+    side = noise.survey(flat(v, 0.01), 0 * v)
     share, c = 2.5e-4, 3.4807564
-    mine, theirs = noise.missed(side, None, (0, 0), 64 * 64, share)
+    mine, theirs = noise.missed(side, None, (0, 0), 64 * 64, share, np.full(3, 0.5))
     expected = 1.2 * ((math.sqrt(16) + c / 2) ** 2 + 1) / 64**2
-    assert list(mine.bias) == pytest.approx([expected] * 3, rel=1e-6)
+    assert list(mine.bias[0]) == pytest.approx([expected] * 3, rel=1e-6)
+    assert not mine.bias[1].any()
     assert not theirs.bias.any()
     # Missing all of 20 has the probability exp(-20): from there on nothing is granted, but to sums without fireflies.
-    assert mine.of(5119)[0] == pytest.approx(expected)
-    assert mine.of(5121)[0] == 0
-    assert mine.always.of(10**9)[0] == pytest.approx(expected)
+    grey = np.full(3, 0.5)
+    assert mine.of(5119, grey)[0][0] == pytest.approx(expected)
+    assert mine.of(5121, grey)[0][0] == 0
+    assert mine.always.of(10**9, grey)[0][0] == pytest.approx(expected)
+    # Where there is twice the light there may be twice as much of it.
+    for times, granted in ((2, 2), (0.1, 1)):
+        assert mine.of(64, times * grey)[0][0] == pytest.approx(granted * expected)
 
 
 @pytest.mark.parametrize(("samples", "density"), [((16, 64), 64 / 16), ((16, 0), 0), ((1, 64), 0), ((2, 4), 2)])
 def test_what_one_image_has_seen_tells_how_much_the_other_must_have(samples, density):
     v = np.full((64, 64, 3), 1e-8, np.float32)
-    quiet = noise.survey(flat(v, 0.01))
+    quiet = noise.survey(flat(v, 0.01), 0 * v)
     v = v.copy()
     v[4::16, 4::16] = 1.0
-    side = noise.survey(flat(v, 0.01))
-    mine, theirs = noise.missed(side, quiet, samples, 64 * 64, 1e-3)
+    side = noise.survey(flat(v, 0.01), 0 * v)
+    mine, theirs = noise.missed(side, quiet, samples, 64 * 64, 1e-3, np.ones(3))
     assert theirs.density[0] == pytest.approx(16 * density / 64**2)
     assert mine.density[0] == pytest.approx(16 / 64**2)
-    assert noise.missed(quiet, side, samples[::-1], 64 * 64, 1e-3)[0].density[0] == pytest.approx(16 * density / 64**2)
+    mine = noise.missed(quiet, side, samples[::-1], 64 * 64, 1e-3, np.ones(3))[0]
+    assert mine.density[0] == pytest.approx(16 * density / 64**2)
 
 
 # -------------------------------------------------------------------------------------------------- two variances

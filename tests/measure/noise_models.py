@@ -38,15 +38,17 @@ def render(
     p: float = 0.0,
     size: float = 0.0,
     proportional: bool = False,
+    places: float = 1.0,
 ) -> Image:
     """Batches of `samples` in all: relative noise `sd`, and an event `size` with probability `p` a sample.
 
-    Events add radiance `size`, or `size` times the pixel's where `proportional`; the mean contains them.
+    Events add radiance `size`, or `size` times the pixel's where `proportional`; the mean contains them. Only this
+    share of the pixels has any: `places`, always the same ones.
     """
     m = samples // batches
     total = np.zeros(truth.shape)
     squares = np.zeros(truth.shape)
-    lit = size * (truth if proportional else 1.0)
+    lit = event(truth, size, proportional, places)
     for _ in range(batches):
         if kind == "gauss":
             noise = rng.normal(scale=1 / math.sqrt(m), size=truth.shape)
@@ -64,9 +66,17 @@ def render(
     return Image(mean.astype(np.float32), variance.astype(np.float32), samples, None, batches)
 
 
-def exact(truth: np.ndarray, p: float = 0.0, size: float = 0.0, proportional: bool = False) -> Image:
+def event(truth: np.ndarray, size: float, proportional: bool, places: float) -> np.ndarray:
+    """What one event adds to a sample of each pixel, (H, W, 3)."""
+    there = np.random.default_rng(5).random((*truth.shape[:2], 1)) < places
+    return size * (truth if proportional else np.ones_like(truth)) * there
+
+
+def exact(
+    truth: np.ndarray, p: float = 0.0, size: float = 0.0, proportional: bool = False, places: float = 1.0
+) -> Image:
     """The truth itself, events included."""
-    return Image((truth + p * size * (truth if proportional else 1.0)).astype(np.float32))
+    return Image((truth + p * event(truth, size, proportional, places)).astype(np.float32))
 
 
 FILTERS: dict[str, tuple[float, Callable[[np.ndarray], np.ndarray]]] = {
@@ -143,11 +153,18 @@ def pair(test: dict, reference: dict | None, both: dict | None = None) -> Maker:
 
     def make(rng, truth, fault=1.0):
         a = render(rng, truth * fault, **shared, **test)
-        events = {k: shared[k] for k in ("p", "size", "proportional") if k in shared}
+        events = {k: shared[k] for k in ("p", "size", "proportional", "places") if k in shared}
         b = exact(truth, **events) if reference is None else render(rng, truth, **shared, **reference)
         return a, b
 
     return make
+
+
+def events(p: float, size: float, samples: int, **more) -> Maker:
+    """Little noise, and events in units of the light, against the exact image."""
+    return pair(
+        {"samples": samples}, None, {"kind": "exp", "sd": 0.03, "p": p, "size": size, "proportional": True} | more
+    )
 
 
 def films(name: str) -> Maker:
@@ -180,6 +197,9 @@ _RARE = {"p": 1e-4, "size": 1000.0, "proportional": True}
 EIGHT_BITS = {"8 bits on both sides": (True, True), "8 bits of 1024 samples": (True, False)}
 """Which sides of a kind are kept in bytes."""
 
+UNSEEN = "bright events in one pixel of ten"
+"""A kind that fails: most of those pixels see no event, where others, of which nothing tells them, have none."""
+
 KINDS: dict[str, Maker] = {
     "Gaussian against a reference": _USUAL,
     "Gaussian, both alike": pair({"samples": 64}, {"samples": 64}),
@@ -195,6 +215,15 @@ KINDS: dict[str, Maker] = {
     "rare events that the reference knows": pair({}, {"samples": 65536}, _RARE),
     "rare events, both at 1024 samples": pair({"samples": 1024}, {"samples": 1024}, _RARE),
     "rare events against the exact image": pair({}, None, _RARE),
+    "bright events, 2 in a tile": events(1e-3, 5.0, 32),
+    "bright events, 3 in a tile": events(3e-3, 2.0, 16),
+    "small bright events, 4 in a tile": events(1e-3, 4.0, 64),
+    "bright events, 5 in a tile": events(1.5e-3, 6.0, 48),
+    "small bright events, 10 in a tile": events(1e-2, 1.0, 16),
+    "bright events, 12 in a tile": events(3e-3, 3.0, 64),
+    "dark events, 5 in a tile": events(3e-3, -0.9, 24),
+    "bright events that are added, 3 in a tile": events(2e-3, 0.5, 24, proportional=False),
+    UNSEEN: events(1e-2, 4.0, 32, places=0.1),
     "noise of half the tolerance": pair({}, {}, {"sd": 2e-5}),
     "noise of nine tenths of it": pair({}, None, {"sd": 4e-5}),
     "the test has no variance, but states its samples": changed(_USUAL, lambda i: untold(i, 16)),

@@ -79,6 +79,13 @@ def against(new: Bench, old: Bench) -> Changes:
     doubts += [
         f"another {n}: {new.versions[n]}, before {v}" for n, v in old.versions.items() if new.versions.get(n, v) != v
     ]
+    references = {(t.name, t.width, t.height): t.samples for t in old.truths}
+    doubts += [
+        f"another reference of {t.name}, {t.width} x {t.height}: {t.samples} samples per pixel, before {samples}; "
+        "errors may change with it"
+        for t in new.truths
+        if (samples := references.get((t.name, t.width, t.height), t.samples)) != t.samples
+    ]
     return Changes(tuple(changes), drift, tuple(doubts))
 
 

@@ -15,10 +15,13 @@ What a variance estimated from a few batches needs, so that the rate holds:
   a single firefly carries it.
 - A value whose batches happened to agree looks surer than it is. Its variance is raised to its block's mean, and to
   what the other image's variance says of it.
-- A pixel that missed a rare event (a firefly) is too dark by the events' mean, without a trace in its variance. The
-  mean of the fireflies that were seen elsewhere is therefore granted to whatever may have missed them all: often a few
-  thousandths of the radiance, where widening every variance by a firefly's would have blinded all tests. Where both
-  images state their samples, a variance is never less than the samples' ratio says of the other's.
+- A pixel that missed a rare event (a firefly) is too dark by the events' mean, or too bright if they are dark, without
+  a trace in its variance. The mean of the fireflies that were seen elsewhere is therefore granted to whatever may have
+  missed them all, in units of radiance or of the light, whichever is more: often a few thousandths, where widening
+  every variance by a firefly's would have blinded all tests. Where both images state their samples, a variance is never
+  less than the samples' ratio says of the other's.
+- Where events are too dense to be fireflies, a tile that saw few of them shows too little variance. It is raised to
+  what is usual around it (_at_least_usual): then Poisson's lower tail is thinner than the Gaussian's, exp(-z²/2).
 - Values with a standard deviation below a tenth of the tolerance hold no noise: they are compared as exact images are,
   where neither image is sampled, and at the background. In a sampled image samples that all agree prove little: n of
   them miss an event of probability p with exp(-n p). What they may have missed is granted to values, tiles and image,
@@ -72,6 +75,12 @@ SILENT = 0.1
 
 BINS, MOST_TILES = 20, 3000
 """Columns of the histogram of p-values, and about how many tiles it counts at most."""
+
+MOSTLY_FIREFLIES = 0.6
+"""Fireflies are left out of sums where they carry this share of the variance.
+
+Else most events may be too close together to be recognised: tiles that hold few would lose more than is granted.
+"""
 
 DIM = 0.1
 """Channels dimmer than this share of the channels' mean are left out of the detectable relative bias."""
@@ -169,8 +178,9 @@ class Allowance(NamedTuple):
         """
         granted = self.bound.of(radiance) if allowed is None else allowed
         if self.by_test.bias.any() or self.by_reference.bias.any():
-            dark, bright = self.by_test.of(pixels), self.by_reference.of(pixels)
-            granted = granted + np.where(error < 0, dark, bright).astype(granted.dtype)
+            dark, bright = self.by_test.of(pixels, radiance)
+            brighter, darker = self.by_reference.of(pixels, radiance)
+            granted = granted + np.where(error < 0, dark + darker, bright + brighter).astype(granted.dtype)
         return np.asarray(granted)
 
     def upper(self, pixels: Counts | int, radiance: Means) -> Means:
@@ -192,15 +202,15 @@ def decide(
 
     `look`: `rate` as a share of the false-alarm rate of the whole sequence of looks.
     """
-    a, b = survey(test), survey(reference)
+    a, b = survey(test, reference.mean), survey(reference, test.mean)
     ratio = variance_ratio(test, reference, (SILENT * bound.least) ** 2)
     noisy = [s for s in (a, b) if s is not None]
     share = sidak(rate, TESTS)
     behind = (samples_behind(i, s, SILENT * bound.least) for i, s in ((test, a), (reference, b)))
     unseen = max((1 / n for n in behind if n), default=0.0)
-    allowance = Allowance(
-        bound, *missed(a, b, (test.samples, reference.samples), math.prod(test.shape[:2]), share), unseen, look
-    )
+    light = reference.mean.mean(axis=(0, 1), dtype=np.float64)
+    missing = missed(a, b, (test.samples, reference.samples), math.prod(test.shape[:2]), share, light)
+    allowance = Allowance(bound, *missing, unseen, look)
     proven = _proven(reference, unseen)
     sides = (test, a, degrees_of_freedom(test)), (reference, b, degrees_of_freedom(reference))
     dof = welch([(s.mean, nu) for _, s, nu in sides if s is not None])
@@ -262,7 +272,8 @@ def decide(
     blocks = ((grids["va"] + grids["vb"]) / grids["n"]).astype(np.float32)
     shared = inflation(test.mean, reference.mean, blocks)
     estimators = [Estimator(grids, allowance, ratio, shared)]
-    if any(s.fireflies[0].size for s in noisy):
+    carried = sum(float(s.second.sum()) for s in noisy)
+    if carried > MOSTLY_FIREFLIES * sum(s.mean for s in noisy) * test.mean.size:
         fewer = allowance._replace(by_test=_without_fireflies(allowance.by_test, a))
         fewer = fewer._replace(by_reference=_without_fireflies(allowance.by_reference, b))
         estimators.append(Estimator({k: np.concatenate(v) for k, v in without.items()}, fewer, ratio, shared))
@@ -380,21 +391,42 @@ class _Tested(NamedTuple):
     event: Means
 
 
-def _student(estimators: list[Estimator], level: float) -> _Tested:
-    """For each sum take the more sensitive estimator: with its fireflies, or without them, allowing for their mean."""
-    made = [_estimate(estimator, level) for estimator in estimators]
+def _student(estimators: list[Estimator], level: float, apart: int = 0) -> _Tested:
+    """For each sum take the more sensitive estimator: with its fireflies, or without them, allowing for their mean.
+
+    `apart`: steps from a tile to the next that shares no pixel with it; 0 where there is none.
+    """
+    made = [_estimate(estimator, level, apart) for estimator in estimators]
     if len(made) == 1:
         return made[0]
     least = [t.granted + t.sd * quantile(level, t.dof) for t in made]
     return _Tested(*(np.where(least[1] < least[0], y, x) for x, y in zip(*made, strict=True)))
 
 
-def _estimate(estimator: Estimator, level: float) -> _Tested:
+def _at_least_usual(variance: Means, s: Sums, apart: int) -> Means:
+    """Return the tiles' variances, none less than the third least of it and its 8 neighbours, in units of their light.
+
+    A tile that saw none of a few rare events claims too little. Edges and quiet places rarely fill seven of nine tiles.
+    """
+    from scipy.ndimage import rank_filter
+
+    light = np.square(s["r"]) / s["n"]
+    relative = np.divide(variance, light, out=np.zeros_like(variance), where=light > 0)
+    places = np.zeros((2 * apart + 1, 2 * apart + 1, 1), bool)
+    places[::apart, ::apart] = True
+    usual = rank_filter(relative, 2, footprint=places, mode="nearest") * light
+    return np.asarray(np.where(variance > 0, np.maximum(variance, usual), variance))
+
+
+def _estimate(estimator: Estimator, level: float, apart: int = 0) -> _Tested:
     s, shared = estimator.sums, estimator.inflation
     v = s["va"] + s["vb"]
     dof = np.divide(np.square(v), s["vv"], out=np.zeros_like(v), where=s["vv"] > 0) / shared - 1
     dof = np.maximum(dof, 0.5)
-    sd = np.sqrt(larger_variance(s["va"], s["vb"], estimator.ratio) * shared) / s["n"]
+    variance = larger_variance(s["va"], s["vb"], estimator.ratio)
+    if apart:
+        variance = _at_least_usual(variance, s, apart)
+    sd = np.sqrt(variance * shared) / s["n"]
     floor = 1e-3 * estimator.allowance.bound.least  # where all is calm: no division by 0
     sd, dof = np.maximum(sd, floor), np.where(sd > floor, dof, np.inf)
     allowance, error, radiance = estimator.allowance, s["d"] / s["n"], s["r"] / s["n"]
@@ -425,7 +457,7 @@ def _tiles(estimators: list[Estimator], share: float, size: Size) -> Family:
     worst, failed, detectable = Worst(width=SIDE, height=SIDE), 0, math.nan
     found: list[Place] = []
     for k, (side, step, here) in enumerate(scales):
-        t = _student(here, level)
+        t = _student(here, level, side // step)
         # Student's tails are wider than the Gaussian's: only what a Gaussian would doubt needs them.
         unsure = t.z >= min(doubtful, float(t.z.max()))
         p = np.ones_like(t.z)

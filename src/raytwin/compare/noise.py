@@ -26,9 +26,6 @@ FIREFLY = 25.0
 EVENTS = 8.0
 """A pixel of mean m and variance v is the sum of some m²/v events of one size; of fewer than this it is rare light."""
 
-FIREFLY_EVENTS = 70.0
-"""The same for a firefly: an event that adds more than an eighth to its pixel, where others may have missed all."""
-
 SURE = 20.0
 """A sum over pixels that expects more fireflies than this has seen some: missing all has probability exp(-20)."""
 
@@ -51,28 +48,29 @@ def degrees_of_freedom(image: Image) -> float:
 
 class Side(NamedTuple):
     """One image's noise: its mean variance, and that of each 8 x 8 block (by, bx, 3).
-    Sums over its fireflies, per channel (3,): `first` of their contributions to their pixels, `second` of the squares;
-    and where they are, (y, x, c).
+    Sums over its fireflies, per channel: `first` of their contributions to their pixels, `second` of the squares, of
+    those that make their pixel brighter than the other image's, and darker (2, 3); and where they are, (y, x, c).
     """
 
     mean: float
     blocks: Float32[np.ndarray, "by bx 3"]
-    first: Float[np.ndarray, "3"]
-    second: Float[np.ndarray, "3"]
+    first: Float[np.ndarray, "2 3"]
+    second: Float[np.ndarray, "2 3"]
     fireflies: tuple[Int[np.ndarray, " n"], ...]
 
     @property
     def events(self) -> Float[np.ndarray, "3"]:
         """(3,) the effective number of fireflies, (Σ x)² / Σ x²: their count, where all are alike."""
-        return np.asarray(np.divide(np.square(self.first), self.second, out=np.zeros(3), where=self.second > 0))
+        first, second = self.first.sum(axis=0), self.second.sum(axis=0)
+        return np.asarray(np.divide(np.square(first), second, out=np.zeros(3), where=second > 0))
 
 
-def survey(image: Image) -> Side | None:
-    """The noise of one image, in one pass; None where it has none."""
+def survey(image: Image, other: Pixels) -> Side | None:
+    """The noise of one image, in one pass; None where it has none. `other`: the mean that it is compared with."""
     v = image.variance
     if v is None:
         return None
-    blocks, sums, places = [], np.zeros((2, 3)), [np.zeros((3, 0), np.intp)]
+    blocks, sums, places = [], np.zeros((2, 6)), [np.zeros((3, 0), np.intp)]
     for y0, y1, rows in strips(v.shape):
         strip = v[y0:y1]
         count = block_counts(strip, rows)
@@ -82,16 +80,17 @@ def survey(image: Image) -> Side | None:
         bright = unblock(strip, rows) > spread((FIREFLY * typical).astype(np.float32), v.shape[1])
         if bright.any():
             y, x, c = np.nonzero(bright.reshape(strip.shape))
-            y, x, c = _fireflies(image.mean, v, y + y0, x, c)
+            y, x, c = _fireflies(v, y + y0, x, c)
             places.append(np.array([y, x, c]))
             own = v[y, x, c].astype(np.float64)
             # A single event of size S in n samples lifts the mean by S/n and makes its variance (S/n)^2.
-            sums += [np.bincount(c, w, 3) for w in (np.sqrt(own), own)]
+            kind = c + 3 * (image.mean[y, x, c] < other[y, x, c])
+            sums += [np.bincount(kind, w, 6) for w in (np.sqrt(own), own)]
     return Side(
         float(v.mean(dtype=np.float64)),
         np.concatenate(blocks),
-        sums[0],
-        sums[1],
+        sums[0].reshape(2, 3),
+        sums[1].reshape(2, 3),
         tuple(np.concatenate(places, axis=1)),
     )
 
@@ -122,7 +121,7 @@ def samples_behind(image: Image, side: Side | None, least: float) -> int:
 
 
 def _fireflies(
-    mean: Pixels, v: Pixels, y: Int[np.ndarray, " n"], x: Int[np.ndarray, " n"], c: Int[np.ndarray, " n"]
+    v: Pixels, y: Int[np.ndarray, " n"], x: Int[np.ndarray, " n"], c: Int[np.ndarray, " n"]
 ) -> tuple[Int[np.ndarray, " k"], ...]:
     """Those of the values (y, x, c) that are an event or few, and alone: an edge is noisier than its block too."""
     height, width = v.shape[:2]
@@ -133,7 +132,6 @@ def _fireflies(
         neighbours[k, inside] = v[y[inside] + dy, x[inside] + dx, c[inside]]
     own = v[y, x, c].astype(np.float64)
     alone = own > FIREFLY * np.partition(neighbours, -2, axis=0)[-2]
-    alone &= FIREFLY_EVENTS * own > np.square(mean[y, x, c].astype(np.float64))
     return y[alone], x[alone], c[alone]
 
 
@@ -305,36 +303,43 @@ def _along(e: Float32[np.ndarray, "h w 3"], lines: Float64[np.ndarray, " n"], ax
 
 
 class Missed(NamedTuple):
-    """What an image may have missed: the bias of its fireflies' mean per channel (3,), and how many it sees a pixel."""
+    """What an image may have missed: the bias of its fireflies' mean per channel, of bright and of dark ones (2, 3).
 
-    bias: Float[np.ndarray, "3"] = np.zeros(3)
+    `density`: how many it sees per pixel; `light`: the radiance of which the bias holds, (3,). Where it is brighter,
+    so may the fireflies be.
+    """
+
+    bias: Float[np.ndarray, "2 3"] = np.zeros((2, 3))
     density: Float[np.ndarray, "3"] = np.zeros(3)
+    light: Float[np.ndarray, "3"] = np.full(3, np.inf)
 
     @property
     def always(self) -> "Missed":
         """Granted to sums from which the fireflies are left out, however many pixels they have."""
         return self._replace(density=np.zeros(3))
 
-    def of(self, pixels: Counts | int) -> Means | Float[np.ndarray, "3"]:
-        """For means over so many pixels, (..., 1) or one number, to (..., 3)."""
-        return np.asarray(np.where(self.density * pixels < SURE, self.bias, 0.0))
+    def of(self, pixels: Counts | int, radiance: Means) -> tuple[Means, Means]:
+        """For means over so many pixels, (..., 1) or one number, (..., 3) each: how much too dark, and too bright."""
+        most = np.maximum(radiance / self.light, 1) * (self.density * pixels < SURE)
+        return most * self.bias[0], most * self.bias[1]
 
 
 def missed(
-    a: Side | None, b: Side | None, samples: tuple[int, int], pixels: int, share: float
+    a: Side | None, b: Side | None, samples: tuple[int, int], pixels: int, share: float, light: Float[np.ndarray, "3"]
 ) -> tuple[Missed, Missed]:
     """What the test (a), and what the reference (b) may have missed, at confidence 1 - share.
 
     For k events of one size the upper limit is that of a Poisson mean: (sqrt(k) + c / 2)^2 + 1, c the Gaussian's
     quantile. Either image tells how large and how frequent they are: the larger limit counts for both. Where both
     state their `samples`, what one has seen says how many the other must have, unusual among its pixels or not.
+    `light`: the mean radiance, (3,).
     """
     from scipy.special import ndtri
 
     c = -float(ndtri(share))
 
     def limit(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        size = np.divide(second, first, out=np.zeros(3), where=first > 0)
+        size = np.divide(second, first, out=np.zeros((2, 3)), where=first > 0)
         return np.asarray((first + c * np.sqrt(second) + (c * c / 4 + 1) * size) / pixels)
 
     # Among many fireflies some have two neighbours of their kind, and pass for an edge.
@@ -344,7 +349,7 @@ def missed(
         if own is None:
             return Missed()
         seen = own.events if other is None else np.maximum(own.events, more * other.events)
-        return Missed(bias, seen / pixels)
+        return Missed(bias, seen / pixels, np.maximum(light, TINY))
 
     na, nb = samples
     counted = na > 1 and nb > 1
