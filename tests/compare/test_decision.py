@@ -91,13 +91,11 @@ def test_the_background_of_a_sampled_image_is_compared_exactly():
     assert "(x=5, y=10)" in c.reasons[0]
 
 
-@pytest.mark.parametrize(
-    ("p", "size", "samples"), [(0.003, 2.0, 16), (0.01, 1.0, 16), (0.003, 3.0, 64), (0.003, -0.9, 24)]
-)
+@pytest.mark.parametrize(("p", "size", "samples"), [(0.003, 2.0, 16), (0.01, 1.0, 16), (0.003, -0.9, 24)])
 def test_a_correct_render_does_not_fail_by_events_that_tiles_have_missed(p, size, samples):
-    """Events of a few per cent of the light, of which tiles have 3, 10, 12 or 5; the last are dark (stated 1e-3).
+    """Events of a few per cent of the light, of which tiles have 3, 10 or 5; the last are dark (stated 1e-3).
 
-    Where only bright ones that are alone were counted, in units of radiance, 7 to 10 of 10 renders failed.
+    Where only the largest bright ones were counted, in units of radiance, most of these renders failed.
     """
     rng, events = np.random.default_rng(29), {"p": p, "size": size, "proportional": True}
     reference = noise_models.exact(TRUTH, **events)

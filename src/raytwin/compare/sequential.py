@@ -75,7 +75,8 @@ class SequentialComparison:
     `test` and `reference` are the sides that stay as they are; what is added to a side takes its place. Options are
     those of `compare` (`tolerance`, `noise`, `half_steps`). `next_look` says how many samples per pixel, or renders
     where their samples are unknown, the next verdict needs; `comparison` is the last one, decided or not. A
-    `detectable_bias` or `detectable_tile_bias` that is given must be met for a pass.
+    `detectable_bias` or `detectable_tile_bias` that is given must be met for a pass, which takes at least
+    `fewest_to_pass` samples per pixel.
     """
 
     def __init__(
@@ -86,6 +87,7 @@ class SequentialComparison:
         false_alarm_rate: float = 1e-3,
         detectable_bias: float | None = None,
         detectable_tile_bias: float | None = None,
+        fewest_to_pass: int = FEWEST_TO_PASS,
         judge: Callable[..., Comparison] = compare,
         **options: Any,
     ) -> None:
@@ -96,7 +98,7 @@ class SequentialComparison:
                 raise InputError(name, "a number > 0", value)
         self.rate, self._asked = false_alarm_rate, (detectable_bias, detectable_tile_bias)
         self._sought = (detectable_bias or SOUGHT_BIAS, detectable_tile_bias or SOUGHT_TILE_BIAS)
-        self.looks, self.next_look = 0, FIRST
+        self.looks, self.next_look, self.fewest_to_pass = 0, FIRST, fewest_to_pass
         self.comparison: Comparison | None = None
         self.decided = False
         self._fixed = {"test": test, "reference": reference}
@@ -149,7 +151,7 @@ class SequentialComparison:
             return made
         image, tile = self._asked
         enough = self._shortfall(made, image or DETECTABLE_BIAS, tile or math.inf) <= 1
-        if made.verdict == "pass" and enough and self.samples >= FEWEST_TO_PASS:
+        if made.verdict == "pass" and enough and self.samples >= self.fewest_to_pass:
             return self._certain(made, f"all {spent or self._counted()} were taken")
         doubts = made.reasons if made.verdict == "undecided" else (self._what_it_takes(made, spent),)
         self.comparison = msgspec.structs.replace(made, verdict="undecided", reasons=doubts)
@@ -170,7 +172,7 @@ class SequentialComparison:
         self.comparison = _with(made, looks=self.looks)
         known = made.statistics.z_mean is not None
         passed = made.verdict == "pass" and (
-            exact or not known or (n >= FEWEST_TO_PASS and self._shortfall(made, *self._sought) <= 1)
+            exact or not known or (n >= self.fewest_to_pass and self._shortfall(made, *self._sought) <= 1)
         )
         if exact or passed or made.verdict == "fail":
             spent = f"{self._counted()} and {time.perf_counter() - self._began:.2g} s"
@@ -215,12 +217,12 @@ class SequentialComparison:
             return soon
         factor = self._shortfall(made, *self._sought) if made.verdict == "pass" else math.inf
         expected = 2 * n if factor > 2 else math.ceil(EARLY * n * factor**2)
-        return min(2 * n, max(soon, expected, FEWEST_TO_PASS))
+        return min(2 * n, max(soon, expected, self.fewest_to_pass))
 
     def _what_it_takes(self, made: Comparison, spent: str) -> str:
-        if made.verdict == "pass" and self.samples < FEWEST_TO_PASS:
+        if made.verdict == "pass" and self.samples < self.fewest_to_pass:
             after = f" after {spent}" if spent else ""
-            return f"undecided{after}: {self._counted()} can fail, but a pass takes at least {FEWEST_TO_PASS}"
+            return f"undecided{after}: {self._counted()} can fail, but a pass takes at least {self.fewest_to_pass}"
         image, tile = (s if a is None else a for s, a in zip((DETECTABLE_BIAS, math.inf), self._asked, strict=True))
         short, (_, seen) = self._shortfall(made, image, tile), self._seen(made)
         short = max(short, (made.statistics.minimum_detectable_bias or 0.0) / image)

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 MOST_SAMPLES = 1024
 """Samples per pixel of either side that are taken at most, unless a budget is given."""
 
+FEWEST_TO_PASS_UNLIKE = 32
+"""Samples per pixel that a pass takes where the sides have different light: most edges show from 16 on."""
+
 CALLS = 4
 """Renders of a user's program in a round: without several nothing is known of its noise."""
 
@@ -162,7 +165,8 @@ def render_sides(
         fixed |= {} if takes else {"test": subject(scene, chosen.seed)}
     with stages.stage("twin"):
         fixed |= {} if noisy else {"reference": reference(1, chosen.seed)}
-    check = SequentialComparison(fixed.get("reference"), test=fixed.get("test"), judge=judge, **asked)
+    fewest = {} if alike else {"fewest_to_pass": FEWEST_TO_PASS_UNLIKE}
+    check = SequentialComparison(fixed.get("reference"), test=fixed.get("test"), judge=judge, **asked, **fewest)
     calls = (CALLS if subject.samples else math.inf) if theirs else 1
     rounds = Rounds(check, test if takes else None, reference if noisy else None, chosen.seed, stages, calls)
     found = rounds.decide(chosen.spending)
