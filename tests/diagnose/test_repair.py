@@ -158,6 +158,13 @@ def test_lost_lines_late_variables_and_exchanged_names_are_put_right():
         assert right in texts, right
 
 
+def test_a_name_that_nothing_reads_is_missing_before_one_that_is_read():
+    text = "def f(a, b, c):\n    k, m = a + b, a - b\n    return m * c + a\n"
+    order = [c.edit.after for c in candidates([("", text)], "f")]
+    places = [order.index(f"{one}") for one in ("m * k", "(a + b) * m")]
+    assert places[0] < min(200, places[1])
+
+
 SLOW = """
 import time
 CALLS = []

@@ -247,6 +247,7 @@ class _Scope:
                 for word in self.words:
                     donors.setdefault(f"{n.value.id}[{word!r}]", _template(f"{n.value.id}[{word!r}]"))
         donors |= {text: _template(text) for text in sorted(self.lengths)}
+        self.unread = [name for name in self.names if name not in self.uses]
         self.donors = list(donors.items())[:MOST_DONORS]
 
     def _is_called(self, node: ast.AST) -> bool:
@@ -422,6 +423,20 @@ def _wrapped(node: ast.expr, scope: _Scope) -> Found:
             yield f"the condition `{name} > 0` is missing", 1.4, fill("A & (B > 0)", A=node, B=_name(name))
     if scope.rare:
         yield from _beside(node, parent, scope)
+    elif not isinstance(parent, ast.Call | ast.Compare) and not isinstance(node, ast.Constant):
+        yield from _with_names(node, scope.unread, -UNREAD)
+
+
+UNREAD = 1.35
+"""By so much less far-fetched is it that a name is missing which nothing reads."""
+
+
+def _with_names(node: ast.expr, names: Sequence[str], more: float = 0.0) -> Found:
+    for name in names:
+        yield f"the factor {name} is missing", 2.4 + more, fill("A * B", A=node, B=_name(name))
+        yield f"the divisor {name} is missing", 2.4 + more, fill("A / B", A=node, B=_name(name))
+        yield f"the term {name} is missing", 2.6 + more, fill("A + B", A=node, B=_name(name))
+        yield f"the term {name} is missing", 2.6 + more, fill("A - B", A=node, B=_name(name))
 
 
 def _beside(node: ast.expr, parent: ast.AST | None, scope: _Scope) -> Found:
@@ -430,11 +445,7 @@ def _beside(node: ast.expr, parent: ast.AST | None, scope: _Scope) -> Found:
         for name in scope.names:
             yield "another value is compared", 2.3, _name(name)
     elif not isinstance(parent, ast.Call) and not isinstance(node, ast.Constant):
-        for name in scope.names:
-            yield f"the factor {name} is missing", 2.4, fill("A * B", A=node, B=_name(name))
-            yield f"the divisor {name} is missing", 2.4, fill("A / B", A=node, B=_name(name))
-            yield f"the term {name} is missing", 2.6, fill("A + B", A=node, B=_name(name))
-            yield f"the term {name} is missing", 2.6, fill("A - B", A=node, B=_name(name))
+        yield from _with_names(node, [name for name in scope.names if name not in scope.unread])
     if isinstance(node, ast.Constant):
         return
     for text, donor in scope.donors:
