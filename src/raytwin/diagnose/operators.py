@@ -229,6 +229,12 @@ class _Scope:
         self.blocks = [block for n in [statement, *nodes] for block in _blocks(n)]
         self.lengths = {ast.unparse(n) for n in nodes if isinstance(n, ast.Call) and ast.unparse(n.func) == "len"}
         self.attributes: dict[str, set[str]] = {}
+        self.entries: dict[str, int] = {}
+        """By what is indexed: the largest number that it is indexed by."""
+        for n in nodes:
+            if isinstance(n, ast.Subscript) and isinstance(n.slice, ast.Constant) and isinstance(n.slice.value, int):
+                text = ast.unparse(n.value)
+                self.entries[text] = max(n.slice.value, self.entries.get(text, 0))
         donors: dict[str, ast.expr] = {}
         for n in nodes:
             self.values.update(map(id, _values(n)))
@@ -904,10 +910,11 @@ def _number(node: ast.Constant, value: float, scope: _Scope) -> Found:
         yield "infinity is wanted", 1.5, fill("NP.inf", NP=_template(scope.numpy))
     around = scope.parents.get(id(parent)) if isinstance(parent, ast.Tuple) else parent
     index = isinstance(around, ast.Subscript)
-    for other in dict.fromkeys(others):
+    used = scope.entries.get(ast.unparse(around.value), 0) if isinstance(around, ast.Subscript) else 0
+    for other in dict.fromkeys((*others, *range(used + 2 if used > 2 else 0))):
         if other != value:
             small = 1.04 if {value, other} == {0, 1} else 1.2 if other in (0, 1, 2) else 1.8
-            beside = 1.1 if index and abs(other - value) == 1 else small
+            beside = 1.1 if index and (abs(other - value) == 1 or 0 <= other <= used + 1) else small
             yield "another number is wanted", beside, _template(repr(other))
 
 
@@ -930,13 +937,14 @@ def _name_for_another(n: ast.Name, scope: _Scope) -> Found:
 
 
 def _alike(a: str, b: str) -> bool:
-    """x and y, u and v, p1 and p2, near and far, x and xd: of one kind by their spelling."""
+    """x and y, xx and yy, p1 and p2, near and far, x and xd: of one kind by their spelling."""
     pairs = {"near far", "row col", "width height", "origins directions", "origin direction", "w h"}
     if f"{a} {b}" in pairs or f"{b} {a}" in pairs or (len(a) == len(b) == 1):
         return True
     if a.startswith(b) or b.startswith(a):
         return abs(len(a) - len(b)) <= 2
-    return len(a) == len(b) and sum(x != y for x, y in zip(a, b, strict=True)) == 1
+    letters = [(x, y) for x, y in zip(a, b, strict=False) if x != y]
+    return len(a) == len(b) and (len(letters) == 1 or (len(letters) == len(a) and len(set(letters)) == 1))
 
 
 # ------------------------------------------------------------------------------------------ statements
