@@ -238,6 +238,29 @@ def imports_a_renderer(told):
     import PIL.Image  # as good as any: it is always installed, and no rubric names it
     return True
 @tried
+def takes_the_parents_descriptors(told): return any(libc.syscall(438, 3, fd, 0) >= 0 for fd in range(8))
+@tried
+def empties_the_results(told): os.truncate(told["results"], 0); return True
+@tried
+def empties_the_results_as_it_opens_them(told): return os.open(told["results"], os.O_RDONLY | os.O_TRUNC) >= 0
+@tried
+def keeps_messages_after_its_end(told):
+    return libc.syscall(240, b"raytwin", 0o102, 0o600, 0) >= 0 or libc.syscall(68, 0, 0o1600) >= 0
+@tried
+def keeps_semaphores_after_its_end(told): return libc.syscall(64, 0, 1, 0o1600) >= 0
+@tried
+def keeps_keys_after_its_end(told): return libc.syscall(248, b"user", b"x", b"y", 1, ctypes.c_long(-3)) >= 0
+@tried
+def offers_the_parent_to_the_killer_of_memory(told): return opens(f"/proc/{PARENT}/oom_score_adj", "w")
+@tried
+def enters_the_parents_namespace(told): return libc.setns(os.open(f"/proc/{PARENT}/ns/net", 0), 0) == 0
+@tried
+def reads_others_environments(told):
+    others = [p for p in os.listdir("/proc") if p.isdigit() and int(p) != os.getpid()]
+    return any([tried(opens)(f"/proc/{p}/environ") for p in others])
+@tried
+def opens_a_terminal(told): return os.open("/dev/tty", os.O_RDWR) >= 0
+@tried
 def mounts(told): return libc.mount(b"none", HOME.encode(), b"tmpfs", 0, None) == 0
 @tried
 def loads_a_kernel_program(told): return libc.syscall(321, 0, ctypes.create_string_buffer(128), 128) >= 0

@@ -313,7 +313,7 @@ class Sandbox:
             return f"it started more than {limits.processes} processes: ended"
         if used.memory > limits.memory_mb * MEGA:
             return f"it took more than {limits.memory_mb} MB: ended"
-        if time.monotonic() - self._files_looked_at < POLL:  # after a quick answer: files take long to look at
+        if time.monotonic() - self._files_looked_at < POLL / 2:  # after a quick answer: files take long to look at
             return ""
         self._files_looked_at = time.monotonic()
         return excess(self._work, limits.folder_mb * MEGA, nameless_bytes(found))
