@@ -229,6 +229,8 @@ class _Scope:
         self.blocks = [block for n in [statement, *nodes] for block in _blocks(n)]
         self.lengths = {ast.unparse(n) for n in nodes if isinstance(n, ast.Call) and ast.unparse(n.func) == "len"}
         self.attributes: dict[str, set[str]] = {}
+        divisors = [n.right for n in nodes if isinstance(n, ast.BinOp) and isinstance(n.op, ast.Div)]
+        self.divisors = list({ast.unparse(n): n for n in divisors if not isinstance(n, ast.Constant)}.values())[:6]
         self.entries: dict[str, int] = {}
         """By what is indexed: the largest number that it is indexed by."""
         for n in nodes:
@@ -610,15 +612,20 @@ def _binary(n: ast.BinOp, scope: _Scope) -> Found:
     if isinstance(n.op, ast.Add) and not isinstance(a, ast.BinOp):  # of lists the order counts
         yield "the operands are swapped", 1.6, ast.BinOp(b, n.op, a)
     if isinstance(a, ast.BinOp) and not isinstance(n.op, ast.Pow | ast.MatMult):
-        yield "the brackets are missing", 1.0, ast.BinOp(a.left, a.op, ast.BinOp(a.right, n.op, b))
+        yield _brackets(n, 1.0, ast.BinOp(a.left, a.op, ast.BinOp(a.right, n.op, b)))
     if isinstance(b, ast.BinOp):
-        yield "the brackets are too many", 1.1, ast.BinOp(ast.BinOp(a, n.op, b.left), b.op, b.right)
+        yield _brackets(n, 1.1, ast.BinOp(ast.BinOp(a, n.op, b.left), b.op, b.right))
     if isinstance(a, ast.Call) and len(a.args) == 1:
         yield "the brackets end too early", 1.3, ast.Call(a.func, [ast.BinOp(a.args[0], n.op, b)], a.keywords)
     if isinstance(n.op, ast.MatMult):
         yield "the matrix is not transposed, or on the wrong side", 1.2, fill("B @ A.T", A=a, B=b)
     if isinstance(n.op, ast.Mult):
         yield from _product(a, b, scope)
+
+
+def _brackets(old: ast.expr, weight: float, new: ast.expr) -> tuple[str, float, ast.expr]:
+    many = len(ast.unparse(new)) < len(ast.unparse(old))
+    return "the brackets are too many" if many else "the brackets are missing", weight, new
 
 
 def _product(a: ast.expr, b: ast.expr, scope: _Scope) -> Found:
@@ -954,6 +961,12 @@ def _assign(n: ast.Assign, scope: _Scope) -> Found:
     if len(n.targets) != 1:
         return
     target = n.targets[0]
+    for divisor in scope.divisors:
+        yield (
+            f"the divisor `{_short(divisor)}` is missing",
+            1.4,
+            ast.Assign([target], fill("A / B", A=n.value, B=divisor)),
+        )
     yield "this line is too many", 2.0, [ast.copy_location(ast.Pass(), n)]
     used = sorted(_names_in(n.value).intersection(scope.names))
     for one, two in itertools.combinations(used, 2) if len(used) <= MOST_NAMES else ():
@@ -975,6 +988,17 @@ def _assign(n: ast.Assign, scope: _Scope) -> Found:
                 text = f"NP.{least}(A, B)"
                 value = fill(text, A=_name(target.id), B=n.value, NP=_template(scope.numpy))
                 yield "each time replaces the one before", 1.5, ast.Assign([target], value)
+
+
+def _copied(n: ast.Assign, scope: _Scope) -> Found:
+    """What is a copy, and should be none; or is none, and should be one."""
+    target = n.targets[0]
+    if isinstance(target, ast.Subscript) and isinstance(copied := target.value, ast.Subscript):
+        place = ast.Subscript(copied.value, fill("A[B]", A=copied.slice, B=target.slice), ast.Store())
+        yield "a copy of the entries is changed, not the array", 0.9, ast.Assign([place], n.value)
+    if isinstance(n.value, ast.Tuple) and all(isinstance(one, ast.Name) for one in n.value.elts):
+        copies = [fill("A.copy()", A=one) for one in n.value.elts]
+        yield "a copy is missing", 0.9, ast.Assign(n.targets, ast.Tuple(copies, ast.Load()))
 
 
 MOST_NAMES = 6
@@ -1110,6 +1134,10 @@ def _moved(block: list[ast.stmt]) -> Iterator[Edit]:
             back: list[ast.stmt] = [copy.copy(one)]
             front: list[ast.stmt] = [copy.copy(after)]
             yield Edit("two lines are in the wrong order", 1.8, one, front, ((after, back),))
+        for later in block[k + 1 : k + 5] if isinstance(one, ast.Assign) else ():
+            if later is not after or not isinstance(after, SIMPLE):
+                gone: list[ast.stmt] = [ast.copy_location(ast.Pass(), one)]
+                yield Edit("the line comes too early", 1.6, one, gone, ((later, [later, one]),))
         if isinstance(one, ast.For | ast.While) and isinstance(after, SIMPLE):
             nothing: list[ast.stmt] = [ast.copy_location(ast.Pass(), after)]
             last = one.body[-1]
@@ -1213,6 +1241,7 @@ RULES: tuple[tuple[Any, Callable[[Any, _Scope], Found]], ...] = (
     (ast.Name, _name_for_another),
     (ast.Subscript | ast.Attribute | ast.Name, _one_of_a_loop),
     (ast.Assign, _assign),
+    (ast.Assign, _copied),
     (ast.AugAssign, _augmented),
     (ast.Expr, _expression),
     (ast.If, _if),
