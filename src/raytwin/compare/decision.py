@@ -214,6 +214,8 @@ def decide(
     missing = missed(a, b, (test.samples, reference.samples), math.prod(test.shape[:2]), share, light)
     allowance = Allowance(bound, *missing, unseen, look)
     proven = _proven(reference, unseen)
+    carried = sum(float(s.second.sum()) for s in noisy)
+    mostly = carried > MOSTLY_FIREFLIES * sum(s.mean for s in noisy) * test.mean.size
     sides = (test, a, degrees_of_freedom(test)), (reference, b, degrees_of_freedom(reference))
     dof = welch([(s.mean, nu) for _, s, nu in sides if s is not None])
     level = sidak(share, test.mean.size)
@@ -256,13 +258,13 @@ def decide(
             values, failed = _more_values(values, error, d, dof, threshold, y0)
             failed_pixels += failed
 
-        add_up = partial(_sums, d, r, silent, sides, rounding, y0, rows, unit)
+        add_up = partial(_sums, d, r, silent, sides, rounding, y0, rows, unit, mostly)
         made = add_up()
         if unseen:
             made |= {"calm": block_sums(calm.astype(np.float32), rows), "size": block_sums(size, rows)}
         for k, total in made.items():
             sums.setdefault(k, []).append(total)
-        places = [_within(side, y0, y1) for side in noisy]
+        places = [_within(side, y0, y1) for side in noisy if mostly]
         if any(y.size for y, _, _ in places):
             for place in places:
                 d[place], silent[place] = 0, True
@@ -274,8 +276,7 @@ def decide(
     blocks = ((grids["va"] + grids["vb"]) / grids["n"]).astype(np.float32)
     shared = inflation(test.mean, reference.mean, blocks)
     estimators = [Estimator(grids, allowance, ratio, shared)]
-    carried = sum(float(s.second.sum()) for s in noisy)
-    if carried > MOSTLY_FIREFLIES * sum(s.mean for s in noisy) * test.mean.size:
+    if mostly:
         fewer = allowance._replace(by_test=_without_fireflies(allowance.by_test, a))
         fewer = fewer._replace(by_reference=_without_fireflies(allowance.by_reference, b))
         estimators.append(Estimator({k: np.concatenate(v) for k, v in without.items()}, fewer, ratio, shared))
@@ -346,8 +347,12 @@ NoisyImage = tuple[Image, Side | None, float]
 def _sums(
     d: Float32[np.ndarray, "h w 3"], r: Float32[np.ndarray, "h w 3"], silent: Bool[np.ndarray, "h w 3"],
     sides: tuple[NoisyImage, NoisyImage], rounding: Rounding | None, y0: int, rows: int, unit: np.float32,
+    mostly: bool,
 ) -> Sums:  # fmt: skip
-    """KEYS of the rows from y0 on, over blocks: pixels, errors, radiance, variances, variances² / ν, rounding."""
+    """KEYS of the rows from y0 on, over blocks: pixels, errors, radiance, variances, variances² / ν, rounding.
+
+    `mostly`: fireflies carry most of the variance: each is one event, with one degree of freedom.
+    """
     found: Sums = {"d": block_sums(d, rows), "r": block_sums(r, rows), "n": block_counts(d, rows)}
     none = np.zeros_like(found["d"])
     found["vv"], some_silent = none, bool(silent.any())
@@ -360,6 +365,8 @@ def _sums(
             v = np.where(silent, np.float32(0), v)
         found[key] = block_sums(v, rows)
         vv = doubt(v, image.mean[y0 : y0 + len(d)], nu)
+        if mostly:
+            vv[_within(side, y0, y0 + len(d))] = 1
         v = v / unit
         vv *= v
         vv *= v
