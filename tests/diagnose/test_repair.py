@@ -343,3 +343,14 @@ def test_two_mistakes_in_one_function_are_both_named():
     assert {found.line, found.beside.line} == {2, 3}
     assert "two changes" in found.hint(3)
     assert repaired(wrong, "f", cases) is None  # what makes a part right is not known
+
+
+def test_no_change_binds_a_name_that_the_function_only_reads():
+    text = "def f(a):\n    x = LIMIT\n    y = a\n    LIMIT.sort()\n    for k in a:\n        y = k\n    return x + y\n"
+    (statement,) = ast.parse(text).body
+    for rare in (False, True):
+        for edit in edits(statement, rare=rare):
+            made = edit.applied(statement)
+            function = made[0] if isinstance(made, list) else made
+            assert not [n for n in ast.walk(function) if isinstance(n, ast.Name) and n.id == "LIMIT"
+                        and isinstance(n.ctx, ast.Store)], edit.after  # fmt: skip

@@ -134,7 +134,7 @@ FURTHER = 2
 """Seeds whose cases a repair has to pass beyond the test's own."""
 
 
-STEPS = 12, 4
+STEPS = 12, 7, 4
 """Every how many pixels along each side a whole picture is tried: fewer rays per trial, as long as some are wrong."""
 
 

@@ -115,7 +115,7 @@ def edits(
     for unit in _units(statement):
         scope = _Scope(unit, file, rare)
         by_node = {id(node): list(_of_node(node, scope)) for node in _running(unit, runs) if isinstance(node, only)}
-        made += [edit for some in by_node.values() for edit in some]
+        made += [edit for some in by_node.values() for edit in some if _stores(edit) <= scope.stored]
         made += [edit for same in _repeated(unit) for edit in _at_all(same, by_node)]
     made = [edit for edit in made if (edit.weight > USUAL) == rare and not _same(edit.old, edit.new)]
     for edit in made:
@@ -123,6 +123,12 @@ def edits(
             for tree in new if isinstance(new, list) else [new]:
                 locate(tree, old)
     return sorted(made, key=lambda e: e.weight)
+
+
+def _stores(edit: Edit) -> set[str]:
+    """The names that its statements bind: one that the function only reads is global, and would no longer be."""
+    some = [one for _, new in edit.parts for one in (new if isinstance(new, list) else [new])]
+    return {name for one in some if isinstance(one, ast.stmt) for name in _names_in(one, ast.Store)}
 
 
 def _units(statement: ast.stmt) -> Iterator[ast.stmt]:
@@ -220,6 +226,7 @@ class _Scope:
         stored = {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
         arguments = {n.arg for n in nodes if isinstance(n, ast.arg)}
         self.names = sorted((stored | arguments) - called - {"self", "_"})
+        self.stored = stored | arguments
         self.values: set[int] = set()
         self.assigned: dict[str, list[ast.expr]] = {}
         self.steps = [n for n in nodes if isinstance(n, ast.AugAssign)]
