@@ -248,13 +248,19 @@ def test_a_change_that_is_right_by_chance_in_the_first_cases_is_no_proof():
 
     runner = Runner(lambda chosen, arguments, changed: tried(space, chosen, *arguments), lambda *_: None)
 
-    def repaired(further):
+    def repaired(**more):
         cases = [Case("", (np.array([1.0, 2.0]),), ())]
         right = lambda case, got: np.array_equal(got[0], np.abs(case.args[0]))  # noqa: E731
-        return repair([("", text)], "f", cases, right, runner, lambda: True, further=further).after
+        return repair([("", text)], "f", cases, right, runner, lambda: True, **more)
 
-    assert repaired(tuple) == "return x"
-    assert repaired(lambda: [Case("", (np.array([-3.0, 2.0]),), ())]) in ("return np.abs(x)", "return np.abs(-x)")
+    meant = ("return np.abs(x)", "return np.abs(-x)")
+    assert repaired().after == "return x"
+    assert repaired(further=lambda: [Case("", (np.array([-3.0, 2.0]),), ())]).after in meant
+    # What leaves other functions wrong that run it comes after what does not, and is not sure.
+    found = repaired(helps=lambda candidate: "abs" in candidate.edit.after)
+    assert (found.after in meant, found.sure) == (True, True)
+    unsure = repaired(helps=lambda candidate: candidate.edit.after == "nothing")
+    assert (unsure.after, unsure.sure) == ("return x", False)
 
 
 def test_what_repairs_a_random_slip_is_right_in_cases_that_nobody_tried():

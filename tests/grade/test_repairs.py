@@ -1,14 +1,18 @@
 """A submission that is graded gets the line to look at, in its sandbox, as far as the rubric's hints go."""
 
+from types import SimpleNamespace
+
+import msgspec
 import numpy as np
 import pytest
 from starter_submissions import SLIPS
 
+from raytwin.contract.stage_table import LESSONS
 from raytwin.diagnose.repair import Repair
 from raytwin.grade.check_picture import _compare_points
 from raytwin.grade.class_run import jobs_of, run
-from raytwin.grade.result import Marked
-from raytwin.grade.sandboxed_repair import _with_hint
+from raytwin.grade.result import Marked, Result
+from raytwin.grade.sandboxed_repair import _helps, _with_hint
 from raytwin.parallel import Workers
 from raytwin.scene import Tolerance
 
@@ -31,12 +35,51 @@ def test_the_line_of_a_slip_is_told_where_the_submission_lets_it_be_found(tmp_pa
         assert any(said in sentence for sentence in exercise.sentences) == told, exercise.sentences
 
 
-@pytest.mark.parametrize(("fault", "place"), [("nothing-met", 0), ("endless-planes", 1)])
-def test_a_line_comes_before_a_cause_that_says_only_what_is_seen(fault, place):
-    said = {"sentences": ("the cause", "where"), "faults": ((fault, "the cause"),), "sureness": "proved"}
-    wrong = Marked("image", "render", "fail", 0, 1, "visible", "", 1e-3, **said)
-    made = _with_hint(wrong, Repair("", 7, "the sign is wrong", "-a", "a"), 2, "")
+def wrong_image(*faults):
+    said = {
+        "sentences": ("the cause", "where"),
+        "faults": tuple((f, "the cause") for f in faults),
+        "sureness": "proved",
+    }
+    return Marked("image", "render", "fail", 0, 1, "visible", "", 1e-3, **said)
+
+
+@pytest.mark.parametrize(
+    ("faults", "sure", "place"),
+    [
+        (("nothing-met",), True, 0),  # says only what is seen
+        (("endless-planes",), True, 1),
+        (("endless-planes", "no-clamp"), True, 0),  # one change is simpler than two mistakes
+        (("endless-planes", "no-clamp"), False, 1),
+    ],
+)
+def test_whether_the_line_or_the_cause_comes_first(faults, sure, place):
+    made = _with_hint(wrong_image(*faults), Repair("", 7, "the sign is wrong", "-a", "a", sure=sure), 2, "")
     assert [k for k, sentence in enumerate(made.sentences) if "line 7" in sentence] == [place]
+
+
+def test_a_repair_that_helps_nothing_else_is_likely():
+    unnamed = msgspec.structs.replace(wrong_image(), sureness="")
+    for sure, said in ((True, "proved"), (False, "likely")):
+        assert _with_hint(unnamed, Repair("", 7, "the sign is wrong", "-a", "a", sure=sure), 2, "").sureness == said
+
+
+@pytest.mark.parametrize(("runs_it", "answers", "helps"), [
+    (True, [None, "right"], True), (True, [None, "wrong"], False), (False, [None, None], True),
+])  # fmt: skip
+def test_a_change_helps_what_runs_it_where_a_case_becomes_right(runs_it, answers, helps):
+    stage = LESSONS["shade"]
+    cases = stage.cases(1)[:2]
+    made = {"right": cases[1].expected, "wrong": tuple(2 * a for a in cases[1].expected), None: None}
+    left = iter([[made[answer]] for answer in answers])
+    trials = SimpleNamespace(places=lambda *_: frozenset({0} if runs_it else ()), run=lambda *_: next(left))
+    assert _helps(None, trials, (), [(stage, case) for case in cases]) == helps
+
+
+def test_what_follows_from_another_function_is_looked_at_last():
+    follows = msgspec.structs.replace(wrong_image(), status="error", sentences=("follows from your shade: ...",))
+    result = Result("a", "", "", (follows, wrong_image("no-clamp")))
+    assert result.first_problem == "the cause"
 
 
 @pytest.mark.parametrize(("miss", "passes"), [(np.nan, True), (np.inf, False), (0.0, False)])

@@ -41,7 +41,7 @@ A_CALL = 0.25
 class Repair:
     """`line` of `cell` has `before`; `after` in its place makes everything right. `operator`: what was wrong.
 
-    `beside`: the other of two changes that are needed both.
+    `beside`: the other of two changes that are needed both. `sure`: whether it helps all that fails and runs it, too.
     """
 
     cell: str
@@ -52,6 +52,7 @@ class Repair:
     tried: int = 0
     candidate: "Candidate | None" = field(default=None, compare=False)
     beside: "Repair | None" = None
+    sure: bool = True
 
     def hint(self, level: int) -> str:
         """1: where. 2: what is wrong there, too. 3: what to write, too. Empty for 0."""
@@ -112,6 +113,7 @@ def repair(
     more_time: Callable[[], bool], innocent: Sequence[str] = (), known: Sequence["Candidate"] = (),
     further: Callable[[], Sequence[Any]] = tuple, seen: Mapping[str, int] = NONE_SEEN,
     keeps: Callable[[Candidate], bool] = lambda candidate: True,
+    helps: Callable[[Candidate], bool] = lambda candidate: True,
     errors: Callable[[Any, Any], np.ndarray | None] = lambda case, got: None,
 ) -> Repair | None:  # fmt: skip
     """The least far-fetched change of one place after which `function` is right in all cases; None where none is found.
@@ -120,10 +122,13 @@ def repair(
     by their own tests. `more_time()`: whether to go on. `known`: what has made other functions right is tried first.
     `further()`: cases that a change must make right as well before it counts as proved: by chance it may fit `cases`.
     `seen`: how often each kind of slip was made: what is common is tried first. `keeps(candidate)`: whether what is
-    right beside the function stays right. `errors(case, arrays)`: by how much of what is allowed numbers are off; None:
-    of other shapes. Where no change alone does, second ones are tried beside those that make most numbers right.
+    right beside the function stays right. `helps(candidate)`: whether other functions that fail and run the changed
+    place become right in a case; a change that does not may fit by chance, and others are tried before it.
+    `errors(case, arrays)`: by how much of what is allowed numbers are off; None: of other shapes. Where no change alone
+    does, second ones are tried beside those that make most numbers right.
     """
     tried = 0
+    unsure: Repair | None = None
     first = cases[0]
     partial = _Partial(lambda got: errors(first, got))
 
@@ -140,15 +145,18 @@ def repair(
         return left
 
     def searched(sources: Iterable[tuple[Sequence[Any], Iterator[Candidate]]]) -> Repair | None:
-        nonlocal tried
+        nonlocal tried, unsure
         for order, source in sources:
             for chunk in _chunks(source):
                 if not more_time():
                     return None
                 tried += len(chunk)
                 left = passing(chunk, order)
-                if left and (left := [c for c in passing(left, further()) if keeps(c)]):
-                    return replace(_as_repair(left[0]), tried=tried, candidate=left[0])
+                for candidate in (c for c in passing(left, further() if left else ()) if keeps(c)):
+                    made = replace(_as_repair(candidate), tried=tried, candidate=candidate)
+                    if helps(candidate):
+                        return made
+                    unsure = unsure or replace(made, sure=False)
         return None
 
     reached, every = (_statements(cells, function, names) for names in (innocent, ()))
@@ -158,7 +166,7 @@ def repair(
 
     alone = [(cases, source) for source in (iter(known), search.candidates(False), search.candidates(True))]
     usual, rare = (_beside(search, partial, cases, is_right, runner, rare) for rare in (False, True))
-    return searched(itertools.chain(alone[:2], usual, alone[2:], rare))
+    return searched(itertools.chain(alone[:2], usual, alone[2:], rare)) or unsure
 
 
 def _beside(

@@ -15,7 +15,7 @@ from raytwin.grade.check_picture import CheckedPicture, check_picture
 from raytwin.grade.fingerprint import fingerprint
 from raytwin.grade.follow_through import Rerun, ask_again
 from raytwin.grade.questions import Question
-from raytwin.grade.result import SUREST, Marked, Part, Picture, Result, Status
+from raytwin.grade.result import FOLLOWS, SUREST, Marked, Part, Picture, Result, Status
 from raytwin.grade.rubric import Exercise, Rubric
 from raytwin.grade.wrong_picture import wrong_picture
 from raytwin.sandbox.sandbox import Code
@@ -176,7 +176,7 @@ class _Causes:
         if wrong and all(map(self.helped.fixed_by, wrong)) and self.failed and (self.theirs or self.rest):
             faults = tuple(dict.fromkeys(fault for m in self.failed for fault in m.faults))
             sureness = max((m.sureness for m in self.failed), key=SUREST.index) if faults else ""
-            return _Found((f"follows from your {self.functions}: with a right one this is right",), faults, sureness)
+            return _Found((f"{FOLLOWS} {self.functions}: with a right one this is right",), faults, sureness)
         if not _has_wrong_numbers(mine):
             return _Found()
         found = self.rest or self.together

@@ -59,6 +59,11 @@ class Marked(Record, frozen=True):
         return None if None in errors or not errors else max(e for e in errors if e is not None)
 
     @property
+    def follows(self) -> bool:
+        """Whether it is wrong only since another function is."""
+        return bool(self.sentences) and self.sentences[0].startswith(FOLLOWS)
+
+    @property
     def seconds(self) -> float:
         """Seconds per part, on average."""
         return sum(p.seconds for p in self.parts) / max(1, len(self.parts))
@@ -123,9 +128,11 @@ class Result(Record, frozen=True):
 
     @property
     def worst(self) -> Marked | None:
-        """The exercise to look at first: one that ended the process, then the surest cause, last what is not there."""
+        """The exercise to look at first: one that ended the process, then the surest cause, what is not there, and last
+        what follows from others."""
         bad = [e for e in self.exercises if e.status != "pass"]
-        return min(bad, key=lambda e: (WORST.index(e.status), SUREST.index(e.sureness)), default=None)
+        order = lambda e: (e.follows, WORST.index(e.status), SUREST.index(e.sureness))  # noqa: E731
+        return min(bad, key=order, default=None)
 
     @property
     def first_problem(self) -> str:
@@ -133,6 +140,8 @@ class Result(Record, frozen=True):
         return self.worst.sentences[0] if self.worst and self.worst.sentences else self.problem
 
 
+FOLLOWS = "follows from your"
+"""How a sentence begins that says which other function makes an exercise wrong."""
 WORST: tuple[Status, ...] = ("limit", "broken", "error", "fail", "missing")
 SUREST = ("named", "proved", "likely", "")
 """`sureness`, from the surest: named by the instructor; proved by a repair, or by predictions that leave nothing."""

@@ -129,7 +129,8 @@ def looked_again(result: Result, rubric: Rubric, code: Code, replaced: Sequence[
                     known = [r.candidate for r in found.values() if r.candidate is not None and not ours]
                     stage, seed = LESSONS[exercise.stage], result.seed
                     with contextlib.suppress(RecursionError, MemoryError):
-                        made = _repair(stage, seed, cells, trials, until, right, ours, known, rubric.seen)
+                        others = [LESSONS[e.stage] for e in some if e.stage != exercise.stage]
+                        made = _repair(stage, seed, cells, trials, until, right, ours, known, rubric.seen, others)
                         if made is not None:
                             found[exercise.stage] = made
             left -= _clock(child) - began
@@ -166,19 +167,24 @@ def _fingerprint(child: Sandbox, stage: Stage) -> str:
 
 
 def _with_hint(exercise: Marked, repair: Repair | None, level: int, found: str) -> Marked:
-    """Behind an error and a cause that is proved; before what is likely. It replaces what names no cause."""
+    """Behind an error and a cause that is proved; before what is likely. It replaces what names no cause.
+
+    One change of the text that makes everything right is a simpler explanation than two mistakes: it comes before them.
+    """
     exercise = msgspec.structs.replace(exercise, fingerprint=found)
     if repair is None:
         return exercise
     hint = repair.hint(level)
     first, rest = exercise.sentences[:1], exercise.sentences[1:]
-    if _is_proved(exercise):
+    simpler = repair.sure and repair.beside is None and len(exercise.faults) > 1
+    sureness = "proved" if repair.sure or _is_proved(exercise) else "likely"
+    if _is_proved(exercise) and not simpler:
         sentences = (*first, f"{MEND} {hint}", *rest)
     elif exercise.status == "error":
         sentences = (*exercise.sentences, hint)
     else:
         sentences = (hint, *exercise.sentences) if exercise.faults else (hint,)
-    return msgspec.structs.replace(exercise, sentences=sentences, sureness="proved", repair=kind_of(repair.operator))
+    return msgspec.structs.replace(exercise, sentences=sentences, sureness=sureness, repair=kind_of(repair.operator))
 
 
 def _clock(child: Sandbox) -> float:
@@ -188,7 +194,7 @@ def _clock(child: Sandbox) -> float:
 
 def _repair(
     stage: Stage, seed: int, cells: Cells, trials: "_Trials", until: float, right: Sequence[str], ours: Sequence[str],
-    known: Sequence[Candidate], seen: Mapping[str, int],
+    known: Sequence[Candidate], seen: Mapping[str, int], others: Sequence[Stage],
 ) -> Repair | None:  # fmt: skip
     cases = stage.cases(seed)
     child = trials.child
@@ -229,12 +235,41 @@ def _repair(
     further = partial(further_probes, stage, seed)
     right_in: Callable[[Case, Any], bool] = partial(is_right, stage)
     more_time = lambda: _clock(child) < until  # noqa: E731
-    return repair(cells, stage.name, tried, right_in, runner, more_time, innocent, known, further, seen, keeps,
+    beside = cache(lambda: _wrong_cases(others, seed, is_wrong))
+    helps = lambda candidate: _helps(candidate, trials, innocent, beside())  # noqa: E731
+    return repair(cells, stage.name, tried, right_in, runner, more_time, innocent, known, further, seen, keeps, helps,
                   partial(errors_of, stage))  # fmt: skip
+
+
+def _wrong_cases(
+    stages: Sequence[Stage], seed: int, is_wrong: Callable[[Case, Stage], bool]
+) -> list[tuple[Stage, Case]]:
+    """A few cases of each in which it fails."""
+    some: list[tuple[Stage, Case]] = []
+    for stage in stages:
+        cases = [smaller(stage, case, STEPS[-1]) or case for case in stage.cases(seed)]
+        some += [(stage, case) for case in cases if is_wrong(case, stage)][:CASES_OF_WRONG]
+    return some
+
+
+def _helps(
+    candidate: Candidate, trials: "_Trials", innocent: Sequence[str], beside: Sequence[tuple[Stage, Case]]
+) -> bool:
+    """Whether one of these cases becomes right, or none runs what the change is in."""
+    runs_it = False
+    for stage, case in beside:
+        if trials.places(stage.name, [candidate], case.args):
+            (got,) = trials.run(stage.name, innocent, [candidate], case.args, False)
+            if got is not None and is_right(stage, case, got):
+                return True
+            runs_it = True
+    return not runs_it
 
 
 CASES_OF_RIGHT = 2
 """Cases of each function that is right, in which a change has to leave it right."""
+CASES_OF_WRONG = 3
+"""Cases of each other function that is wrong, of which a change that it runs too has to make one right."""
 
 
 class _Trials:
