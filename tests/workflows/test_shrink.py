@@ -52,7 +52,7 @@ def test_of_many_parts_one_is_found_in_few_questions():
     ("fault", "left", "cause"),
     [
         ("no shadows", {"floor", "the sun"}, "no cast shadows"),
-        ("red and blue exchanged", set(), "channel"),
+        ("red and blue exchanged", set(), "red and blue are swapped"),
         ("crash with two spheres", set(), ""),
     ],
 )
