@@ -33,7 +33,6 @@ What a variance estimated from a few batches needs, so that the rate holds:
 An event that *nobody* sampled cannot be distinguished from a bias.
 """
 
-import itertools
 import math
 from functools import partial
 from typing import NamedTuple
@@ -417,16 +416,14 @@ def _at_least_usual(variance: Means, s: Sums, apart: int) -> Means:
 
     A tile that saw none of a few rare events claims too little. Edges and quiet places rarely fill seven of nine tiles.
     """
+    from scipy.ndimage import rank_filter
+
     light = np.square(s["r"]) / s["n"]
     relative = np.divide(variance, light, out=np.zeros_like(variance), where=light > 0)
-    padded = np.pad(relative, ((apart, apart), (apart, apart), (0, 0)), mode="edge")
-    high, wide = relative.shape[:2]
-    least = np.full((3, *relative.shape), np.inf)  # the three least so far, in order
-    for y, x in itertools.product(range(0, 2 * apart + 1, apart), repeat=2):
-        value = padded[y : y + high, x : x + wide]
-        for k in range(3):
-            least[k], value = np.minimum(least[k], value), np.maximum(least[k], value)
-    return np.asarray(np.where(variance > 0, np.maximum(variance, least[2] * light), variance))
+    places = np.zeros((2 * apart + 1, 2 * apart + 1, 1), bool)
+    places[::apart, ::apart] = True
+    usual = rank_filter(relative, 2, footprint=places, mode="nearest") * light
+    return np.asarray(np.where(variance > 0, np.maximum(variance, usual), variance))
 
 
 def _estimate(estimator: Estimator, level: float, apart: int = 0) -> _Tested:
