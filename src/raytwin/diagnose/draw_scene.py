@@ -10,8 +10,8 @@ from itertools import permutations
 from math import cos, dist, hypot
 from operator import mul
 
-import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from raytwin.diagnose.predict import RIGHT, Predictor
 from raytwin.errors import InputError
@@ -53,8 +53,8 @@ def draw_scene(seed: int, size: tuple[int, int] = SIZE, name: str = "", scale: f
     rng = np.random.default_rng([seed, 7])
     for _ in range(TRIES):
         scene = _varied(rng, arrangement(int(rng.choice(ARRANGEMENTS)), size))
-        if scene is not None and not blind_to(msgspec.structs.replace(scene, camera=scene.camera.resized(*PROBED))):
-            return msgspec.structs.replace(_turned(scene, np.eye(3), scale), name=name or f"drawn-{seed}")
+        if scene is not None and not blind_to(replace(scene, camera=scene.camera.resized(*PROBED))):
+            return replace(_turned(scene, np.eye(3), scale), name=name or f"drawn-{seed}")
     raise InputError("seed", "one that gives a scene", seed)
 
 
@@ -65,7 +65,6 @@ def arrangement(number: int, size: tuple[int, int] = SIZE) -> Scene:
 
 def _varied(rng: np.random.Generator, scene: Scene) -> Scene | None:
     """Turn a scene about z, move its parts, and draw its colours and lens anew; None where two parts touch."""
-    replace = msgspec.structs.replace
     objects: list[Shape] = []
     for x in scene.objects:
         center = _three(x.center + rng.uniform(-MOVED, MOVED, 3) * (1, 1, 0 if _is_floor(x) else 1))
@@ -94,7 +93,6 @@ def _turned(scene: Scene, rotation: np.ndarray, scale: float = 1) -> Scene:
     def moved(v: tuple[float, float, float]) -> tuple[float, float, float]:
         return _three(scale * rotation @ v)
 
-    replace = msgspec.structs.replace
     objects: list[Shape] = []
     for x in scene.objects:
         if isinstance(x, Sphere):

@@ -420,10 +420,8 @@ def _is_setting(node: ast.expr) -> bool:
 def _wrapped(node: ast.expr, scope: _Scope) -> Found:
     numpy, parent = _template(scope.numpy), scope.parents.get(id(node))
     called = ast.unparse(parent.func).rpartition(".")[2] if isinstance(parent, ast.Call) else ""
-    if called in ASKING:
-        return  # a value that becomes NaN there is an accident
-    if called == "range":  # so is a loop that never runs
-        return
+    if called in ASKING or called == "range":
+        return  # a value that becomes NaN there, or a loop that never runs, is an accident
     if isinstance(parent, ast.Assign) and isinstance(node, ast.Name):  # any change there makes a copy, too
         yield "a copy is missing", 0.9, fill("A.copy()", A=node)
     signed = isinstance(node, ast.UnaryOp) or _is_setting(node)
@@ -980,7 +978,7 @@ def _assign(n: ast.Assign, scope: _Scope) -> Found:
         yield (
             f"`{one}` and `{two}` are swapped",
             1.5,
-            ast.Assign([target], _Swapped(one, two).visit(copy.deepcopy(n.value))),
+            ast.Assign([target], _renamed(n.value, {one: two, two: one})),
         )
     for other in scope.assigned.get(ast.unparse(target), ()):
         if other is not n.value:
@@ -1010,16 +1008,6 @@ def _copied(n: ast.Assign, scope: _Scope) -> Found:
 
 MOST_NAMES = 6
 """Names of an expression, up to which two of them are swapped."""
-
-
-class _Swapped(ast.NodeTransformer):
-    """Puts each of two names in the other's place."""
-
-    def __init__(self, one: str, other: str) -> None:
-        self.other = {one: other, other: one}
-
-    def visit_Name(self, node: ast.Name) -> ast.Name:
-        return ast.copy_location(ast.Name(self.other.get(node.id, node.id), node.ctx), node)
 
 
 def _lambda(n: ast.Lambda, scope: _Scope) -> Found:
@@ -1076,7 +1064,6 @@ def _if(n: ast.If, scope: _Scope) -> Found:
     yield "the condition never holds", 1.5, list(n.orelse) or [ast.copy_location(ast.Pass(), n)]
     if n.orelse:
         yield "the two cases are swapped", 1.1, ast.If(n.test, n.orelse, n.body)
-    if n.orelse:
         yield "the other case is too many", 1.3, ast.If(n.test, n.body, [])
     if len(n.body) > 1:
         yield "the last line belongs behind the condition", 1.5, [ast.If(n.test, n.body[:-1], n.orelse), n.body[-1]]
@@ -1216,7 +1203,7 @@ def _counterparts(theirs: ast.AST | None, mine: ast.AST | None) -> dict[str, str
     return {}
 
 
-def _renamed(one: ast.stmt, names: Mapping[str, str]) -> Any:
+def _renamed(one: ast.AST, names: Mapping[str, str]) -> Any:
     """A copy with other names."""
     made = copy.deepcopy(one)
     for n in _all_names(made):

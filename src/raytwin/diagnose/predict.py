@@ -264,8 +264,8 @@ class Predictor:
 
     def _described(self, changes: Pipeline) -> SceneDict:
         made = as_dict(self.scene, self.shadows)
-        for name, what in changes:
-            made = what(None)(made, self.before) if name == "earlier" else made
+        for _, what in (step for step in changes if step[0] == "earlier"):
+            made = what(None)(made, self.before)
         if touches(changes, "read_scene"):
             made, things = written(changes)["read_scene"](made, made["things"])
             made = made | {"things": things}

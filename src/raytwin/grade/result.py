@@ -131,8 +131,7 @@ class Result(Record, frozen=True):
         """The exercise to look at first: one that ended the process, then the surest cause, what is not there, and last
         what follows from others."""
         bad = [e for e in self.exercises if e.status != "pass"]
-        order = lambda e: (e.follows, WORST.index(e.status), SUREST.index(e.sureness))  # noqa: E731
-        return min(bad, key=order, default=None)
+        return min(bad, key=lambda e: (e.follows, WORST.index(e.status), SUREST.index(e.sureness)), default=None)
 
     @property
     def first_problem(self) -> str:

@@ -7,6 +7,7 @@ what is right.
 import contextlib
 import dataclasses
 import inspect
+import itertools
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
@@ -128,8 +129,8 @@ def looked_again(result: Result, rubric: Rubric, code: Code, replaced: Sequence[
                     until = min(_clock(child) + seconds, began + left)
                     known = [r.candidate for r in found.values() if r.candidate is not None and not ours]
                     stage, seed = LESSONS[exercise.stage], result.seed
+                    others = [LESSONS[e.stage] for e in some if e.stage != exercise.stage]
                     with contextlib.suppress(RecursionError, MemoryError):
-                        others = [LESSONS[e.stage] for e in some if e.stage != exercise.stage]
                         made = _repair(stage, seed, cells, trials, until, right, ours, known, rubric.seen, others)
                         if made is not None:
                             found[exercise.stage] = made
@@ -204,16 +205,13 @@ def _repair(
         return bool(answer.problem) or not is_right(of, case, answer.arrays)
 
     @cache
-    def right_before() -> list[tuple[Stage, Case]]:
-        some = [
-            (other, case) for other in map(LESSONS.__getitem__, right) for case in other.cases(seed)[:CASES_OF_RIGHT]
-        ]
-        some = [(other, smaller(other, case, STEPS[-1]) or case) for other, case in some]
-        return [(other, case) for other, case in some if not is_wrong(case, other)]
+    def right_beside() -> list[tuple[Stage, Case]]:
+        rights = [LESSONS[name] for name in right]
+        return _some_cases(rights, seed, lambda case, of: not is_wrong(case, of), CASES_OF_RIGHT)
 
     def keeps(candidate: Candidate) -> bool:
         """Whether it leaves right what is: a change that mends one function and spoils another is none."""
-        for other, case in right_before():
+        for other, case in right_beside():
             (got,) = trials.run(other.name, (), [candidate], case.args, False)
             if got is None or not is_right(other, case, got):
                 return False
@@ -235,20 +233,20 @@ def _repair(
     further = partial(further_probes, stage, seed)
     right_in: Callable[[Case, Any], bool] = partial(is_right, stage)
     more_time = lambda: _clock(child) < until  # noqa: E731
-    beside = cache(lambda: _wrong_cases(others, seed, is_wrong))
-    helps = lambda candidate: _helps(candidate, trials, innocent, beside())  # noqa: E731
+    wrong_beside = cache(lambda: _some_cases(others, seed, is_wrong, CASES_OF_WRONG))
+    helps = lambda candidate: _helps(candidate, trials, innocent, wrong_beside())  # noqa: E731
     return repair(cells, stage.name, tried, right_in, runner, more_time, innocent, known, further, seen, keeps, helps,
                   partial(errors_of, stage))  # fmt: skip
 
 
-def _wrong_cases(
-    stages: Sequence[Stage], seed: int, is_wrong: Callable[[Case, Stage], bool]
+def _some_cases(
+    stages: Sequence[Stage], seed: int, wanted: Callable[[Case, Stage], bool], most: int
 ) -> list[tuple[Stage, Case]]:
-    """A few cases of each in which it fails."""
+    """The first cases of each stage that are wanted, pictures thinned."""
     some: list[tuple[Stage, Case]] = []
     for stage in stages:
-        cases = [smaller(stage, case, STEPS[-1]) or case for case in stage.cases(seed)]
-        some += [(stage, case) for case in cases if is_wrong(case, stage)][:CASES_OF_WRONG]
+        cases = (smaller(stage, case, STEPS[-1]) or case for case in stage.cases(seed))
+        some += itertools.islice(((stage, case) for case in cases if wanted(case, stage)), most)
     return some
 
 
