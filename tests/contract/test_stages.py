@@ -11,6 +11,7 @@ from raytwin.contract import check_function as judging
 from raytwin.contract.check_function import judge, judge_function
 from raytwin.contract.composed_tracer import compose
 from raytwin.contract.stage import together
+from raytwin.contract.stage_result import MEND, CaseResult, StageResult
 from raytwin.contract.stage_table import CONTRACT, LESSONS
 from raytwin.diagnose.catalogue import FAULTS
 from raytwin.diagnose.textbook import tracer_with
@@ -210,6 +211,23 @@ def test_check_prints_its_sentence_and_returns_the_numbers(capsys):
     found = raytwin.check("shade", BY_HAND["shade"])
     assert capsys.readouterr().out == f"{found}\n"
     assert str(found).startswith("PASS  shade: right in all 7 cases, to ")
+
+
+@pytest.mark.parametrize(
+    ("faults", "equal", "got", "said"),
+    [
+        (("no-cosine",), 1, "0.3", ("the cause", f"{MEND} line 7")),
+        (("no-cosine",), 2, "0.3", ("line 7", "the cause")),  # likely: another explains it as well
+        (("no-spheres",), 1, "0.3", ("line 7", "the cause")),  # says only what is seen
+        ((), 0, "0.3", ("line 7",)),
+        ((), 0, "", ("the cause", "line 7")),  # it raised an error
+    ],
+)
+def test_the_line_comes_behind_what_is_proved_and_before_what_is_likely(faults, equal, got, said):
+    cases = (CaseResult("one", False), CaseResult("another", False))
+    made = StageResult("shade", False, 1.0, 1e-5, "", "the cause", (*faults, "other")[:equal],
+                       tuple((f, "the cause") for f in faults), "line 7", got=got, cases=cases)  # fmt: skip
+    assert made.said == said
 
 
 def test_check_names_in_a_picture_what_no_variant_has_with_its_number():

@@ -48,6 +48,7 @@ def wrong_image(*faults):
     ("faults", "sure", "place"),
     [
         (("nothing-met",), True, 0),  # says only what is seen
+        (("no-planes",), True, 0),
         (("endless-planes",), True, 1),
         (("endless-planes", "no-clamp"), True, 0),  # one change is simpler than two mistakes
         (("endless-planes", "no-clamp"), False, 1),

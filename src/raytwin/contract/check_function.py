@@ -137,15 +137,15 @@ def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> S
     causes = [] if stage.name in NEEDED else explain(stage, cases, arrays)
     inputs, expected, found = _worst_value(stage, cases[worst], arrays[worst])
     sentence = _blame(causes) if causes else f"no single common mistake fits. {_where(results)}"
-    names = tuple(dict.fromkeys(" and ".join(v.name for v in cause) for cause in causes))
-    if stage.name in NEEDED:
-        names, sentence = _diagnosed(stage, cases, arrays)
     made = tuple((v.name, v.sentence) for v in causes[0]) if causes else ()
-    return replace(base, sentence=sentence, causes=names, faults=made, inputs=inputs, expected=expected, got=found)
+    base = replace(base, sentence=sentence, faults=made, inputs=inputs, expected=expected, got=found)
+    if stage.name in NEEDED:
+        return _diagnosed(base, stage, cases, arrays)
+    return replace(base, causes=tuple(dict.fromkeys(" and ".join(v.name for v in cause) for cause in causes)))
 
 
-def _diagnosed(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> tuple[tuple[str, ...], str]:
-    """Return the names of the causes that explain most of what is wrong with pictures, and the sentence."""
+def _diagnosed(base: StageResult, stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> StageResult:
+    """The result with the causes that explain most of what is wrong with pictures, and the sentence."""
     from raytwin.diagnose.diagnosis import diagnose
     from raytwin.diagnose.pixel_sample import SubmittedImage
     from raytwin.renderers.scene_exchange import as_scene
@@ -161,7 +161,9 @@ def _diagnosed(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> tu
         for case, (picture,) in zip(cases, got, strict=True)
     ]
     found = diagnose(views)
-    return tuple(cause.name for cause in found.causes), "; ".join(student_words(found))
+    faults = tuple((cause.name, cause.sentence) for cause in found.causes)
+    said, causes = "; ".join(student_words(found)), tuple(name for name, _ in faults)
+    return replace(base, sentence=said, causes=causes, faults=faults, exact=found.sureness == "proved")
 
 
 def student_words(found: Diagnosis) -> tuple[str, ...]:

@@ -4,6 +4,11 @@ from html import escape
 
 import msgspec
 
+from raytwin.diagnose.catalogue import FACTS
+
+Faults = tuple[tuple[str, str], ...]
+"""(name, sentence) of each mistake."""
+
 
 class CaseResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One call: what it `shows`, whether it passed; its `error`, None where there is no number; `wrong`: of its values,
@@ -21,7 +26,8 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     `sentence`: for the student. `hint`: the line of theirs to look at. `causes`: names of the faults that explain all
     cases, empty where none does or all is right; more than one: they explain it equally. `faults`: name and
     sentence of each mistake of the first. `inputs`, `expected`, `got`:
-    of the worst value, in short. `wrong`: the share of all values that are off by more than the tolerance.
+    of the worst value, in short. `wrong`: the share of all values that are off by more than the tolerance. `exact`:
+    whether the causes leave nothing unexplained.
     """
 
     stage: str
@@ -31,13 +37,14 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     unit: str
     sentence: str
     causes: tuple[str, ...] = ()
-    faults: tuple[tuple[str, str], ...] = ()
+    faults: Faults = ()
     hint: str = ""
     inputs: str = ""
     expected: str = ""
     got: str = ""
     wrong: float = 0.0
     cases: tuple[CaseResult, ...] = ()
+    exact: bool = True
 
     @property
     def sureness(self) -> str:
@@ -45,15 +52,13 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         that each confirms what the other selects. `likely` for several."""
         if not self.causes:
             return ""
-        one = len(self.causes) == 1
+        one = len(self.causes) == 1 and self.exact
         return "proved" if one and sum(not case.passed for case in self.cases) > 1 else "likely"
 
     @property
     def said(self) -> tuple[str, ...]:
-        """What is wrong, the surest first: a mistake that is known, then where to mend it; or a repair alone."""
-        if not self.hint:
-            return (self.sentence,)
-        return (self.sentence, f"{MEND} {self.hint}") if self.causes else (self.hint,)
+        """What is wrong, the surest first."""
+        return with_hint((self.sentence,), self.hint, self.sureness, self.faults, raised=not self.got)
 
     def __repr__(self) -> str:
         return str(self)
@@ -77,6 +82,25 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             + (f"<table>{values}</table>" if values else "")
             + f"<table><tr>{_cell('case')}{_cell(f'error ({self.unit})')}{_cell('values off')}</tr>{rows}</table></div>"
         )
+
+
+def says_why(sureness: str, faults: Faults) -> bool:
+    """Whether a cause is proved, and not only what is seen."""
+    return sureness == "proved" and not any(name in FACTS for name, _ in faults)
+
+
+def with_hint(said: tuple[str, ...], hint: str, sureness: str, faults: Faults, raised: bool) -> tuple[str, ...]:
+    """Sentences, with the line to look at behind an error and a cause that is proved, and before what is likely.
+
+    It replaces what names no cause.
+    """
+    if not hint:
+        return said
+    if says_why(sureness, faults):
+        return (*said[:1], f"{MEND} {hint}", *said[1:])
+    if raised:
+        return (*said, hint)
+    return (hint, *said) if faults else (hint,)
 
 
 MEND = "a place to mend it:"

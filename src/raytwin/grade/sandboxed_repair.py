@@ -20,9 +20,8 @@ import numpy as np
 from raytwin.contract.check_function import errors_of, is_right
 from raytwin.contract.repair_function import STEPS, further_probes, probes, right_ones, smaller
 from raytwin.contract.stage import Case, Stage
-from raytwin.contract.stage_result import MEND
+from raytwin.contract.stage_result import says_why, with_hint
 from raytwin.contract.stage_table import LESSONS
-from raytwin.diagnose.catalogue import FACTS
 from raytwin.diagnose.repair import (
     A_CALL,
     Answers,
@@ -147,12 +146,8 @@ MOST_PROBES = 3
 """Cases that a fingerprint is taken of."""
 
 
-SEEN = FACTS | {"no-spheres", "no-planes"}
-"""Faults that say what a picture lacks, and not why."""
-
-
 def _is_proved(exercise: Marked) -> bool:
-    return exercise.sureness == "proved" and not any(name in SEEN for name, _ in exercise.faults)
+    return says_why(exercise.sureness, exercise.faults)
 
 
 def _is_known(exercise: Marked) -> bool:
@@ -168,23 +163,18 @@ def _fingerprint(child: Sandbox, stage: Stage) -> str:
 
 
 def _with_hint(exercise: Marked, repair: Repair | None, level: int, found: str) -> Marked:
-    """Behind an error and a cause that is proved; before what is likely. It replaces what names no cause.
+    """The exercise with a repair in its place among the sentences.
 
     One change of the text that makes everything right is a simpler explanation than two mistakes: it comes before them.
     """
     exercise = msgspec.structs.replace(exercise, fingerprint=found)
     if repair is None:
         return exercise
-    hint = repair.hint(level)
-    first, rest = exercise.sentences[:1], exercise.sentences[1:]
     simpler = repair.sure and repair.beside is None and len(exercise.faults) > 1
+    sureness = "likely" if simpler else exercise.sureness
+    raised = exercise.status == "error"
+    sentences = with_hint(exercise.sentences, repair.hint(level), sureness, exercise.faults, raised)
     sureness = "proved" if repair.sure or _is_proved(exercise) else "likely"
-    if _is_proved(exercise) and not simpler:
-        sentences = (*first, f"{MEND} {hint}", *rest)
-    elif exercise.status == "error":
-        sentences = (*exercise.sentences, hint)
-    else:
-        sentences = (hint, *exercise.sentences) if exercise.faults else (hint,)
     return msgspec.structs.replace(exercise, sentences=sentences, sureness=sureness, repair=kind_of(repair.operator))
 
 
