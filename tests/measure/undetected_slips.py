@@ -19,7 +19,8 @@ from raytwin.contract.check_function import call_stage, is_right
 from raytwin.contract.stage import PARTS_OF, wrong
 from raytwin.contract.stage_table import CONTRACT
 from raytwin.diagnose.draw_scene import draw_scene
-from raytwin.diagnose.operators import Edit, edits
+from raytwin.diagnose.edit import Edit
+from raytwin.diagnose.operators import edits
 from raytwin.diagnose.predict import RIGHT, Pipeline, predictor, slip
 from raytwin.diagnose.textbook import FUNCTIONS, Changes
 from raytwin.grade.questions import LARGER

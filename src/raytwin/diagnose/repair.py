@@ -16,8 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.diagnose.operators import MODULES, SHARED, Edit, File, edits, replaced
+from raytwin.diagnose.edit import Edit, replaced
+from raytwin.diagnose.operators import edits
 from raytwin.diagnose.schemata import Setting, schemata
+from raytwin.diagnose.scope import MODULES, File
+from raytwin.diagnose.statement_operators import SHARED
 
 Cells = Sequence[tuple[str, str]]
 """(name, text): a Python file has one, a notebook several."""

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from raytwin.diagnose.operators import Edit, New, locate
+from raytwin.diagnose.edit import Edit, New, locate
 
 SWITCH = "raytwin_switch"
 """The global name that the text reads: place -> number of the change that holds there."""

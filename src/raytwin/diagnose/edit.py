@@ -1,0 +1,172 @@
+"""A change of a syntax tree: an `Edit` puts other nodes in the place of some; and what operators ask of trees."""
+
+import ast
+import copy
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+New = ast.AST | list[ast.stmt]
+"""What stands in the place of a node: another node, or statements."""
+Part = tuple[ast.AST, New]
+"""A node, and what stands in its place."""
+
+
+@dataclass(frozen=True, eq=False)
+class Edit:
+    """`old`, a node of the tree, becomes `new`. `operator`: what was wrong, in words. `also`: what changes with it.
+
+    `weight`: how far-fetched it is, by how often such slips are seen (1: every term). `moved`: the statement that the
+    edit moves, if it is not `old`.
+    """
+
+    operator: str
+    weight: float
+    old: ast.AST
+    new: New
+    also: tuple[Part, ...] = ()
+    moved: ast.stmt | None = None
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """All places that change."""
+        return ((self.old, self.new), *self.also)
+
+    def applied(self, tree: Any) -> Any:
+        """The tree with the edit in it."""
+        for old, new in self.parts:
+            tree = replaced(tree, old, new)
+        return tree
+
+    @property
+    def line(self) -> int:
+        return int(getattr(self.old, "lineno", 0))
+
+    @property
+    def before(self) -> str:
+        return ast.unparse(self.old)
+
+    @property
+    def after(self) -> str:
+        return "\n".join(map(ast.unparse, self.new)) if isinstance(self.new, list) else ast.unparse(self.new)
+
+
+def replaced(tree: Any, old: ast.AST, new: New) -> Any:
+    """The tree with `new` in the place of `old`; what is not on the way to it is shared."""
+    if tree is old:
+        return new
+    if isinstance(tree, list):
+        made: list[Any] = []
+        for item in tree:
+            one = replaced(item, old, new)
+            made += one if isinstance(one, list) else [one]
+        return tree if len(made) == len(tree) and all(a is b for a, b in zip(made, tree, strict=True)) else made
+    if not isinstance(tree, ast.AST):
+        return tree
+    parts = {name: one for name, value in ast.iter_fields(tree) if (one := replaced(value, old, new)) is not value}
+    if not parts:
+        return tree
+    result = copy.copy(tree)
+    for name, one in parts.items():
+        setattr(result, name, one or [ast.Pass(lineno=1, col_offset=0)] if name == "body" else one)
+    return result
+
+
+PLACE = ("lineno", "col_offset", "end_lineno", "end_col_offset")
+
+
+def locate(tree: ast.AST, like: ast.AST) -> None:
+    """Give what is new in the tree the place of another node; below nodes that have one nothing is new."""
+    place = {name: getattr(like, name) for name in PLACE if hasattr(like, name)}
+    todo = [tree]
+    while todo:
+        node = todo.pop()
+        if "lineno" not in node.__dict__:
+            if "lineno" in node._attributes:
+                node.__dict__.update(place)
+            todo += ast.iter_child_nodes(node)
+
+
+# ------------------------------------------------------------------------------------------ new nodes
+
+
+def changed(node: Any, **fields: Any) -> Any:
+    """A node like this one, but for these fields."""
+    return type(node)(**dict(ast.iter_fields(node)) | fields)
+
+
+@cache
+def template(text: str) -> Any:
+    return ast.parse(text, mode="eval").body
+
+
+def fill(text: str, **parts: ast.expr) -> Any:
+    """The expression `text`, its names A, B and so on replaced by nodes."""
+    return _filled(template(text), parts)
+
+
+def _filled(tree: Any, parts: Mapping[str, ast.expr]) -> Any:
+    if isinstance(tree, ast.Name):
+        return parts.get(tree.id, tree)
+    if isinstance(tree, list):
+        return [_filled(one, parts) for one in tree]
+    if not (isinstance(tree, ast.AST) and tree._fields):
+        return tree
+    return type(tree)(**{name: _filled(getattr(tree, name), parts) for name in tree._fields})
+
+
+def renamed(tree: ast.AST, names: Mapping[str, str]) -> Any:
+    """A copy with other names."""
+    made = copy.deepcopy(tree)
+    for n in all_names(made):
+        n.id = names.get(n.id, n.id)
+    return made
+
+
+# ------------------------------------------------------------------------------------------ what a tree has
+
+
+def code_children(node: ast.AST) -> Iterator[ast.AST]:
+    """The children but docstrings, annotations, decorators and imports."""
+    for name, value in ast.iter_fields(node):
+        if name in ("annotation", "returns", "decorator_list", "type_params"):
+            continue
+        for child in value if isinstance(value, list) else [value]:
+            text = isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant)
+            if isinstance(child, ast.AST) and not text and not isinstance(child, ast.Import | ast.ImportFrom):
+                yield child
+
+
+def code(tree: ast.AST) -> Iterator[ast.AST]:
+    """All nodes below, but docstrings, annotations, decorators and imports."""
+    for child in code_children(tree):
+        yield child
+        yield from code(child)
+
+
+def blocks(node: ast.AST) -> Iterator[list[ast.stmt]]:
+    """The lists of statements that the node has."""
+    for block in (getattr(node, "body", None), getattr(node, "orelse", None)):
+        if isinstance(block, list) and block:
+            yield block
+
+
+def all_names(tree: ast.AST) -> list[ast.Name]:
+    return [n for n in ast.walk(tree) if isinstance(n, ast.Name)]
+
+
+def names_in(tree: ast.AST, use: type[ast.expr_context] = ast.expr_context) -> set[str]:
+    """The names in the tree; those that are read or stored alone, if `use` is ast.Load or ast.Store."""
+    return {n.id for n in all_names(tree) if isinstance(n.ctx, use)}
+
+
+def short(node: ast.AST) -> str:
+    """The node's text, cut for a message."""
+    text = ast.unparse(node)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def is_text(node: ast.AST) -> bool:
+    """Whether it is a text, None or a slice: nothing is computed with these."""
+    return isinstance(node, ast.Slice) or (isinstance(node, ast.Constant) and not isinstance(node.value, int | float))

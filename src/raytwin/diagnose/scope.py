@@ -1,0 +1,109 @@
+"""The names of a function, and where its values stand: what operators need to know around a node."""
+
+import ast
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from raytwin.diagnose.edit import blocks, code, names_in, template
+
+Found = Iterator[tuple[Any, ...]]
+"""What an operator finds: (what was wrong, how far-fetched, what stands there instead, other parts)."""
+
+MODULES = {"math", "cv2", "scipy", "optimize", "linalg", "itertools", "functools"}
+MOST_DONORS = 24
+"""Attributes and entries that may be missing beside a value."""
+MOST_DIVISORS = 6
+"""Divisors of a function that may be missing elsewhere in it."""
+
+
+@dataclass(frozen=True)
+class File:
+    """What a statement's file has: its name for NumPy, the texts it reads entries by, and its own functions.
+
+    `methods`: what is called on each name (`Rotation`: from_rotvec, from_euler); `arity`: function -> its arguments.
+    """
+
+    numpy: str = "np"
+    words: tuple[str, ...] = ()
+    methods: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    arity: Mapping[str, int] = field(default_factory=dict)
+
+
+class Scope:
+    """What a function's names are, and where its values stand."""
+
+    def __init__(self, statement: ast.stmt, file: File, rare: bool) -> None:
+        self.file, self.numpy, self.rare = file, file.numpy, rare
+        self.words = file.words if rare else ()
+        nodes = list(code(statement))
+        called = {n.func.id for n in nodes if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
+        self.stored = {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+        self.stored |= {n.arg for n in nodes if isinstance(n, ast.arg)}
+        self.names = sorted(self.stored - called - {"self", "_"})
+        self.parents = {id(child): n for n in [statement, *nodes] for child in ast.iter_child_nodes(n)}
+        self.values = {id(value) for n in nodes for value in _values(n)}
+        self.steps = [n for n in nodes if isinstance(n, ast.AugAssign)]
+        self.loops = {name for n in nodes if isinstance(n, ast.For) for name in names_in(n.target)} - {"_"}
+        self.blocks = [block for n in [statement, *nodes] for block in blocks(n)]
+        divisors = [n.right for n in nodes if isinstance(n, ast.BinOp) and isinstance(n.op, ast.Div)]
+        by_text = {ast.unparse(n): n for n in divisors if not isinstance(n, ast.Constant)}
+        self.divisors = list(by_text.values())[:MOST_DIVISORS]
+        self.assigned: dict[str, list[ast.expr]] = {}
+        self.uses: dict[str, list[ast.Name]] = {}
+        self.attributes: dict[str, set[str]] = {}
+        self.entries: dict[str, int] = {}
+        """By what is indexed: the largest number that it is indexed by."""
+        donors: list[str] = []
+        for n in nodes:
+            if isinstance(n, ast.Assign) and len(n.targets) == 1:
+                self.assigned.setdefault(ast.unparse(n.targets[0]), []).append(n.value)
+            elif isinstance(n, ast.Name) and isinstance(n.ctx, ast.Load):
+                self.uses.setdefault(n.id, []).append(n)
+            elif isinstance(n, ast.Attribute) and isinstance(n.value, ast.Name):
+                if not (self.is_module(n) or self.is_called(n)):
+                    self.attributes.setdefault(n.value.id, set()).add(n.attr)
+                    donors.append(ast.unparse(n))
+            elif isinstance(n, ast.Subscript) and isinstance(n.slice, ast.Constant):
+                text, index = ast.unparse(n.value), n.slice.value
+                if isinstance(index, int):
+                    self.entries[text] = max(index, self.entries.get(text, 0))
+                elif isinstance(index, str) and isinstance(n.value, ast.Name):
+                    donors += [f"{text}[{word!r}]" for word in self.words]
+        donors += sorted({ast.unparse(n) for n in nodes if isinstance(n, ast.Call) and ast.unparse(n.func) == "len"})
+        self.donors = [(text, template(text)) for text in dict.fromkeys(donors)][:MOST_DONORS]
+        self.unread = [name for name in self.names if name not in self.uses]
+
+    def is_called(self, node: ast.AST) -> bool:
+        parent = self.parents.get(id(node))
+        return isinstance(parent, ast.Call) and parent.func is node
+
+    def loops_around(self, node: ast.AST) -> Iterator[ast.For]:
+        """The loops around the node, the innermost first."""
+        around = self.parents.get(id(node))
+        while around is not None:
+            if isinstance(around, ast.For):
+                yield around
+            around = self.parents.get(id(around))
+
+    def is_module(self, node: ast.AST) -> bool:
+        """`np`, `np.linalg`, `cv2`: a name that is none of the function's, and what it has."""
+        while isinstance(node, ast.Attribute):
+            node = node.value
+        return isinstance(node, ast.Name) and node.id in MODULES | {self.numpy}
+
+
+def _values(n: ast.AST) -> list[ast.expr]:
+    """Return the values that a node computes with: operands, arguments, what is assigned or returned."""
+    some: list[ast.expr | None] = []
+    if isinstance(n, ast.BinOp):
+        some = [n.left, n.right]
+    elif isinstance(n, ast.Call):
+        some = [*n.args, n.func.value if isinstance(n.func, ast.Attribute) else None]
+    elif isinstance(n, ast.Assign | ast.AugAssign | ast.Return):
+        some = [n.value]
+    elif isinstance(n, ast.Tuple | ast.List) and isinstance(n.ctx, ast.Load):
+        some = [*n.elts]
+    elif isinstance(n, ast.Compare):
+        some = [n.left, *n.comparators]
+    return [one for one in some if one is not None and not isinstance(one, ast.Starred)]
