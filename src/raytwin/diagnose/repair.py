@@ -12,7 +12,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,7 +31,7 @@ COMMON = 0.5
 CLEARED = 0.6
 """By so much more far-fetched is a change of a statement that runs in functions that are right, too."""
 AT_ONCE = 48
-"""Candidates that are tried in one call."""
+"""Candidates that are compiled together and tried in one call: a text with thousands of them runs many times slower."""
 NEARER = 0.1
 """By so many powers of ten the errors have to become smaller, where none vanishes."""
 BEAM = 8
@@ -147,10 +147,10 @@ def repair(
             left = [c for c, got in zip(left, answers, strict=True) if got is not None and is_right(case, got)]
         return left
 
-    def searched(sources: Iterable[tuple[Sequence[Any], Iterator[Candidate]]]) -> Repair | None:
+    def searched(sources: Iterable[tuple[Sequence[Any], Iterable[list[Candidate]]]]) -> Repair | None:
         nonlocal tried, unsure
         for order, source in sources:
-            for chunk in _chunks(source):
+            for chunk in source:
                 if not more_time():
                     return None
                 tried += len(chunk)
@@ -167,7 +167,7 @@ def repair(
     aside = [(cell, statement) for cell, statement in every if (cell, statement.lineno) not in known_lines]
     search = _Search(cells, reached, seen, runner.places_in(first), runner.right, aside, more_time)
 
-    alone = [(cases, source) for source in (iter(known), search.candidates(False), search.candidates(True))]
+    alone = [(cases, source) for source in ([list(known)], search.candidates(False), search.candidates(True))]
     usual, rare = (_beside(search, partial, cases, is_right, runner, rare) for rare in (False, True))
     return searched(itertools.chain(alone[:2], usual, alone[2:], rare)) or unsure
 
@@ -175,18 +175,13 @@ def repair(
 def _beside(
     search: "_Search", partial: "_Partial", cases: Sequence[Any], is_right: Callable[[Any, Any], bool], runner: Runner,
     rare: bool,
-) -> Iterator[tuple[Sequence[Any], Iterator[Candidate]]]:  # fmt: skip
+) -> Iterator[tuple[Sequence[Any], Iterator[list[Candidate]]]]:  # fmt: skip
     """Second changes beside each of the best first ones, and the cases, first one that is wrong with the first."""
     for one in partial.best():
         wrong = [case for case in cases if (got := runner.alone(one, case)) is None or not is_right(case, got)]
         if wrong:
             order = [wrong[0], *(case for case in cases if case is not wrong[0])]
             yield order, search.beside(one, rare, runner.places_in(wrong[0]))
-
-
-def _chunks(every: Iterator[Candidate]) -> Iterator[list[Candidate]]:
-    while chunk := list(itertools.islice(every, AT_ONCE)):
-        yield chunk
 
 
 def _as_repair(best: Candidate) -> Repair:
@@ -242,7 +237,8 @@ def candidates(
     `right(candidates)`: those that functions reach that are right: a mistake there is less likely.
     """
     search = _Search(cells, _statements(cells, function, innocent), seen, places, right)
-    yield from itertools.chain(search.candidates(False), search.candidates(True))
+    for some in (*search.candidates(False), *search.candidates(True)):
+        yield from some
 
 
 class _Search:
@@ -262,23 +258,24 @@ class _Search:
         self.reached, self.seen = reached, seen
         self.file = _file(cells, [statement for _, statement in reached])
         self.end = 0
-        self.made: dict[Any, tuple[ast.stmt, list[Candidate]]] = {}
+        self.made: dict[Any, list[_Change]] = {}
+        self.compiled: dict[Edit, Candidate | None] = {}
         self.beside_running: dict[Candidate, set[ast.AST] | None] = {}
         marks = self._marks(reached)
         self.running = _nodes(marks, places(marks))
         self.cleared = {id(node) for one in _nodes(marks, right(marks)) or () for node in _own(one)}
 
-    def candidates(self, rare: bool) -> Iterator[Candidate]:
+    def candidates(self, rare: bool) -> Iterator[list[Candidate]]:
         """The usual ones, or the rare."""
         found = [c for cell, statement in self.reached for c in self._changes(cell, statement, rare, self.running)]
         for cell, statement in () if rare else self.aside:
-            some = [e for e in edits(statement, only=(ast.Assign, ast.AugAssign)) if e.operator == SHARED]
-            found += self._candidates(cell, statement, some)
-        yield from sorted(found, key=self._weight)
+            some = edits(statement, only=(ast.Assign, ast.AugAssign))
+            found += [_Change(cell, statement, edit) for edit in some if edit.operator == SHARED]
+        yield from self._compiled(found)
 
     def beside(
         self, first: Candidate, rare: bool, places: Callable[[Sequence[Candidate]], frozenset[int] | None]
-    ) -> Iterator[Candidate]:
+    ) -> Iterator[list[Candidate]]:
         """The changes of the text that has `first` in it; `places` as for all."""
         made = first.edit.applied(first.statement)
         (statement,) = made if isinstance(made, list) else (made,)
@@ -287,26 +284,38 @@ class _Search:
             marks = self._marks(reached)
             self.beside_running[first] = _nodes(marks, places(marks))
         running = self.beside_running[first]
-        found = [c for cell, one in reached for c in self._changes(cell, one, rare, running)]
-        for c in sorted(found, key=self._weight):
+
+        def both(c: Candidate) -> Candidate:
             if c.statement is statement:
-                yield replace(c, beside=first)
-            else:
-                together = (*first.codes, *c.codes), (*first.names, *c.names), (*first.setting, *c.setting)
-                yield replace(c, beside=first, codes=together[0], names=together[1], setting=together[2])
+                return replace(c, beside=first)
+            together = (*first.codes, *c.codes), (*first.names, *c.names), (*first.setting, *c.setting)
+            return replace(c, beside=first, codes=together[0], names=together[1], setting=together[2])
 
-    def _weight(self, c: Candidate) -> float:
-        return _weight(c.edit, self.seen) + CLEARED * (id(c.edit.old) in self.cleared)
+        found = [c for cell, one in reached for c in self._changes(cell, one, rare, running)]
+        yield from (list(map(both, some)) for some in self._compiled(found))
 
-    def _changes(self, cell: str, statement: ast.stmt, rare: bool, running: set[ast.AST] | None) -> list[Candidate]:
+    def _changes(self, cell: str, statement: ast.stmt, rare: bool, running: set[ast.AST] | None) -> list["_Change"]:
         inside = running if running is None else frozenset(id(n) for n in ast.walk(statement) if n in running)
-        key = id(statement), rare, inside
+        key = statement, rare, inside
         if key not in self.made:
             some = edits(
                 statement, self.file, rare, runs=lambda one: self.more_time() and (running is None or one in running)
             )
-            self.made[key] = statement, list(self._candidates(cell, statement, some))
-        return self.made[key][1]
+            self.made[key] = [_Change(cell, statement, edit) for edit in some]
+        return self.made[key]
+
+    def _compiled(self, some: Sequence["_Change"]) -> Iterator[list[Candidate]]:
+        """Those that leave Python, AT_ONCE at a time, the least far-fetched first."""
+        weight = lambda c: _weight(c.edit, self.seen) + CLEARED * (id(c.edit.old) in self.cleared)  # noqa: E731
+        ordered = iter(sorted(some, key=weight))
+        while chunk := list(itertools.islice(ordered, AT_ONCE)):
+            new: dict[tuple[str, ast.stmt], list[Edit]] = {}
+            for cell, statement, edit in (c for c in chunk if c.edit not in self.compiled):
+                new.setdefault((cell, statement), []).append(edit)
+            for (cell, statement), every in new.items():
+                self.compiled |= dict.fromkeys(every)
+                self.compiled |= {c.edit: c for c in self._candidates(cell, statement, every)}
+            yield [one for c in chunk if (one := self.compiled[c.edit]) is not None]
 
     def _marks(self, reached: Sequence[tuple[str, ast.stmt]]) -> list[Candidate]:
         """A candidate for each statement within the reached ones: its place tells whether it runs."""
@@ -324,6 +333,12 @@ class _Search:
             self.end = schema.end
             for edit in some:
                 yield Candidate(cell, statement, edit, (schema.code,), names, schema.settings[id(edit)])
+
+
+class _Change(NamedTuple):
+    cell: str
+    statement: ast.stmt
+    edit: Edit
 
 
 class _Partial:
@@ -583,7 +598,7 @@ def attempt(
         began = time.process_time()
         as_it_is = said(answer(seconds, (), ()))
         if as_it_is is not None:
-            seconds = min(seconds, 0.03 + 10 * (time.process_time() - began))
+            seconds = min(seconds, 0.1 + 10 * (time.process_time() - began))
         if codes and function not in slow:
             slow[function] = slow_functions(space, lambda: answer(seconds, (), ()))
         for code, bound, setting in zip(codes, names, settings, strict=True):

@@ -72,6 +72,7 @@ class _Sites:
         self.first = first
         self.at: dict[int, tuple[int, list[Any]]] = {}
         self.around: dict[int, list[ast.AST]] = {}
+        self.changed: set[int] = set()
         self._walk(statement, [])
 
     def _walk(self, node: ast.AST, around: list[ast.AST]) -> None:
@@ -102,15 +103,16 @@ class _Sites:
 
     def _add(self, site: ast.AST, edit: Edit) -> tuple[int, int]:
         place, others = self.at.setdefault(id(site), (self.first + len(self.at), []))
+        self.changed.update(map(id, self.around[id(site)]))
         others.append(edit.applied(site))
         return place, len(others) - 1
 
     def built(self, tree: Any) -> Any:
-        """The tree with a switch at each place."""
+        """The tree with a switch at each place; what has none is shared."""
         if isinstance(tree, list):
             return [one for item in tree for one in (self._statement(item) if isinstance(item, ast.stmt)
                                                      else [self.built(item)])]  # fmt: skip
-        if not isinstance(tree, ast.AST):
+        if id(tree) not in self.changed:
             return tree
         made = self._within(tree)
         if id(tree) in self.at and isinstance(tree, ast.expr):
