@@ -9,7 +9,7 @@ from typing import Any
 
 from raytwin.diagnose import expression_operators as expressions
 from raytwin.diagnose import statement_operators as statements
-from raytwin.diagnose.edit import Edit, blocks, code, code_children, is_text, locate, names_in
+from raytwin.diagnose.edit import Edit, blocks, code, code_children, is_text, names_in
 from raytwin.diagnose.rewritings import rewritten, wrapped
 from raytwin.diagnose.scope import File, Found, Scope
 
@@ -63,10 +63,6 @@ def edits(
         made += [edit for some in by_node.values() for edit in some if _stores(edit) <= scope.stored]
         made += [edit for same in _repeated(unit) for edit in _at_all(same, by_node)]
     made = [edit for edit in made if (edit.weight > USUAL) == rare and not _same(edit.old, edit.new)]
-    for edit in made:
-        for old, new in edit.parts:
-            for tree in new if isinstance(new, list) else [new]:
-                locate(tree, old)
     return sorted(made, key=lambda e: e.weight)
 
 
@@ -105,8 +101,14 @@ def _stores(edit: Edit) -> set[str]:
     return {name for one in some if isinstance(one, ast.stmt) for name in names_in(one, ast.Store)}
 
 
-def _same(old: ast.AST, new: Any) -> bool:
-    return type(old) is type(new) and ast.dump(old) == ast.dump(new)
+def _same(old: Any, new: Any) -> bool:
+    if type(old) is not type(new):
+        return False
+    if isinstance(old, list):
+        return len(old) == len(new) and all(map(_same, old, new))
+    if isinstance(old, ast.AST):
+        return old is new or all(_same(getattr(old, name, None), getattr(new, name, None)) for name in old._fields)
+    return bool(old == new)
 
 
 # ------------------------------------------------------------------------------------------ in several places

@@ -50,6 +50,9 @@ def schemata(statement: ast.stmt, some: Sequence[Edit], first: int) -> Iterator[
 
 
 def _compiled(statement: ast.stmt, some: Sequence[Edit], first: int) -> Schema | None:
+    for old, new in (part for edit in some for part in edit.parts):
+        for tree in new if isinstance(new, list) else [new]:
+            locate(tree, old)
     sites = _Sites(statement, first)
     settings = {id(edit): sites.put(edit) for edit in some}
     try:
