@@ -114,8 +114,8 @@ def _error_text(error: Exception) -> str:
 # ------------------------------------------------------------------------------------------ judging
 
 
-def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> StageResult:
-    """No code of the student's runs here."""
+def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome], most: int = 2) -> StageResult:
+    """No code of the student's runs here. `most`: mistakes together."""
     checked = [_checked(stage, case, outcome) for case, outcome in zip(cases, outcomes, strict=True)]
     results = tuple(_case_result(stage, case, got) for case, got in zip(cases, checked, strict=True))
     worst = max(
@@ -134,7 +134,7 @@ def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> S
         where = "" if all(isinstance(got, str) for got in checked) else f" ({cases[worst].shows})"
         return replace(base, sentence=broken + where, inputs=_short_args(stage, cases[worst]))
     arrays = [got for got in checked if not isinstance(got, str)]
-    causes = [] if stage.name in NEEDED else explain(stage, cases, arrays)
+    causes = [] if stage.name in NEEDED else explain(stage, cases, arrays, most)
     inputs, expected, found = _worst_value(stage, cases[worst], arrays[worst])
     sentence = _blame(causes) if causes else f"no single common mistake fits. {_where(results)}"
     made = tuple((v.name, v.sentence) for v in causes[0]) if causes else ()
@@ -215,7 +215,7 @@ def _errors(stage: Stage, case: Case, got: Arrays) -> np.ndarray:
     return np.where(np.isnan(errors), np.inf, errors)
 
 
-def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[tuple[Variant, ...]]:
+def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays], most: int = 2) -> list[tuple[Variant, ...]]:
     """The variants that give these numbers in all cases; else the pairs of variants that do; empty where none does.
 
     A variant that does not explain the first wrong case is not tried on the others. One whose own numbers pass that
@@ -245,6 +245,8 @@ def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[
     for variant in stage.in_other_forms:
         if left([variant]) == 0:
             return [(variant,)]
+    if most < 2:
+        return []
     best = sorted(alone, key=lambda i: alone[i])[: PAIRS // max(1, len(alone))]
     until = time.process_time() + PAIRS_SECONDS
     pairs = itertools.takewhile(lambda _: time.process_time() < until, ((i, j) for i in best for j in alone if i != j))

@@ -18,7 +18,6 @@ from raytwin.grade.questions import questions_of
 from raytwin.grade.result import Result
 from raytwin.grade.rubric import read_rubric
 from raytwin.grade.sandboxed_calls import call_all
-from raytwin.grade.sandboxed_repair import looked_again
 from raytwin.grade.submission_code import code_of
 from raytwin.sandbox.sandbox import Answer, plain
 
@@ -39,5 +38,5 @@ def grade_submission(job: Job) -> Result:
             one.answer = Answer(problem=f"expected {error.expected}, got {error.got}", sort="missing")
         return marked(result, rubric, asked, plain(error))[0]
     result, helped = marked(result, rubric, asked, problem, code)
-    result = looked_again(followed(result, rubric, asked, helped), rubric, code, helped.names if helped.beside else ())
+    result = followed(result, rubric, asked, helped)
     return msgspec.structs.replace(result, seconds=round(time.perf_counter() - began, 4))

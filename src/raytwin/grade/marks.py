@@ -1,7 +1,7 @@
 """What answers are worth: points of each exercise, what is said about it, and the bonus for speed."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from raytwin.contract.check_function import judge, student_words
+from raytwin.contract.stage_result import says_why
 from raytwin.contract.stage_table import LESSONS
 from raytwin.diagnose.diagnosis import Diagnosis, diagnose
 from raytwin.grade.check_picture import CheckedPicture, check_picture
@@ -17,6 +18,7 @@ from raytwin.grade.follow_through import Rerun, ask_again
 from raytwin.grade.questions import Question
 from raytwin.grade.result import FOLLOWS, SUREST, Marked, Part, Picture, Result, Status
 from raytwin.grade.rubric import Exercise, Rubric
+from raytwin.grade.sandboxed_repair import SecondLook
 from raytwin.grade.wrong_picture import wrong_picture
 from raytwin.sandbox.sandbox import Code
 
@@ -33,16 +35,31 @@ def marked(
 ) -> tuple[Result, Rerun]:
     """Return the result with its exercises marked, and what failed functions do to its pictures.
 
-    Speed is that of drawn scenes: of a named one a submission may have stored the picture. Images have no seconds.
+    Functions that fail alone are repaired before causes of pictures are looked for: the same change may make these
+    right, too. Speed is that of drawn scenes: of a named one a submission may have stored the picture. Images have no
+    seconds.
     """
     of = {e.name: [a for a in asked if a.exercise is e] for e in rubric.exercises}
     checked = {id(a): check_picture(a) for a in asked if a.scene is not None}
     marks = {e.name: _mark_stage(e, of[e.name]) for e in rubric.exercises if of[e.name][0].scene is None}
     failed = [m for m in marks.values() if m.status not in ("pass", "missing")]
     helped = ask_again(rubric, code, asked, checked, [m.stage for m in failed]) if code and not problem else Rerun()
-    causes = _Causes(checked, helped, [m for m in failed if m.stage in helped.names], result.seed, rubric.seen)
+    drawn_ones = [e for e in rubric.exercises if e.name not in marks]
+    status = {name: m.status for name, m in marks.items()}
+    status |= {e.name: _status([checked[id(a)].part for a in of[e.name]], of[e.name]) for e in drawn_ones}
+    wrong_stages = {e.stage for e in rubric.exercises if status[e.name] != "pass"}
+    right = [stage for stage in dict.fromkeys(e.stage for e in rubric.exercises) if stage not in wrong_stages]
+    spoilt = [a for a in asked if id(a) in checked and not checked[id(a)].part.passed]
+    look = SecondLook(rubric, code) if code and not problem else None
+    if look:
+        beside = dict.fromkeys(a.exercise.stage for a in spoilt if not helped.fixed_by(a))
+        marks |= {m.name: m for m in look.at([*marks.values()], right, beside=[*beside])}
+        marks |= {name: _two_mistakes(m, of[name]) for name, m in marks.items()}
+        failed = [marks[m.name] for m in failed]
+    mended = {id(a) for a in spoilt if look and a.exercise.stage in look.found}
+    causes = _Causes(checked, helped, [m for m in failed if m.stage in helped.names], result.seed, rubric.seen, mended)
     pictures, speed = [], []
-    for exercise in (e for e in rubric.exercises if e.name not in marks):
+    for exercise in drawn_ones:
         mine = of[exercise.name]
         one, wrong = _mark_pictures(exercise, mine, causes)
         pictures += wrong
@@ -51,6 +68,9 @@ def marked(
         timed = rubric.speed is not None and rubric.speed.of == one.name and code is not None and code.kind != "images"
         if timed and one.error is not None and drawn:
             speed.append((one.name, sum(drawn) / len(drawn), one.error))
+    if look:
+        unclear = [m for e in drawn_ones if not ((m := marks[e.name]).follows or says_why(m.sureness, m.faults))]
+        marks |= {m.name: m for m in look.at(unclear, right, helped.names if causes.beside else ())}
     bonus = 0.0
     if rubric.speed is not None and speed and marks[rubric.speed.of].status == "pass":
         bonus = rubric.speed.earned(speed[0][1])
@@ -81,12 +101,12 @@ def _status(parts: list[Part], asked: list[Question]) -> Status:
     )
 
 
-def _mark_stage(exercise: Exercise, asked: list[Question]) -> Marked:
+def _mark_stage(exercise: Exercise, asked: list[Question], most: int = 1) -> Marked:
     stage = LESSONS[exercise.stage]
     if exercise.tolerance is not None:
         stage = replace(stage, tolerance=exercise.tolerance)
     outcomes = [a.answer.problem or tuple(x.astype(float) for x in a.answer.arrays) for a in asked]
-    found = judge(stage, [a.case for a in asked], outcomes)
+    found = judge(stage, [a.case for a in asked], outcomes, most)
     parts = [
         Part(
             c.shows,
@@ -119,6 +139,13 @@ def _mark_stage(exercise: Exercise, asked: list[Question]) -> Marked:
     )
 
 
+def _two_mistakes(marked: Marked, asked: list[Question]) -> Marked:
+    """With two mistakes named together, where there is neither one nor a line to look at."""
+    if marked.status != "fail" or marked.faults or marked.repair:
+        return marked
+    return msgspec.structs.replace(_mark_stage(asked[0].exercise, asked, most=2), fingerprint=marked.fingerprint)
+
+
 class _Found(NamedTuple):
     """What is said of an exercise's pictures; `faults`: (name, sentence) of each mistake."""
 
@@ -130,30 +157,33 @@ class _Found(NamedTuple):
 class _Causes:
     """What made pictures wrong, looked for in all of them at once, since one tracer made them.
 
-    `failed`: functions that fail on their own, and that pictures are made of. In this order:
+    `failed`: functions that fail on their own, and that pictures are made of. `mended`: pictures that a change of the
+    text is known for. In this order:
     what is right once they are replaced is `theirs`, unless the pictures name a cause that the functions do not;
     one diagnosis of the pictures as they were handed in, `together`;
     and where right functions leave less wrong, one `beside` them, of the pictures that they made.
     """
 
     def __init__(self, checked: Mapping[int, CheckedPicture], helped: Rerun, failed: list[Marked], seed: int,
-        seen: Mapping[str, int],
+        seen: Mapping[str, int], mended: Collection[int] = (),
     ) -> None:  # fmt: skip
         self.checked, self.helped, self.failed, self.seed, self.seen = checked, helped, failed, seed, seen
+        self.mended = mended
         self.seconds, self.functions = SECONDS, " and ".join(helped.names)
-        known = bool(failed) and all(m.faults for m in failed)
-        left = [k for k, (_, again) in helped.again.items() if not again.part.passed]
+        known = bool(failed) and all(m.faults or m.repair for m in failed)
+        left = [k for k, (_, again) in helped.again.items() if not (again.part.passed or k in mended)]
         fixed_by = bool(helped.again) and not left
         self.beside = any(_is_nearer(checked[k], helped.again[k][1]) for k in left)
         self.together: Diagnosis | None = None
         if not (known and self.beside):
-            explained = helped.again if known and fixed_by else {}
+            explained = {*mended, *(helped.again if known and fixed_by else ())}
             self.together = self._diagnosed([c for k, c in checked.items() if k not in explained])
         named = self.together is not None and bool(self.together.causes)
         self.theirs = fixed_by and (known or not named)
         self.rest: Diagnosis | None = None
         if self.beside and not named:
-            found = self._diagnosed([helped.again[k][1] if k in helped.again else c for k, c in checked.items()])
+            some = {k: helped.again[k][1] if k in helped.again else c for k, c in checked.items()}
+            found = self._diagnosed([c for k, c in some.items() if k not in mended])
             if found is not None and found.causes:
                 self.rest = found
             else:
@@ -177,7 +207,7 @@ class _Causes:
             faults = tuple(dict.fromkeys(fault for m in self.failed for fault in m.faults))
             sureness = max((m.sureness for m in self.failed), key=SUREST.index) if faults else ""
             return _Found((f"{FOLLOWS} {self.functions}: with a right one this is right",), faults, sureness)
-        if not _has_wrong_numbers(mine):
+        if not _has_wrong_numbers(mine) or any(id(a) in self.mended for a in asked):
             return _Found()
         found = self.rest or self.together
         if found is not None and not found.causes:

@@ -9,7 +9,7 @@ import dataclasses
 import inspect
 import itertools
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -39,7 +39,7 @@ from raytwin.diagnose.repair import (
 )
 from raytwin.grade.fingerprint import PROBE_SEED, fingerprint
 from raytwin.grade.follow_through import code_with
-from raytwin.grade.result import Marked, Result
+from raytwin.grade.result import Marked
 from raytwin.grade.rubric import Rubric
 from raytwin.sandbox.sandbox import Code, Sandbox
 
@@ -90,55 +90,94 @@ def {PLACES}(function, codes, lengths, which, names, arguments, seconds):
 """Runs in the sandbox, behind the submission's own text and in its module."""
 
 
-def looked_again(result: Result, rubric: Rubric, code: Code, replaced: Sequence[str] = ()) -> Result:
-    """The result, with the lines to look at among its exercises' sentences, as far as the rubric's `hints` go, and
-    fingerprints of what no cause is named for.
+class SecondLook:
+    """Lines to look at in a submission, within IN_ALL seconds, as far as the rubric's `hints` go.
 
-    A text that is nested too deeply to be read is not repaired.
-
-    Of pictures those are tried of which no cause is proved, or one that says only what is seen. Functions that are
-    right by their own tests are not tried.
-    `replaced`: functions that failed, of which right ones take the place when pictures are repaired.
+    A text that is nested too deeply to be read is not repaired. `found`: by the name of the function.
     """
-    wrong = [e for e in result.exercises if e.status in ("fail", "error") and not _is_known(e)]
-    unnamed = [e.stage for e in wrong if not (e.faults or e.fingerprint)]
-    if not ((rubric.hints or unnamed) and wrong and code.kind == "python" and (code.source or code.cells)):
-        return result
-    cells: Cells = code.cells or (("", code.source),)
-    hints = rubric.hints if sum(len(text) for _, text in cells) <= LONGEST else 0
-    right = list(dict.fromkeys(e.stage for e in result.exercises if e.status == "pass"))
-    right = [stage for stage in right if all(e.stage != stage for e in wrong)]
-    found: dict[str, Repair] = {}
-    prints: dict[str, str] = {}
-    left = IN_ALL
-    for pictures in (False, True):
-        some = [e for e in wrong if (e.stage in PICTURES) == pictures]
-        ours = tuple(replaced) if pictures else ()
-        if not some:
-            continue
-        asked = (*dict.fromkeys(e.stage for e in some), *right, CALLED, PLACES)
-        own = dataclasses.replace(code_with(code, ours).followed_by(DRIVER), asked=asked)
-        with Sandbox(own, rubric.limits, (Path(rubric.folder), Path.cwd())) as child:
-            if not ours:
-                prints |= {stage: _fingerprint(child, LESSONS[stage]) for stage in asked if stage in unnamed}
-            began, trials = _clock(child), _Trials(child)
-            for exercise in some if hints else ():
-                if exercise.stage in child.functions and CALLED in child.functions and exercise.stage not in found:
-                    seconds = SECONDS if _is_proved(exercise) else UNNAMED
-                    until = min(_clock(child) + seconds, began + left)
-                    known = [r.candidate for r in found.values() if r.candidate is not None and not ours]
-                    stage, seed = LESSONS[exercise.stage], result.seed
-                    others = [LESSONS[e.stage] for e in some if e.stage != exercise.stage]
-                    with contextlib.suppress(RecursionError, MemoryError):
-                        made = _repair(stage, seed, cells, trials, until, right, ours, known, rubric.seen, others)
-                        if made is not None:
-                            found[exercise.stage] = made
-            left -= _clock(child) - began
-    exercises = tuple(
-        _with_hint(e, found.get(e.stage), hints, e.fingerprint or prints.get(e.stage, "")) if e in wrong else e
-        for e in result.exercises
+
+    def __init__(self, rubric: Rubric, code: Code) -> None:
+        self.rubric, self.code, self.left = rubric, code, IN_ALL
+        self.found: dict[str, Repair] = {}
+        self.cells: Cells = code.cells or (("", code.source),)
+        readable = code.kind == "python" and 1 < sum(len(text) for _, text in self.cells) <= LONGEST
+        self.hints = rubric.hints if readable else 0
+
+    def at(
+        self,
+        exercises: Sequence[Marked],
+        right: Sequence[str],
+        replaced: Sequence[str] = (),
+        beside: Sequence[str] = (),
+    ) -> list[Marked]:
+        """The exercises, those that are wrong with the line to look at, and with a fingerprint if no cause is named.
+
+        `right`: functions that are right by their own tests, and are not tried. `replaced`: functions that failed, of
+        which right ones take the place. `beside`: others that are wrong; a change that makes them right, too, is
+        `found` of them.
+        """
+        wrong = [e for e in exercises if e.status in ("fail", "error")]
+        unnamed = {e.stage for e in wrong if not (e.faults or e.fingerprint)} if self.code.kind == "python" else set()
+        tried = [e for e in wrong if self.hints and e.stage not in self.found]
+        prints: dict[str, str] = {}
+        if tried or unnamed - set(self.found):
+            asked = (*dict.fromkeys(e.stage for e in wrong), *right, *beside, CALLED, PLACES)
+            own = dataclasses.replace(code_with(self.code, replaced).followed_by(DRIVER), asked=asked)
+            with Sandbox(own, self.rubric.limits, (Path(self.rubric.folder), Path.cwd())) as child:
+                if not replaced:
+                    prints = {stage: _fingerprint(child, stage) for stage in unnamed}
+                if CALLED in child.functions:
+                    self._repair(tried, right, replaced, beside, _Trials(child))
+        return [
+            _with_hint(e, self.found.get(e.stage), self.hints, e.fingerprint or prints.get(e.stage, ""))
+            if e in wrong else e for e in exercises
+        ]  # fmt: skip
+
+    def _repair(
+        self, tried: Sequence[Marked], right: Sequence[str], replaced: Sequence[str], beside: Sequence[str],
+        trials: "_Trials",
+    ) -> None:  # fmt: skip
+        began = _clock(trials.child)
+        for stage in dict.fromkeys(e.stage for e in tried):
+            if stage in trials.child.functions:
+                seconds = SECONDS if all(_is_proved(e) for e in tried if e.stage == stage) else UNNAMED
+                until = min(_clock(trials.child) + seconds, began + self.left)
+                known = [r.candidate for r in self.found.values() if r.candidate is not None and not replaced]
+                others, seen = [LESSONS[e.stage] for e in tried if e.stage != stage], self.rubric.seen
+                with contextlib.suppress(RecursionError, MemoryError):
+                    made = _repair(LESSONS[stage], self.cells, trials, until, right, replaced, known, seen, others)
+                    if made is not None:
+                        self.found[stage] = made
+        for stage in (name for name in beside if name in trials.child.functions):
+            sure = (r for r in self.found.values() if r.sure and _makes_right(r, stage, trials))
+            if one := next(sure, None):
+                self.found[stage] = one
+        self.left -= _clock(trials.child) - began
+
+
+def _makes_right(found: Repair, stage: str, trials: "_Trials") -> bool:
+    """Whether the change makes another function right, too, that is wrong without."""
+
+    def right_with(change: Candidate) -> Iterator[bool]:
+        for case in (*_cases(stage), *_further(stage)):
+            (got,) = trials.run(stage, (), [change], case.args, False)
+            yield got is not None and is_right(LESSONS[stage], case, got)
+
+    change = found.candidate
+    return (
+        change is not None and not all(right_with(dataclasses.replace(change, setting=()))) and all(right_with(change))
     )
-    return msgspec.structs.replace(result, exercises=exercises)
+
+
+@cache
+def _cases(stage: str) -> list[Case]:
+    """Cases that are the same for all: no points depend on them."""
+    return LESSONS[stage].cases(PROBE_SEED)
+
+
+@cache
+def _further(stage: str) -> list[Case]:
+    return further_probes(LESSONS[stage], PROBE_SEED)
 
 
 PICTURES = ("hit_points", "render")
@@ -150,14 +189,10 @@ def _is_proved(exercise: Marked) -> bool:
     return says_why(exercise.sureness, exercise.faults)
 
 
-def _is_known(exercise: Marked) -> bool:
-    return exercise.stage in PICTURES and _is_proved(exercise)
-
-
-def _fingerprint(child: Sandbox, stage: Stage) -> str:
+def _fingerprint(child: Sandbox, stage: str) -> str:
     """A fingerprint of the wrong numbers in cases that are the same for all."""
-    cases = stage.cases(PROBE_SEED)[:MOST_PROBES]
-    answers = [child.call(stage.name, *case.args) for case in cases]
+    cases = _cases(stage)[:MOST_PROBES]
+    answers = [child.call(stage, *case.args) for case in cases]
     got = [a.astype(float) for answer in answers for a in answer.arrays]
     return fingerprint([a for case in cases for a in case.expected], got)
 
@@ -184,10 +219,9 @@ def _clock(child: Sandbox) -> float:
 
 
 def _repair(
-    stage: Stage, seed: int, cells: Cells, trials: "_Trials", until: float, right: Sequence[str], ours: Sequence[str],
+    stage: Stage, cells: Cells, trials: "_Trials", until: float, right: Sequence[str], ours: Sequence[str],
     known: Sequence[Candidate], seen: Mapping[str, int], others: Sequence[Stage],
 ) -> Repair | None:  # fmt: skip
-    cases = stage.cases(seed)
     child = trials.child
 
     def is_wrong(case: Case, of: Stage = stage) -> bool:
@@ -197,7 +231,7 @@ def _repair(
     @cache
     def right_beside() -> list[tuple[Stage, Case]]:
         rights = [LESSONS[name] for name in right]
-        return _some_cases(rights, seed, lambda case, of: not is_wrong(case, of), CASES_OF_RIGHT)
+        return _some_cases(rights, lambda case, of: not is_wrong(case, of), CASES_OF_RIGHT)
 
     def keeps(candidate: Candidate) -> bool:
         """Whether it leaves right what is: a change that mends one function and spoils another is none."""
@@ -210,32 +244,30 @@ def _repair(
     def reached_by_right(chosen: Sequence[Candidate]) -> frozenset[int]:
         some: set[int] = set()
         for other in (LESSONS[name] for name in right if name not in ours):
-            case = other.cases(seed)[0]
+            case = _cases(other.name)[0]
             some |= trials.places(other.name, chosen, (smaller(other, case, STEPS[0]) or case).args) or frozenset()
         for case in right_ones(stage, tried, is_wrong):
             some |= trials.places(stage.name, chosen, case.args) or frozenset()
         return frozenset(some)
 
-    if not (tried := probes(stage, cases, is_wrong)):
+    if not (tried := probes(stage, _cases(stage.name), is_wrong)):
         return None
     innocent = [*(name for name in right if name not in PICTURES), *ours]
     runner = Runner(partial(trials.run, stage.name, innocent), partial(trials.places, stage.name), reached_by_right)
-    further = partial(further_probes, stage, seed)
+    further = partial(_further, stage.name)
     right_in: Callable[[Case, Any], bool] = partial(is_right, stage)
     more_time = lambda: _clock(child) < until  # noqa: E731
-    wrong_beside = cache(lambda: _some_cases(others, seed, is_wrong, CASES_OF_WRONG))
+    wrong_beside = cache(lambda: _some_cases(others, is_wrong, CASES_OF_WRONG))
     helps = lambda candidate: _helps(candidate, trials, innocent, wrong_beside())  # noqa: E731
     return repair(cells, stage.name, tried, right_in, runner, more_time, innocent, known, further, seen, keeps, helps,
                   partial(errors_of, stage))  # fmt: skip
 
 
-def _some_cases(
-    stages: Sequence[Stage], seed: int, wanted: Callable[[Case, Stage], bool], most: int
-) -> list[tuple[Stage, Case]]:
+def _some_cases(stages: Sequence[Stage], wanted: Callable[[Case, Stage], bool], most: int) -> list[tuple[Stage, Case]]:
     """The first cases of each stage that are wanted, pictures thinned."""
     some: list[tuple[Stage, Case]] = []
     for stage in stages:
-        cases = (smaller(stage, case, STEPS[-1]) or case for case in stage.cases(seed))
+        cases = (smaller(stage, case, STEPS[-1]) or case for case in _cases(stage.name))
         some += itertools.islice(((stage, case) for case in cases if wanted(case, stage)), most)
     return some
 
