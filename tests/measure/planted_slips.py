@@ -36,14 +36,13 @@ from raytwin.contract.check_function import call_stage
 from raytwin.contract.stage import Case
 from raytwin.contract.stage_table import CONTRACT
 from raytwin.diagnose.catalogue import FAULTS
-from raytwin.diagnose.draw_scene import draw_scene
+from raytwin.diagnose.draw_scene import LARGER, draw_scene
 from raytwin.diagnose.edit import Edit
 from raytwin.diagnose.operators import edits
 from raytwin.diagnose.parametric_faults import FAMILIES
 from raytwin.diagnose.repair import kind_of
 from raytwin.grade.grade_submission import grade_submission
 from raytwin.grade.job import job_of
-from raytwin.grade.questions import LARGER
 from raytwin.grade.result import Result
 from raytwin.grade.rubric import PICTURES, READY, read_rubric
 from raytwin.renderers.scene_exchange import as_arrays

@@ -4,6 +4,7 @@ What is wrong is found by prediction: each variant of the stage, a typical mista
 and named where it gives the numbers that were found, in all cases. Two at once are tried where none alone does.
 """
 
+import dataclasses
 import itertools
 import time
 import traceback
@@ -17,7 +18,7 @@ from msgspec.structs import replace
 
 from raytwin.contract.composed_tracer import NEEDED
 from raytwin.contract.loading import arrays_of
-from raytwin.contract.repair_function import further_probes, probes, repair_here, right_ones
+from raytwin.contract.repair_function import PROOF, further_probes, probes, repair_here, right_ones
 from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant, together
 from raytwin.contract.stage_result import CaseResult, StageResult
 from raytwin.diagnose.explanation import Diagnosis
@@ -42,18 +43,23 @@ def repair_function(stage: Stage, function: Function, seed: int = 0, source: str
     """The change of one place of the function's text that makes it right in all cases; None where none is found."""
     if stage.misfit(function):
         return None
-    right = partial(is_right, stage)
 
     def is_wrong(case: Case) -> bool:
-        return not right(case, _call(function, case))
+        return not is_right(stage, case, _call(function, case))
 
     cases, further = probes(stage, stage.cases(seed), is_wrong), partial(further_probes, stage, seed)
-    return repair_here(function, cases, right, source, further, right=right_ones(stage, cases, is_wrong))
+    right = right_ones(stage, cases, is_wrong)
+    return repair_here(function, cases, partial(is_repaired, stage), source, further, right=right)
 
 
 def is_right(stage: Stage, case: Case, got: Outcome) -> bool:
     """Whether these arrays pass the case."""
     return _passes(stage, case, got)
+
+
+def is_repaired(stage: Stage, case: Case, got: Outcome) -> bool:
+    """Whether these arrays pass the case, hardly a value being off: an accident may spoil as few as may be off."""
+    return _passes(dataclasses.replace(stage, outliers=min(stage.outliers, PROOF)), case, got)
 
 
 def errors_of(stage: Stage, case: Case, got: Outcome) -> np.ndarray | None:

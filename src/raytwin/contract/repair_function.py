@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 
 from raytwin.contract.stage import Case, Function, Stage
+from raytwin.diagnose.draw_scene import LARGER, draw_scene
 from raytwin.diagnose.repair import A_CALL, Answers, Candidate, Cells, Repair, Runner, attempt, places_reached, repair
+from raytwin.renderers.scene_exchange import as_arrays
 
 SECONDS = 2.5
 """Seconds of computing, after which no further change is tried."""
@@ -124,14 +126,39 @@ def right_ones(stage: Stage, cases: Sequence[Case], is_wrong: Callable[[Case], b
 
 
 def further_probes(stage: Stage, seed: int) -> list[Case]:
-    """Cases of other seeds, pictures thinned: a change that is right by chance in the test's own fails in these."""
-    return [
-        smaller(stage, case, STEPS[-1]) or case for k in range(1, FURTHER + 1) for case in stage.cases(seed + 1000 * k)
-    ]
+    """Inputs that no test has, of other seeds: a change that is right by chance in the test's own fails in these.
+
+    Pictures of scenes that are blind to nothing; rays and points of all kinds together.
+    """
+    if stage.name in ("hit_points", "render"):
+        scenes = (draw_scene(seed + 1000 * k, SIZE, scale=LARGER if k % 2 else 1.0) for k in range(1, DRAWN + 1))
+        each = (as_arrays(scene, "lambert" if k % 3 == 2 else "shadow") for k, scene in enumerate(scenes))
+        return [_case(stage, Case("", (scene,), ()), (scene,)) for scene in each]
+    cases = [case for k in range(1, FURTHER + 1) for case in stage.cases(seed + 1000 * k)]
+    return [*_mixed(stage, cases), *(smaller(stage, case, STEPS[-1]) or case for case in cases)]
 
 
-FURTHER = 2
-"""Seeds whose cases a repair has to pass beyond the test's own."""
+FURTHER, DRAWN = 2, 6
+"""Seeds whose cases a repair has to pass beyond the test's own; or scenes."""
+SIZE = 20, 15
+"""Pixels of such a scene."""
+PROOF = 0.004
+"""Share of the values that may be off after a repair: one pixel of such a scene, at a shadow's edge."""
+
+
+def _mixed(stage: Stage, cases: Sequence[Case]) -> Iterator[Case]:
+    """Cases of the same settings in one, their rows in another order: all rows of a case may be alike."""
+    alike: dict[Any, list[Case]] = {}
+    for case in cases:
+        each = [k for k, a in enumerate(case.args) if np.ndim(a) > 1 and len(a) == len(case.expected[0])]
+        same = [None if k in each else np.asarray(a).tobytes() for k, a in enumerate(case.args)]
+        alike.setdefault(tuple(same), []).append(case)
+    for same, some in alike.items():
+        if None in same and len(some) > 1:
+            order = np.random.default_rng(0).permutation(sum(len(case.expected[0]) for case in some))
+            rows = [np.concatenate([case.args[k] for case in some])[order] if one is None else some[0].args[k]
+                    for k, one in enumerate(same)]  # fmt: skip
+            yield _case(stage, some[0], tuple(rows))
 
 
 STEPS = 12, 7, 4

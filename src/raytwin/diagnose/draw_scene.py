@@ -19,6 +19,8 @@ from raytwin.scene import Camera, Lambert, Rectangle, Scene, Shape, Sky, Sphere,
 
 SIZE = (120, 88)
 """Pixels."""
+LARGER = 6.0
+"""So many times larger some scenes are drawn, so that code that takes a length for 1 is caught."""
 LEAST = 0.005
 """Share of the pixels: what fewer pixels show may be overlooked."""
 TRIES = 1000

@@ -9,6 +9,7 @@ import ast
 import itertools
 import math
 import re
+import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -36,6 +37,10 @@ NEARER = 0.1
 """By so many powers of ten the errors have to become smaller, where none vanishes."""
 BEAM = 8
 """Changes that make part of the numbers right, beside which second ones are tried."""
+ABOUT = 0.3
+"""By so much more far-fetched may be what makes doubtful which change is meant."""
+LOOK_ON = 0.5
+"""Seconds of computing, at most, for other changes once one fits."""
 A_CALL = 0.25
 """Seconds of computing after which a candidate is given up; or so many times what the student's own function takes."""
 
@@ -44,7 +49,8 @@ A_CALL = 0.25
 class Repair:
     """`line` of `cell` has `before`; `after` in its place makes everything right. `operator`: what was wrong.
 
-    `beside`: the other of two changes that are needed both. `sure`: whether it helps all that fails and runs it, too.
+    `beside`: the other of two changes that are needed both. `sure`: whether it helps all that fails and runs it, too,
+    and no other line can be changed as well. `rivals`: changes of other lines that make everything right, too.
     """
 
     cell: str
@@ -56,6 +62,7 @@ class Repair:
     candidate: "Candidate | None" = field(default=None, compare=False)
     beside: "Repair | None" = None
     sure: bool = True
+    rivals: tuple["Candidate", ...] = field(default=(), compare=False)
 
     def hint(self, level: int) -> str:
         """1: where. 2: what is wrong there, too. 3: what to write, too. Empty for 0."""
@@ -118,11 +125,14 @@ def repair(
     keeps: Callable[[Candidate], bool] = lambda candidate: True,
     helps: Callable[[Candidate], bool] = lambda candidate: True,
     errors: Callable[[Any, Any], np.ndarray | None] = lambda case, got: None,
+    clock: Callable[[], float] = time.process_time,
 ) -> Repair | None:  # fmt: skip
     """The least far-fetched change of one place after which `function` is right in all cases; None where none is found.
 
     `cases` have `args`; the first is one that is wrong. `is_right(case, arrays)`. `innocent`: functions that are right
-    by their own tests. `more_time()`: whether to go on. `known`: what has made other functions right is tried first.
+    by their own tests. `more_time()`: whether to go on; `clock()`: seconds. `known`: what has made other functions
+    right is tried first. Where one fits, others are looked for that are hardly more far-fetched: a change of another
+    line that does as well leaves open which of them is meant.
     `further()`: cases that a change must make right as well before it counts as proved: by chance it may fit `cases`.
     `seen`: how often each kind of slip was made: what is common is tried first. `keeps(candidate)`: whether what is
     right beside the function stays right. `helps(candidate)`: whether other functions that fail and run the changed
@@ -149,17 +159,20 @@ def repair(
 
     def searched(sources: Iterable[tuple[Sequence[Any], Iterable[list[Candidate]]]]) -> Repair | None:
         nonlocal tried, unsure
+        fits = _Fits(search.weight, clock)
         for order, source in sources:
             for chunk in source:
-                if not more_time():
-                    return None
+                if not more_time() or fits.are_all(chunk):
+                    return fits.best()
                 tried += len(chunk)
                 left = passing(chunk, order)
-                for candidate in (c for c in passing(left, further() if left else ()) if keeps(c)):
-                    made = replace(_as_repair(candidate), tried=tried, candidate=candidate)
-                    if helps(candidate):
-                        return made
-                    unsure = unsure or replace(made, sure=False)
+                fitting = [c for c in passing(left, further() if left else ()) if keeps(c)]
+                helpful = [c for c in fitting if helps(c)]
+                fits.add(helpful, tried)
+                if fitting and not helpful:
+                    unsure = unsure or replace(_as_repair(fitting[0]), tried=tried, candidate=fitting[0], sure=False)
+            if found := fits.best():
+                return found
         return None
 
     reached, every = (_statements(cells, function, names) for names in (innocent, ()))
@@ -182,6 +195,40 @@ def _beside(
         if wrong:
             order = [wrong[0], *(case for case in cases if case is not wrong[0])]
             yield order, search.beside(one, rare, runner.places_in(wrong[0]))
+
+
+class _Fits:
+    """The changes that make everything right: the least far-fetched one, and those that are hardly more so."""
+
+    def __init__(self, weight: Callable[[Candidate], float], clock: Callable[[], float]) -> None:
+        self.weight, self.clock = weight, clock
+        self.some: list[Candidate] = []
+        self.tried, self.limit, self.until = 0, math.inf, math.inf
+
+    def add(self, some: Sequence[Candidate], tried: int) -> None:
+        if some and not self.some:
+            self.tried, self.limit, self.until = tried, self.weight(some[0]) + ABOUT, self.clock() + LOOK_ON
+        self.some += [c for c in some if self.weight(c) <= self.limit]
+
+    def are_all(self, following: Sequence[Candidate]) -> bool:
+        """Whether what follows is more far-fetched, or it was looked for long enough."""
+        farther = bool(following) and self.weight(following[0]) > self.limit
+        return bool(self.some) and (farther or self.clock() > self.until)
+
+    def best(self) -> Repair | None:
+        """The first; sure where no other stands on other lines."""
+        if not self.some:
+            return None
+        first, *others = self.some
+        rivals = tuple(c for c in others if not _lines(c) & _lines(first))
+        return replace(_as_repair(first), tried=self.tried, candidate=first, sure=not rivals, rivals=rivals)
+
+
+def _lines(c: Candidate) -> set[tuple[str, int]]:
+    """Where it changes the text: (cell, line)."""
+    places = [old for old, _ in c.edit.parts] + ([c.edit.moved] if c.edit.moved is not None else [])
+    mine = {(c.cell, _as_repair(replace(c, beside=None)).line), *((c.cell, getattr(p, "lineno", 0)) for p in places)}
+    return mine | _lines(c.beside) if c.beside is not None else mine
 
 
 def _as_repair(best: Candidate) -> Repair:
@@ -294,6 +341,10 @@ class _Search:
         found = [c for cell, one in reached for c in self._changes(cell, one, rare, running)]
         yield from (list(map(both, some)) for some in self._compiled(found))
 
+    def weight(self, c: "Candidate | _Change") -> float:
+        """How far-fetched it is."""
+        return _weight(c.edit, self.seen) + CLEARED * (id(c.edit.old) in self.cleared)
+
     def _changes(self, cell: str, statement: ast.stmt, rare: bool, running: set[ast.AST] | None) -> list["_Change"]:
         inside = running if running is None else frozenset(id(n) for n in ast.walk(statement) if n in running)
         key = statement, rare, inside
@@ -306,8 +357,7 @@ class _Search:
 
     def _compiled(self, some: Sequence["_Change"]) -> Iterator[list[Candidate]]:
         """Those that leave Python, AT_ONCE at a time, the least far-fetched first."""
-        weight = lambda c: _weight(c.edit, self.seen) + CLEARED * (id(c.edit.old) in self.cleared)  # noqa: E731
-        ordered = iter(sorted(some, key=weight))
+        ordered = iter(sorted(some, key=self.weight))
         while chunk := list(itertools.islice(ordered, AT_ONCE)):
             new: dict[tuple[str, ast.stmt], list[Edit]] = {}
             for cell, statement, edit in (c for c in chunk if c.edit not in self.compiled):

@@ -11,16 +11,13 @@ import numpy as np
 from raytwin import references
 from raytwin.contract.stage import Case
 from raytwin.contract.stage_table import LESSONS
-from raytwin.diagnose.draw_scene import draw_scene
+from raytwin.diagnose.draw_scene import LARGER, draw_scene
 from raytwin.diagnose.pixel_sample import traced_once
 from raytwin.diagnose.predict import FIRST, Before
 from raytwin.grade.rubric import Exercise, Rubric
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.sandbox.sandbox import Answer
 from raytwin.scene import Scene, Tolerance
-
-LARGER = 6.0
-"""Every second drawn scene is this many times larger, so that code that takes a length for 1 is caught."""
 
 
 @dataclass(eq=False)

@@ -17,7 +17,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from raytwin.contract.check_function import errors_of, is_right
+from raytwin.contract.check_function import errors_of, is_repaired, is_right
 from raytwin.contract.repair_function import STEPS, further_probes, probes, right_ones, smaller
 from raytwin.contract.stage import Case, Stage
 from raytwin.contract.stage_result import says_why, with_hint
@@ -142,15 +142,16 @@ class SecondLook:
             if stage in trials.child.functions:
                 seconds = SECONDS if all(_is_proved(e) for e in tried if e.stage == stage) else UNNAMED
                 until = min(_clock(trials.child) + seconds, began + self.left)
-                known = [r.candidate for r in self.found.values() if r.candidate is not None and not replaced]
+                fitting = [(r.candidate, *r.rivals) for r in self.found.values() if r.candidate and not replaced]
+                known = list(dict.fromkeys(itertools.chain(*fitting)))
                 others, seen = [LESSONS[e.stage] for e in tried if e.stage != stage], self.rubric.seen
                 with contextlib.suppress(RecursionError, MemoryError):
                     made = _repair(LESSONS[stage], self.cells, trials, until, right, replaced, known, seen, others)
                     if made is not None:
                         self.found[stage] = made
         for stage in (name for name in beside if name in trials.child.functions):
-            sure = (r for r in self.found.values() if r.sure and _makes_right(r, stage, trials))
-            if one := next(sure, None):
+            some = (r for r in self.found.values() if (r.sure or r.rivals) and _makes_right(r, stage, trials))
+            if one := next(some, None):
                 self.found[stage] = one
         self.left -= _clock(trials.child) - began
 
@@ -161,7 +162,7 @@ def _makes_right(found: Repair, stage: str, trials: "_Trials") -> bool:
     def right_with(change: Candidate) -> Iterator[bool]:
         for case in (*_cases(stage), *_further(stage)):
             (got,) = trials.run(stage, (), [change], case.args, False)
-            yield got is not None and is_right(LESSONS[stage], case, got)
+            yield got is not None and is_repaired(LESSONS[stage], case, got)
 
     change = found.candidate
     return (
@@ -250,17 +251,17 @@ def _repair(
             some |= trials.places(stage.name, chosen, case.args) or frozenset()
         return frozenset(some)
 
-    if not (tried := probes(stage, _cases(stage.name), is_wrong)):
+    if not (tried := probes(stage, _cases(stage.name), is_wrong) or probes(stage, _further(stage.name), is_wrong)):
         return None
     innocent = [*(name for name in right if name not in PICTURES), *ours]
     runner = Runner(partial(trials.run, stage.name, innocent), partial(trials.places, stage.name), reached_by_right)
     further = partial(_further, stage.name)
-    right_in: Callable[[Case, Any], bool] = partial(is_right, stage)
+    right_in: Callable[[Case, Any], bool] = partial(is_repaired, stage)
     more_time = lambda: _clock(child) < until  # noqa: E731
     wrong_beside = cache(lambda: _some_cases(others, is_wrong, CASES_OF_WRONG))
     helps = lambda candidate: _helps(candidate, trials, innocent, wrong_beside())  # noqa: E731
     return repair(cells, stage.name, tried, right_in, runner, more_time, innocent, known, further, seen, keeps, helps,
-                  partial(errors_of, stage))  # fmt: skip
+                  partial(errors_of, stage), partial(_clock, child))  # fmt: skip
 
 
 def _some_cases(stages: Sequence[Stage], wanted: Callable[[Case, Stage], bool], most: int) -> list[tuple[Stage, Case]]:
