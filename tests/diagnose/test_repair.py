@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from starter_submissions import LOOPS, PLAIN, RIGHT, SLIPS
 
-from raytwin.contract.check_function import judge_function, repair_function
-from raytwin.contract.repair_function import _bounded_memory, repair_here
+from raytwin.contract.check_function import is_repaired, is_right, judge_function, repair_function
+from raytwin.contract.repair_function import _bounded_memory, further_probes, repair_here
 from raytwin.contract.stage import Case
 from raytwin.contract.stage_table import CONTRACT
 from raytwin.diagnose.operators import edits
@@ -261,6 +261,62 @@ def test_a_change_that_is_right_by_chance_in_the_first_cases_is_no_proof():
     assert (found.after in meant, found.sure) == (True, True)
     unsure = repaired(helps=lambda candidate: candidate.edit.after == "nothing")
     assert (unsure.after, unsure.sure) == ("return x", False)
+
+
+@pytest.mark.parametrize(
+    ("right", "lines"),
+    [
+        (lambda x: 3 * (x - 1), {2}),
+        (lambda x: -3 * (x + 1), {2, 3, 4}),  # a sign, of any of the three
+    ],
+)
+def test_a_repair_is_sure_where_no_other_line_can_be_changed_as_well(right, lines):
+    text = "def f(x):\n    y = x + 1\n    z = y * 3\n    return z\n"
+    exec(text, space := {})
+    cases = [Case("", (x,), (np.array(right(x)),)) for x in (1.5, -0.7)]
+    found = repair_here(space["f"], cases, lambda case, got: np.allclose(case.expected[0], got[0]), text)
+    assert found.line in lines
+    assert found.sure == (len(lines) == 1)
+    assert bool(found.rivals) != found.sure
+
+
+def mixed_up(origins, directions, center, radius):
+    """Takes the far root of all rays where that of one is wanted."""
+    f = origins - center
+    a, b, c = (directions**2).sum(-1), (f * directions).sum(-1), (f * f).sum(-1) - radius**2
+    root = np.sqrt(b * b - a * c)
+    near, far = (-b - root) / a, (-b + root) / a
+    t = far if np.all((c < 0) | (b > 0)) else near
+    return np.where(t > 0, t, np.inf)
+
+
+def no_lens(scene):
+    return CONTRACT["render"].reference(scene | {"dist": 0 * scene["dist"]})
+
+
+@pytest.mark.parametrize(("stage", "function"), [("intersect_sphere", mixed_up), ("render", no_lens)])
+def test_what_is_right_in_most_cases_is_wrong_in_further_ones(stage, function):
+    stage = CONTRACT[stage]
+    with np.errstate(all="ignore"):
+        passed = [is_right(stage, case, (function(*case.args),)) for case in stage.cases(0)]
+        further = [is_repaired(stage, case, (function(*case.args),)) for case in further_probes(stage, 0)]
+    assert sum(passed) >= len(passed) - 1
+    assert not all(further)
+
+
+def test_right_functions_are_right_in_further_cases():
+    for stage, function in ((CONTRACT[name], vars(module(PLAIN))[name]) for name in ("intersect_sphere", "render")):
+        further = further_probes(stage, 1)
+        assert all(is_repaired(stage, case, (function(*case.args),)) for case in further)
+
+
+def test_a_repair_may_spoil_no_pixels_though_a_picture_with_a_few_passes():
+    stage = CONTRACT["render"]
+    case = stage.cases(0)[0]
+    spoilt = case.expected[0].copy()
+    spoilt[0, :3] = 0
+    assert is_right(stage, case, (spoilt,))
+    assert not is_repaired(stage, case, (spoilt,))
 
 
 def test_what_repairs_a_random_slip_is_right_in_cases_that_nobody_tried():
