@@ -2,6 +2,7 @@
 
 import ast
 import copy
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -159,6 +160,11 @@ def all_names(tree: ast.AST) -> list[ast.Name]:
 def names_in(tree: ast.AST, use: type[ast.expr_context] = ast.expr_context) -> set[str]:
     """The names in the tree; those that are read or stored alone, if `use` is ast.Load or ast.Store."""
     return {n.id for n in all_names(tree) if isinstance(n.ctx, use)}
+
+
+def form(tree: ast.AST) -> str:
+    """The tree's form, whatever its names, numbers and words are."""
+    return re.sub(r"Name\(id='\w+'|Constant\(value=[^,)]*", "_(", ast.dump(tree))
 
 
 def short(node: ast.AST) -> str:

@@ -47,16 +47,11 @@ def binary(n: ast.BinOp, scope: Scope) -> Found:
     if isinstance(n.op, ast.Add) and not isinstance(a, ast.BinOp):  # of lists the order counts
         yield "the operands are swapped", 1.6, ast.BinOp(b, n.op, a)
     if isinstance(a, ast.BinOp) and not isinstance(n.op, ast.Pow | ast.MatMult):
-        yield _brackets(n, 1.0, ast.BinOp(a.left, a.op, ast.BinOp(a.right, n.op, b)))
+        yield "the brackets are wrong", 1.0, ast.BinOp(a.left, a.op, ast.BinOp(a.right, n.op, b))
     if isinstance(b, ast.BinOp):
-        yield _brackets(n, 1.1, ast.BinOp(ast.BinOp(a, n.op, b.left), b.op, b.right))
+        yield "the brackets are wrong", 1.1, ast.BinOp(ast.BinOp(a, n.op, b.left), b.op, b.right)
     if isinstance(a, ast.Call) and len(a.args) == 1:
         yield "the brackets end too early", 1.3, changed(a, args=[ast.BinOp(a.args[0], n.op, b)])
-
-
-def _brackets(old: ast.expr, weight: float, new: ast.expr) -> tuple[str, float, ast.expr]:
-    many = len(ast.unparse(new)) < len(ast.unparse(old))
-    return "the brackets are too many" if many else "the brackets are missing", weight, new
 
 
 def square(n: ast.BinOp, scope: Scope) -> Found:
@@ -93,16 +88,30 @@ def call(n: ast.Call, scope: Scope) -> Found:
     for other in SIMILAR.get(called, ()):
         yield f"`{called}` stands for `{other}`", 1.0, _calling(n, other)
     for k, keyword in enumerate(n.keywords):
-        weight = 0.9 if keyword.arg == "dtype" else 1.5
-        yield f"`{keyword.arg}` is too many", weight, changed(n, keywords=n.keywords[:k] + n.keywords[k + 1 :])
+        weight = 0.9 if keyword.arg == "dtype" else 1.2
+        yield (
+            f"the argument `{keyword.arg}` is too many",
+            weight,
+            changed(n, keywords=n.keywords[:k] + n.keywords[k + 1 :]),
+        )
     if called in TYPED and all(k.arg != "dtype" for k in n.keywords):
         yield "it holds whole numbers", 1.3, changed(n, keywords=[*n.keywords, ast.keyword("dtype", template("float"))])
-    for name in scope.names if called == "enumerate" and scope.rare else ():
-        yield "it counts from another number", 2.1, changed(n, args=[n.args[0], fill("len(A)", A=template(name))])
+    for text in scope.counted if called == "enumerate" else ():
+        count = template(f"len({text})")
+        yield "it counts from another number", 1.1, changed(n, args=[n.args[0], count], keywords=[])
     for k, one in enumerate(() if method else n.args):
         if isinstance(one, ast.Call | ast.Attribute | ast.Subscript):
             args = [*n.args[:k], ast.List([], ast.Load()), *n.args[k + 1 :]]
             yield f"`{short(one)}` is too many", 1.1, changed(n, args=args)
+
+
+def library(n: ast.Call, scope: Scope) -> Found:
+    """An argument of OpenCV that says what is done to the points, and was done before, or not yet."""
+    for k, one in enumerate(n.args) if ast.unparse(n.func).startswith("cv2.") else ():
+        none = [template("None"), template(f"{scope.numpy}.eye(3)")]
+        for other in map(template, scope.names) if isinstance(one, ast.Call) else none:
+            words = f"`{short(other)}` is wanted, not `{short(one)}`"
+            yield words, 1.1, changed(n, args=[*n.args[:k], other, *n.args[k + 1 :]])
 
 
 def other_functions(n: ast.Call, scope: Scope) -> Found:
@@ -175,8 +184,8 @@ def _swapped(items: Sequence[Any], i: int, j: int) -> list[Any]:
 def attribute(n: ast.Attribute, scope: Scope) -> Found:
     others = scope.attributes.get(ast.unparse(n.value), set())
     for other in sorted(others - {n.attr}) if n.attr in others else ():
-        if _alike(n.attr, other) != scope.rare:
-            yield f"`{n.attr}` stands for `{other}`", 2.1 if scope.rare else 1.2, changed(n, attr=other)
+        if ((weight := _apart(n.attr, other)) == FAR) == scope.rare:
+            yield f"`{n.attr}` stands for `{other}`", weight, changed(n, attr=other)
 
 
 def sequence(n: ast.Tuple | ast.List, scope: Scope) -> Found:
@@ -232,27 +241,59 @@ def _number(node: ast.Constant, value: float, scope: Scope) -> Found:
 
 def loop_variable(n: ast.expr, scope: Scope) -> Found:
     """The loop's variable is wanted, not what stands there; or what it counts begins further on."""
-    if isinstance(n, ast.Name):
-        for text, donor in scope.donors if n.id in scope.loops and not scope.rare else ():
-            yield f"the term `{text}` is missing", 1.6, fill("B + A", A=n, B=donor)
+    if isinstance(n, ast.Name) and n.id in scope.loops and not scope.rare:
+        for text in dict.fromkeys([*(f"len({one})" for one in scope.counted), *(text for text, _ in scope.donors)]):
+            weight = 1.2 if text.startswith("len(") else 1.6
+            yield f"the term `{text}` is missing", weight, fill("B + A", A=n, B=template(text))
     elif not (scope.rare or scope.is_module(n) or scope.is_called(n)):
         yield from ((f"`{name}` is wanted", 1.9, template(name)) for name in sorted(scope.loops - names_in(n)))
 
 
+def index(n: ast.expr, scope: Scope) -> Found:
+    """An index that counts within a part: of the chosen entries, or of a tile that begins further on."""
+    parent = scope.parents.get(id(n))
+    around = scope.parents.get(id(parent)) if isinstance(parent, ast.Tuple) else parent
+    if not isinstance(around, ast.Subscript) or around.value is n:
+        return
+    if isinstance(n, ast.Constant) and isinstance(n.value, int):
+        yield from ((f"`{name}` is wanted", 1.1, template(name)) for name in sorted(scope.loops))
+    if isinstance(n, ast.Name | ast.Subscript):
+        within = "the index counts within a part of the array"
+        for name in sorted(scope.indices - names_in(n)):
+            yield within, 1.0, fill("A[B]", A=template(name), B=n)
+        for name in sorted(scope.loops - names_in(n)):
+            yield within, 1.0, fill("A + B", A=template(name), B=n)
+
+
 def other_name(n: ast.Name, scope: Scope) -> Found:
+    suspects, leftover = scope.suspects.get(id(n), set()), scope.is_leftover(n)
     for other in scope.names if n.id in scope.names else ():
-        if other != n.id and _alike(n.id, other) != scope.rare:
-            yield f"`{n.id}` stands for `{other}`", 2.1 if scope.rare else 1.2, template(other)
+        words, weight = f"`{n.id}` stands for `{other}`", _apart(n.id, other)
+        if other in suspects:
+            words, weight = f"in the copied line {words}", 0.85
+        elif leftover and weight > 1:
+            words, weight = f"{words}: it is what the loop left", 1.0
+        elif other in scope.unread and weight > 1:
+            words, weight = f"{words}, which nothing reads", 1.0
+        if other != n.id and (weight == FAR) == scope.rare:
+            yield words, weight, template(other)
 
 
-PAIRS = {"near far", "row col", "width height", "origins directions", "origin direction"}
+COUNTERPARTS = {frozenset(pair.split()) for pair in (
+    "x y", "u v", "w h", "i j", "1 2", "near far", "row col", "rows cols", "width height", "origins directions",
+    "origin direction",
+)}  # fmt: skip
+"""Names, and letters in names, that are mixed up."""
+FAR = 2.1
+"""How far-fetched it is that names stand for each other which are not alike."""
 
 
-def _alike(a: str, b: str) -> bool:
-    """x and y, xx and yy, p1 and p2, near and far, x and xd: of one kind by their spelling."""
-    if {f"{a} {b}", f"{b} {a}"} & PAIRS or (len(a) == len(b) == 1):
-        return True
-    if a.startswith(b) or b.startswith(a):
-        return abs(len(a) - len(b)) <= 2
+def _apart(a: str, b: str) -> float:
+    """How far-fetched it is that one name stands for the other: least of counterparts (p1 and p2), then of x and xd."""
     letters = [(x, y) for x, y in zip(a, b, strict=False) if x != y]
-    return len(a) == len(b) and (len(letters) == 1 or (len(letters) == len(a) and len(set(letters)) == 1))
+    if len(a) == len(b) and len(set(letters)) == 1 and len(letters) in (1, len(a)):
+        return 1.0 if frozenset(letters[0]) in COUNTERPARTS else 1.2
+    if frozenset((a, b)) in COUNTERPARTS:
+        return 1.0
+    beginning = a.startswith(b) or b.startswith(a)
+    return 1.2 if len(a) == len(b) == 1 or (beginning and abs(len(a) - len(b)) <= 2) else FAR

@@ -4,7 +4,9 @@ Applied to the textbook they are mistakes, to a student's text they are repairs:
 """
 
 import ast
-from collections.abc import Callable, Iterator, Mapping
+import itertools
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from raytwin.diagnose import expression_operators as expressions
@@ -25,11 +27,13 @@ OPERATORS: tuple[tuple[Any, Callable[[Any, Scope], Found]], ...] = (
     (ast.Call, expressions.call),
     (ast.Call, expressions.axis),
     (ast.Call, expressions.indices_of_sum),
+    (ast.Call, expressions.library),
     (ast.Attribute, expressions.attribute),
     (ast.Tuple | ast.List, expressions.sequence),
     (ast.Constant, expressions.constant),
     (ast.Name, expressions.other_name),
     (ast.Subscript | ast.Attribute | ast.Name, expressions.loop_variable),
+    (ast.Constant | ast.Subscript | ast.Name, expressions.index),
     (ast.Assign, statements.assign),
     (ast.Assign, statements.copied),
     (ast.AugAssign, statements.augmented),
@@ -61,7 +65,9 @@ def edits(
         scope = Scope(unit, file, rare)
         by_node = {id(node): list(_of_node(node, scope)) for node in _running(unit, runs) if isinstance(node, only)}
         made += [edit for some in by_node.values() for edit in some if _stores(edit) <= scope.stored]
-        made += [edit for same in _repeated(unit) for edit in _at_all(same, by_node)]
+        everywhere = [edit for same in _repeated(unit) for edit in _at_all(same, by_node, _what)]
+        made += [edit for edit in everywhere if not edit.operator.startswith("the sign")]
+        made += [edit for same in _counterparts(scope) for edit in _at_all(same, by_node, _form_of_what)]
     made = [edit for edit in made if (edit.weight > USUAL) == rare and not _same(edit.old, edit.new)]
     return sorted(made, key=lambda e: e.weight)
 
@@ -126,19 +132,27 @@ def _repeated(statement: ast.AST) -> Iterator[list[ast.AST]]:
             yield from (same for same in of.values() if len(same) > 1)
 
 
-def _at_all(same: list[ast.AST], by_node: Mapping[int, list[Edit]]) -> Iterator[Edit]:
-    """The edits that all of these nodes have, in all of them at once."""
-    first, *others = [_alone(by_node.get(id(node), [])) for node in same]
-    for key, edit in first.items():
-        if all(key in some for some in others) and not edit.operator.startswith("the sign"):
-            also = tuple((some[key].old, some[key].new) for some in others)
+def _counterparts(scope: Scope) -> Iterator[list[ast.AST]]:
+    """Expressions at the same place of lines of one form: a slip that is copied, name by name, is in both."""
+    for pair in scope.parallel:
+        for same in zip(*(itertools.chain(*map(ast.walk, run)) for run in pair), strict=True):
+            if isinstance(same[0], ast.BinOp | ast.Call | ast.UnaryOp | ast.Compare | ast.Subscript):
+                yield list(same)
+
+
+def _at_all(same: Sequence[ast.AST], by_node: Mapping[int, list[Edit]], key: Callable[[Edit], Any]) -> Iterator[Edit]:
+    """The edits that all of these nodes have, in all of them at once: those that are equal by `key`."""
+    edits_of = [[e for e in by_node.get(id(n), []) if isinstance(e.new, ast.AST) and not e.also] for n in same]
+    first, *others = [{key(e): e for e in reversed(some)} for some in edits_of]
+    for name, edit in reversed(first.items()):
+        if all(name in some for some in others):
+            also = tuple((some[name].old, some[name].new) for some in others)
             yield Edit(edit.operator, edit.weight + 0.05, edit.old, edit.new, also)
 
 
-def _alone(some: list[Edit]) -> dict[tuple[str, str], Edit]:
-    """The edits of one expression alone by what they write."""
-    made: dict[tuple[str, str], Edit] = {}
-    for edit in some:
-        if isinstance(edit.new, ast.AST) and not edit.also:
-            made.setdefault((edit.operator, ast.dump(edit.new)), edit)
-    return made
+def _what(edit: Edit) -> Any:
+    return edit.operator, edit.after
+
+
+def _form_of_what(edit: Edit) -> Any:
+    return re.sub("`.*?`", "", edit.operator), re.sub(r"\w+", "_", edit.after)

@@ -1,11 +1,11 @@
 """The names of a function, and where its values stand: what operators need to know around a node."""
 
 import ast
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from raytwin.diagnose.edit import blocks, code, names_in, template
+from raytwin.diagnose.edit import all_names, blocks, code, form, names_in, template
 
 Found = Iterator[tuple[Any, ...]]
 """What an operator finds: (what was wrong, how far-fetched, what stands there instead, other parts)."""
@@ -30,6 +30,10 @@ class File:
     arity: Mapping[str, int] = field(default_factory=dict)
 
 
+MOST_LINES = 6
+"""Lines that may be copied together."""
+
+
 class Scope:
     """What a function's names are, and where its values stand."""
 
@@ -45,6 +49,9 @@ class Scope:
         self.values = {id(value) for n in nodes for value in _values(n)}
         self.steps = [n for n in nodes if isinstance(n, ast.AugAssign)]
         self.loops = {name for n in nodes if isinstance(n, ast.For) for name in names_in(n.target)} - {"_"}
+        self.indices = {n.slice.id for n in nodes if isinstance(n, ast.Subscript) and isinstance(n.slice, ast.Name)}
+        self.counted = list({_iterated(n.iter): None for n in nodes if isinstance(n, ast.For)})
+        """What the loops run over."""
         self.blocks = [block for n in [statement, *nodes] for block in blocks(n)]
         divisors = [n.right for n in nodes if isinstance(n, ast.BinOp) and isinstance(n.op, ast.Div)]
         by_text = {ast.unparse(n): n for n in divisors if not isinstance(n, ast.Constant)}
@@ -73,6 +80,8 @@ class Scope:
         donors += sorted({ast.unparse(n) for n in nodes if isinstance(n, ast.Call) and ast.unparse(n.func) == "len"})
         self.donors = [(text, template(text)) for text in dict.fromkeys(donors)][:MOST_DONORS]
         self.unread = [name for name in self.names if name not in self.uses]
+        self.parallel = list(_parallel([*self.blocks, *(n.elts for n in nodes if isinstance(n, ast.Tuple | ast.List))]))
+        self.suspects = _suspects(self.parallel)
 
     def is_called(self, node: ast.AST) -> bool:
         parent = self.parents.get(id(node))
@@ -91,6 +100,45 @@ class Scope:
         while isinstance(node, ast.Attribute):
             node = node.value
         return isinstance(node, ast.Name) and node.id in MODULES | {self.numpy}
+
+    def is_leftover(self, node: ast.Name) -> bool:
+        """A loop's variable, read behind the loop."""
+        return node.id in self.loops and not any(node.id in names_in(one.target) for one in self.loops_around(node))
+
+
+def _parallel(lists: Iterable[Sequence[ast.AST]]) -> Iterator[tuple[list[ast.AST], list[ast.AST]]]:
+    """Lines, or entries of a tuple, that have the form of those before them: two runs beside each other."""
+    for items in lists:
+        forms = [form(one) for one in items]
+        for size in range(1, 1 + min(MOST_LINES, len(items) // 2)):
+            for k in range(len(items) - 2 * size + 1):
+                first, second = slice(k, k + size), slice(k + size, k + 2 * size)
+                if forms[first] == forms[second]:
+                    yield list(items[first]), list(items[second])
+
+
+def _suspects(pairs: Iterable[tuple[list[ast.AST], list[ast.AST]]]) -> dict[int, set[str]]:
+    """Where a copied line was not changed throughout: id of a name -> what stands there elsewhere for its counterpart.
+
+    After `x = (u - cx) * a + u * b` stands `y = (v - cy) * a + u * b`: of the two `u` one became `v`.
+    """
+    found: dict[int, set[str]] = {}
+    for pair in pairs:
+        for one, other in (pair, pair[::-1]):
+            names = [[n for part in run for n in all_names(part)] for run in (one, other)]
+            images: dict[str, set[str]] = {}
+            for a, b in zip(*names, strict=True):
+                images.setdefault(a.id, set()).add(b.id)
+            for a, b in zip(*names, strict=True):
+                found.setdefault(id(b), set()).update(images[a.id] - {b.id})
+    return found
+
+
+def _iterated(node: ast.expr) -> str:
+    """What a loop runs over, without `enumerate`, `range(len(` and `zip` around it."""
+    while isinstance(node, ast.Call) and node.args:
+        node = node.args[0]
+    return ast.unparse(node)
 
 
 def _values(n: ast.AST) -> list[ast.expr]:

@@ -2,10 +2,9 @@
 
 import ast
 import itertools
-import re
 from collections.abc import Iterator
 
-from raytwin.diagnose.edit import Edit, all_names, changed, fill, names_in, renamed, short, template
+from raytwin.diagnose.edit import Edit, all_names, changed, fill, form, names_in, renamed, short, template
 from raytwin.diagnose.expression_operators import OTHER_SIGN
 from raytwin.diagnose.scope import Found, Scope
 
@@ -37,14 +36,15 @@ def assign(n: ast.Assign, scope: Scope) -> Found:
     for other in scope.assigned.get(ast.unparse(target), ()):
         if other is not n.value:
             yield "elsewhere it is computed otherwise", 1.6, changed(n, value=other)
-    if isinstance(target, ast.Name | ast.Subscript):
-        for op in (ast.Add(), ast.BitAnd(), ast.BitOr(), ast.Mult(), ast.Sub()):
-            yield REPLACED, 1.5, ast.AugAssign(target, op, n.value)
     if isinstance(target, ast.Subscript) and ast.unparse(target.slice) in (":", "..."):
         yield SHARED, 0.95, _assigned(target.value, n.value)
-    for least in ("minimum", "maximum") if isinstance(target, ast.Name) else ():
-        value = fill(f"NP.{least}(A, B)", A=changed(target, ctx=ast.Load()), B=n.value, NP=template(scope.numpy))
-        yield REPLACED, 1.5, changed(n, value=value)
+    if isinstance(target, ast.Name | ast.Subscript):
+        in_loop = next(scope.loops_around(n), None) is not None
+        for op in (ast.Add(), ast.BitAnd(), ast.BitOr(), ast.Mult(), ast.Sub())[: 5 if in_loop else 1]:
+            yield REPLACED, 1.1, ast.AugAssign(target, op, n.value)
+        for least in ("minimum", "maximum") if in_loop else ():
+            value = fill(f"NP.{least}(A, B)", A=changed(target, ctx=ast.Load()), B=n.value, NP=template(scope.numpy))
+            yield REPLACED, 1.1, changed(n, value=value)
 
 
 def copied(n: ast.Assign, scope: Scope) -> Found:
@@ -53,6 +53,9 @@ def copied(n: ast.Assign, scope: Scope) -> Found:
     if isinstance(target, ast.Subscript) and isinstance(inner := target.value, ast.Subscript):
         place = changed(inner, slice=fill("A[B]", A=inner.slice, B=target.slice))
         yield "a copy of the entries is changed, not the array", 0.9, _assigned(place, n.value)
+    if isinstance(n.value, ast.Call) and any(k.arg == "out" for k in n.value.keywords):
+        rest = [k for k in n.value.keywords if k.arg != "out"]
+        yield SHARED, 0.75, changed(n, value=changed(n.value, keywords=rest))
     if isinstance(n.value, ast.Tuple) and all(isinstance(one, ast.Name) for one in n.value.elts):
         copies = [fill("A.copy()", A=one) for one in n.value.elts]
         yield "a copy is missing", 0.9, changed(n, value=changed(n.value, elts=copies))
@@ -153,7 +156,7 @@ def _moved(block: list[ast.stmt]) -> Iterator[Edit]:
     into = "the line belongs into the loop"
     for k, (one, after) in enumerate(itertools.pairwise(block)):
         if isinstance(one, SIMPLE) and isinstance(after, SIMPLE):
-            yield Edit("two lines are in the wrong order", 1.8, one, [changed(after)], ((after, [changed(one)]),))
+            yield Edit("two lines are in the wrong order", 1.3, one, [changed(after)], ((after, [changed(one)]),))
         for later in block[k + 1 : k + 5] if isinstance(one, ast.Assign) else ():
             if later is not after or not isinstance(after, SIMPLE):
                 yield Edit("the line comes too early", 1.6, one, [ast.Pass()], ((later, [later, one]),))
@@ -172,16 +175,16 @@ def _lost(block: list[ast.stmt], scope: Scope) -> Iterator[Edit]:
 
     What is missing is mostly written elsewhere in the text (Barr and others, The plastic surgery hypothesis, 2014).
     """
-    forms = [_form(one) for one in block]
+    forms = _forms(block)
     seen = set(map(ast.unparse, block))
     here = frozenset(seen)
     for other in scope.blocks:
-        theirs = [_form(one) for one in other]
-        if other is block or not set(forms) & set(theirs):
+        theirs = _forms(other)
+        if other is block or not ({*forms, *_targets(block)} & {*theirs, *_targets(other)}):
             continue
         names = _counterparts(other, block, scope)
-        for a, b in itertools.product(other, block):
-            if _form(a) == _form(b) and len(all_names(a)) > 2 and ast.unparse(a) not in here:
+        for (a, p), (b, q) in itertools.product(zip(other, theirs, strict=True), zip(block, forms, strict=True)):
+            if p == q and len(all_names(a)) > 2 and ast.unparse(a) not in here:
                 names |= {x.id: y.id for x, y in zip(all_names(a), all_names(b), strict=True) if x.id != y.id}
         for k, one in enumerate(other):
             line = renamed(one, names) if ast.unparse(one) not in here else one
@@ -196,9 +199,13 @@ def _lost(block: list[ast.stmt], scope: Scope) -> Iterator[Edit]:
             yield Edit(f"`{short(line)}` is missing", 1.2, at, [line, at] if first else [at, line])
 
 
-def _form(one: ast.AST) -> str:
-    """The statement's form, whatever its names are."""
-    return re.sub(r"Name\(id='\w+'", "Name(", ast.dump(one)) if isinstance(one, SIMPLE) else repr(id(one))
+def _forms(block: list[ast.stmt]) -> list[str]:
+    """The form of each simple statement."""
+    return [form(one) if isinstance(one, SIMPLE) else repr(id(one)) for one in block]
+
+
+def _targets(block: list[ast.stmt]) -> list[str]:
+    return [ast.unparse(one.targets[0]) for one in block if isinstance(one, ast.Assign)]
 
 
 def _counterparts(theirs: list[ast.stmt], mine: list[ast.stmt], scope: Scope) -> dict[str, str]:
