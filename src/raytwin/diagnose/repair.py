@@ -11,8 +11,10 @@ import math
 import re
 import time
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,6 +33,8 @@ COMMON = 0.5
 """By so much less far-fetched is a slip that was seen ten times as often."""
 CLEARED = 0.6
 """By so much more far-fetched is a change of a statement that runs in functions that are right, too."""
+SHARE = 0.3
+"""By so much more far-fetched is each of ten changes of one kind than a single one: they share the kind's chance."""
 AT_ONCE = 48
 """Candidates that are compiled together and tried in one call: a text with thousands of them runs many times slower."""
 NEARER = 0.1
@@ -264,6 +268,7 @@ def _simple_statement(tree: ast.AST, node: ast.AST) -> ast.stmt | None:
 # ------------------------------------------------------------------------------------------ candidates
 
 
+@cache
 def kind_of(operator: str) -> str:
     """An operator's words without the student's own names.
 
@@ -306,6 +311,8 @@ class _Search:
         self.file = _file(cells, [statement for _, statement in reached])
         self.end = 0
         self.made: dict[Any, list[_Change]] = {}
+        self.many: Counter[str] = Counter()
+        """Kind -> changes among those that are tried now."""
         self.compiled: dict[Edit, Candidate | None] = {}
         self.beside_running: dict[Candidate, set[ast.AST] | None] = {}
         marks = self._marks(reached)
@@ -343,7 +350,8 @@ class _Search:
 
     def weight(self, c: "Candidate | _Change") -> float:
         """How far-fetched it is."""
-        return _weight(c.edit, self.seen) + CLEARED * (id(c.edit.old) in self.cleared)
+        shared = SHARE * math.log10(max(1, self.many[kind_of(c.edit.operator)]))
+        return _weight(c.edit, self.seen) + shared + CLEARED * (id(c.edit.old) in self.cleared)
 
     def _changes(self, cell: str, statement: ast.stmt, rare: bool, running: set[ast.AST] | None) -> list["_Change"]:
         inside = running if running is None else frozenset(id(n) for n in ast.walk(statement) if n in running)
@@ -357,6 +365,7 @@ class _Search:
 
     def _compiled(self, some: Sequence["_Change"]) -> Iterator[list[Candidate]]:
         """Those that leave Python, AT_ONCE at a time, the least far-fetched first."""
+        self.many = Counter(kind_of(c.edit.operator) for c in some)
         ordered = iter(sorted(some, key=self.weight))
         while chunk := list(itertools.islice(ordered, AT_ONCE)):
             new: dict[tuple[str, ast.stmt], list[Edit]] = {}
