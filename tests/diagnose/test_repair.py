@@ -124,6 +124,22 @@ def test_one_text_with_a_switch_does_what_each_change_does_alone():
     assert said(marshal.loads(schema.code), {}) == said(compile(text, "", "exec"), {})
 
 
+def test_a_text_that_a_switch_alters_is_changed_without_one():
+    """This one counts its own names, of which the switch is one."""
+    text = "def f(x):\n    return x + len(f.__code__.co_names) - 2\n"
+    exec(text, space := {})
+    assert space["f"](1) == 1 + 4 - 2
+    cases = [Case("", (x,), (np.array(x - 4 - 2),)) for x in (1.0, -3.0)]
+    found = repair_here(space["f"], cases, lambda case, got: np.allclose(case.expected[0], got[0]), text)
+    assert found.after == "return x - len(f.__code__.co_names) - 2"
+    wrapped = "def f(x):\n    return x + 1\ndef twice(g):\n    return lambda x: 2 * g(x)\nf = twice(f)\n"
+    exec(wrapped, space := {})
+    space["f"].__name__ = "f"
+    # Without what wraps it, x + 1 with another sign would do.
+    cases = [Case("", (x,), (np.array(x - 1),)) for x in (1.0, -3.0)]
+    assert repair_here(space["f"], cases, lambda case, got: np.allclose(case.expected[0], got[0]), wrapped) is None
+
+
 def changed(text: str) -> str:
     """Every text that a change of the function f makes of it, one behind the other."""
     after = [c.edit.applied(c.statement) for c in candidates([("", text)], "f")]
@@ -261,6 +277,14 @@ def test_a_change_that_is_right_by_chance_in_the_first_cases_is_no_proof():
     assert (found.after in meant, found.sure) == (True, True)
     unsure = repaired(helps=lambda candidate: candidate.edit.after == "nothing")
     assert (unsure.after, unsure.sure) == ("return x", False)
+
+
+def test_the_line_that_moves_is_the_one_to_look_at():
+    text = "def f(x):\n    y = 0\n    if x > 0:\n        z = 1 / max(x, 0)\n        y = 2 * x\n    return y\n"
+    exec(text, space := {})
+    cases = [Case("", (x,), (np.array(2 * x),)) for x in (-1.5, 0.7)]
+    found = repair_here(space["f"], cases, lambda case, got: np.allclose(case.expected[0], got[0]), text)
+    assert (found.line, found.after) == (5, "y = 2 * x (after the condition)")
 
 
 @pytest.mark.parametrize(
@@ -405,6 +429,17 @@ def test_two_mistakes_in_one_function_are_both_named():
     assert {found.line, found.beside.line} == {2, 3}
     assert "two changes" in found.hint(3)
     assert repaired(wrong, "f", cases) is None  # what makes a part right is not known
+
+
+def test_no_change_binds_a_name_of_the_function_around():
+    """It would be another name there: `k` is not known before it is bound."""
+    inner = "    def g(y):\n        z = y + k\n        z *= 2\n        return z\n"
+    text = f"def f(a):\n    k = 3\n{inner}    return g(a) + k\n"
+    (statement,) = ast.parse(text).body
+    some = [*edits(statement), *edits(statement, rare=True)]
+    for _, schema in schemata(statement, some, 0):
+        exec(marshal.loads(schema.code), space := {SWITCH: {}})
+        assert space["f"](1) == 11
 
 
 def test_no_change_binds_a_name_that_the_function_only_reads():

@@ -64,7 +64,9 @@ def edits(
     for unit in _units(statement):
         scope = Scope(unit, file, rare)
         by_node = {id(node): list(_of_node(node, scope)) for node in _running(unit, runs) if isinstance(node, only)}
-        made += [edit for some in by_node.values() for edit in some if _stores(edit) <= scope.stored]
+        bound: dict[int, set[str]] = {}
+        _bound(unit, scope.stored, bound)
+        made += [edit for some in by_node.values() for edit in some if _stores(edit) <= bound[id(edit.old)]]
         everywhere = [edit for same in _repeated(unit) for edit in _at_all(same, by_node, _what)]
         made += [edit for edit in everywhere if not edit.operator.startswith("the sign")]
         made += [edit for same in _counterparts(scope) for edit in _at_all(same, by_node, _form_of_what)]
@@ -101,8 +103,27 @@ def _of_node(node: ast.AST, scope: Scope) -> Iterator[Edit]:
         yield from statements.in_block(block, scope)
 
 
+def _bound(tree: ast.AST, names: set[str], found: dict[int, set[str]]) -> None:
+    """Into `found`, by the id of each node: the names that the innermost function around it binds."""
+    if isinstance(tree, ast.FunctionDef | ast.Lambda):
+        own = [n for child in ast.iter_child_nodes(tree) for n in _outside_functions(child)]
+        names = {n.id for n in own if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+        names |= {n.arg for n in own if isinstance(n, ast.arg)}
+    found[id(tree)] = names
+    for child in ast.iter_child_nodes(tree):
+        _bound(child, names, found)
+
+
+def _outside_functions(tree: ast.AST) -> Iterator[ast.AST]:
+    """The nodes that are in no function of the tree."""
+    if not isinstance(tree, ast.FunctionDef | ast.Lambda):
+        yield tree
+        for child in ast.iter_child_nodes(tree):
+            yield from _outside_functions(child)
+
+
 def _stores(edit: Edit) -> set[str]:
-    """The names that its statements bind: one that the function only reads is global, and would no longer be."""
+    """The names that its statements bind: one that a function only reads is another's, and would no longer be."""
     some = [one for _, new in edit.parts for one in (new if isinstance(new, list) else [new])]
     return {name for one in some if isinstance(one, ast.stmt) for name in names_in(one, ast.Store)}
 

@@ -182,7 +182,8 @@ def repair(
     reached, every = (_statements(cells, function, names) for names in (innocent, ()))
     known_lines = {(cell, statement.lineno) for cell, statement in reached}
     aside = [(cell, statement) for cell, statement in every if (cell, statement.lineno) not in known_lines]
-    search = _Search(cells, reached, seen, runner.places_in(first), runner.right, aside, more_time)
+    search = _Search(cells, reached, seen, runner.places_in(first), runner.right, aside, more_time,
+                     lambda some: runner.run(some, first.args, False))  # fmt: skip
 
     alone = [(cases, source) for source in ([list(known)], search.candidates(False), search.candidates(True))]
     usual, rare = (_beside(search, partial, cases, is_right, runner, rare) for rare in (False, True))
@@ -248,13 +249,11 @@ def _as_repair(best: Candidate) -> Repair:
         before, after = ast.unparse(smallest), ast.unparse(replaced(smallest, edit.old, edit.new))
         if len(before) <= 100 and "\n" not in before + after:
             return Repair(best.cell, edit.line, edit.operator, before, after)
-    after = edit.after.splitlines()[-1] if edit.operator.startswith("the return") else edit.after
-    before = after if edit.operator.startswith("the return") else edit.before.splitlines()[0]
-    line = edit.line
-    if edit.operator.startswith("the return") and isinstance(edit.old, ast.For | ast.While):
-        line = edit.old.body[-1].lineno
-        after = f"{after} (after the loop)"
-    return Repair(best.cell, line, edit.operator, before, after.splitlines()[0])
+    if edit.operator.startswith(("the return", "the last line")) and isinstance(edit.old, ast.For | ast.While | ast.If):
+        last = edit.old.body[-1]
+        text, outer = ast.unparse(last).splitlines()[0], "condition" if isinstance(edit.old, ast.If) else "loop"
+        return Repair(best.cell, last.lineno, edit.operator, text, f"{text} (after the {outer})")
+    return Repair(best.cell, edit.line, edit.operator, edit.before.splitlines()[0], edit.after.splitlines()[0])
 
 
 def _simple_statement(tree: ast.AST, node: ast.AST) -> ast.stmt | None:
@@ -297,7 +296,7 @@ class _Search:
     """All changes of some statements: alone, and beside another change.
 
     `aside`: what is right alone, but may change arrays that are not its own. `more_time()`: whether to go on making
-    changes, of which a long text has so many that to make them takes minutes.
+    changes, of which a long text has so many that to make them takes minutes. `run(candidates)`: a wrong case's values.
     """
 
     def __init__(
@@ -305,6 +304,7 @@ class _Search:
         places: Callable[[Sequence[Candidate]], frozenset[int] | None],
         right: Callable[[Sequence[Candidate]], frozenset[int] | None],
         aside: Sequence[tuple[str, ast.stmt]] = (), more_time: Callable[[], bool] = lambda: True,
+        run: Callable[[Sequence[Candidate]], Answers] = lambda some: [None] * len(some),
     ) -> None:  # fmt: skip
         self.aside, self.more_time = aside, more_time
         self.reached, self.seen = reached, seen
@@ -315,8 +315,10 @@ class _Search:
         """Kind -> changes among those that are tried now."""
         self.compiled: dict[Edit, Candidate | None] = {}
         self.beside_running: dict[Candidate, set[ast.AST] | None] = {}
+        self.alone: set[ast.stmt] = set()
         marks = self._marks(reached)
-        self.running = _nodes(marks, places(marks))
+        self._without_what_differs(marks, run)
+        self.running = None if self.alone else _nodes(marks, places(marks))
         self.cleared = {id(node) for one in _nodes(marks, right(marks)) or () for node in _own(one)}
 
     def candidates(self, rare: bool) -> Iterator[list[Candidate]]:
@@ -376,6 +378,20 @@ class _Search:
                 self.compiled |= {c.edit: c for c in self._candidates(cell, statement, every)}
             yield [one for c in chunk if (one := self.compiled[c.edit]) is not None]
 
+    def _without_what_differs(self, marks: Sequence[Candidate], run: Callable[[Sequence[Candidate]], Answers]) -> None:
+        """Find the statements that a switch alters: their changes are compiled one by one.
+
+        Those of a text that differs even so, as it counts its calls or is wrapped behind its definition, are none.
+        """
+
+        def anew(some: Iterable[tuple[str, ast.stmt]]) -> list[Candidate]:
+            return [c for cell, one in some for c in self._candidates(cell, one, [Edit("", 0.0, one, [one])])]
+
+        marked = {c.statement for c in marks}
+        self.alone = _differing([*marks, *anew(one for one in self.reached if one[1] not in marked)], run)
+        gone = _differing(anew(one for one in self.reached if one[1] in self.alone), run)
+        self.reached = [one for one in self.reached if one[1] not in gone]
+
     def _marks(self, reached: Sequence[tuple[str, ast.stmt]]) -> list[Candidate]:
         """A candidate for each statement within the reached ones: its place tells whether it runs."""
         marks: list[Candidate] = []
@@ -388,10 +404,29 @@ class _Search:
 
     def _candidates(self, cell: str, statement: ast.stmt, every: Sequence[Edit]) -> Iterator[Candidate]:
         names = _bound(statement)
-        for some, schema in schemata(statement, every, self.end):
+        for some, schema in schemata(statement, every, self.end, statement not in self.alone):
             self.end = schema.end
             for edit in some:
                 yield Candidate(cell, statement, edit, (schema.code,), names, schema.settings[id(edit)])
+
+
+def _differing(some: Sequence[Candidate], run: Callable[[Sequence[Candidate]], Answers]) -> set[ast.stmt]:
+    """The statements that do something else once they are compiled anew, though nothing is changed."""
+    each = list({c.statement: replace(c, setting=()) for c in some}.values())
+    if not each:
+        return set()
+    codes, names = [code for c in each for code in c.codes], [name for c in each for name in c.names]
+    nothing = replace(each[0], codes=(), names=())
+    as_it_is, made = run([nothing, replace(nothing, codes=tuple(codes), names=tuple(names))])
+    if _same(as_it_is, made):
+        return set()
+    return {c.statement for c, got in zip(each, run(each), strict=True) if not _same(as_it_is, got)}
+
+
+def _same(a: tuple[np.ndarray, ...] | None, b: tuple[np.ndarray, ...] | None) -> bool:
+    if a is None or b is None:
+        return a is b
+    return len(a) == len(b) and all(np.array_equal(x, y, equal_nan=True) for x, y in zip(a, b, strict=True))
 
 
 class _Change(NamedTuple):

@@ -32,15 +32,17 @@ class Schema:
     """The place after the last."""
 
 
-def schemata(statement: ast.stmt, some: Sequence[Edit], first: int) -> Iterator[tuple[Sequence[Edit], Schema]]:
+def schemata(
+    statement: ast.stmt, some: Sequence[Edit], first: int, switched: bool = True
+) -> Iterator[tuple[Sequence[Edit], Schema]]:
     """The edits, and the text that has them, its places counted from `first`; edits that leave no Python are in none.
 
-    One text, unless some cannot be compiled together.
+    One text, unless some cannot be compiled together; or one each, without a switch.
     """
-    todo = [list(some)]
+    todo = [list(some)] if switched else [[edit] for edit in some]
     while todo:
         part = todo.pop(0)
-        made = _compiled(statement, part, first)
+        made = _compiled(statement, part, first, switched)
         if made is not None:
             yield part, made
             first = made.end
@@ -49,21 +51,34 @@ def schemata(statement: ast.stmt, some: Sequence[Edit], first: int) -> Iterator[
             todo += [part[:half], part[half:]]
 
 
-def _compiled(statement: ast.stmt, some: Sequence[Edit], first: int) -> Schema | None:
+def _compiled(statement: ast.stmt, some: Sequence[Edit], first: int, switched: bool) -> Schema | None:
     for old, new in (part for edit in some for part in edit.parts):
         for tree in new if isinstance(new, list) else [new]:
             locate(tree, old)
+    if not switched:
+        changed = some[0].applied(statement)
+        code = _code(changed if isinstance(changed, list) else [changed])
+        return None if code is None else Schema(code, {id(some[0]): ()}, first)
     sites = _Sites(statement, first)
-    settings = {id(edit): sites.put(edit) for edit in some}
+    try:
+        settings = {id(edit): sites.put(edit) for edit in some}
+        code = _code([sites.built(statement)])
+    except (RecursionError, AttributeError):
+        return None
+    return None if code is None else Schema(code, settings, first + len(sites.at))
+
+
+def _code(statements: list[ast.stmt]) -> bytes | None:
+    """None where they are no Python."""
+    tree = ast.Module(statements, [])
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            tree = ast.Module([sites.built(statement)], [])
             try:
                 code = compile(tree, "<repair>", "exec", dont_inherit=True)
             except TypeError:  # a new node below an old one has no place
                 code = compile(ast.fix_missing_locations(tree), "<repair>", "exec", dont_inherit=True)
-            return Schema(marshal.dumps(code), settings, first + len(sites.at))
+            return marshal.dumps(code)
     except (SyntaxError, ValueError, TypeError, RecursionError, AttributeError):
         return None
 
