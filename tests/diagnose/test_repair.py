@@ -13,8 +13,9 @@ from raytwin.contract.check_function import is_repaired, is_right, judge_functio
 from raytwin.contract.repair_function import _bounded_memory, further_probes, repair_here
 from raytwin.contract.stage import Case
 from raytwin.contract.stage_table import CONTRACT
+from raytwin.diagnose.attempt import attempt
 from raytwin.diagnose.operators import edits
-from raytwin.diagnose.repair import Repair, Runner, attempt, candidates, repair
+from raytwin.diagnose.repair import Repair, Runner, candidates, repair
 from raytwin.diagnose.schemata import SWITCH, schemata
 from raytwin.diagnose.textbook import TEXT
 

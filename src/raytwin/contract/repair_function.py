@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from raytwin.contract.stage import Case, Function, Stage
+from raytwin.diagnose.attempt import attempt, places_reached
 from raytwin.diagnose.draw_scene import LARGER, draw_scene
-from raytwin.diagnose.repair import A_CALL, Answers, Candidate, Cells, Repair, Runner, attempt, places_reached, repair
+from raytwin.diagnose.repair import A_CALL, Answers, Candidate, Cells, Repair, Runner, repair
 from raytwin.renderers.scene_exchange import as_arrays
 
 SECONDS = 2.5

@@ -22,6 +22,7 @@ from raytwin.contract.repair_function import STEPS, further_probes, probes, righ
 from raytwin.contract.stage import Case, Stage
 from raytwin.contract.stage_result import says_why, with_hint
 from raytwin.contract.stage_table import LESSONS
+from raytwin.diagnose.attempt import attempt, places_reached, remembering, slow_functions, unchanged
 from raytwin.diagnose.repair import (
     A_CALL,
     Answers,
@@ -29,13 +30,8 @@ from raytwin.diagnose.repair import (
     Cells,
     Repair,
     Runner,
-    attempt,
     kind_of,
-    places_reached,
-    remembering,
     repair,
-    slow_functions,
-    unchanged,
 )
 from raytwin.grade.fingerprint import PROBE_SEED, fingerprint
 from raytwin.grade.follow_through import code_with
