@@ -29,7 +29,7 @@ Outcome = Arrays | str
 
 PAIRS = 1000
 """So many pairs of variants are tried: those that leave least unexplained, each with every other."""
-PAIRS_SECONDS = 2.0
+PAIRS_SECONDS = 1.0
 """Seconds of computing after which no further pair is tried: a pose takes its time."""
 
 

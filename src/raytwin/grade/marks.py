@@ -22,8 +22,8 @@ from raytwin.grade.sandboxed_repair import SecondLook
 from raytwin.grade.wrong_picture import wrong_picture
 from raytwin.sandbox.sandbox import Code
 
-SECONDS = 12.0
-"""CPU seconds for the causes of all pictures of a submission."""
+SECONDS, AT_MOST = 7.0, 4.0
+"""CPU seconds for the causes of all pictures of a submission, and for those of some: what is named is named sooner."""
 FURTHER = 1.25
 """Multiple of the wrong pixels: if right functions leave more, they do not fit the submission's own ways."""
 MOST_VIEWS = 3
@@ -195,7 +195,7 @@ class _Causes:
         if self.seconds <= 0 or not _has_wrong_numbers(checked):
             return None
         began = time.thread_time()
-        found = diagnose(views, self.seed, most=most, seconds=self.seconds, seen=self.seen)
+        found = diagnose(views, self.seed, most=most, seconds=min(self.seconds, AT_MOST), seen=self.seen)
         self.seconds -= time.thread_time() - began
         return found
 

@@ -39,7 +39,7 @@ from raytwin.grade.result import Marked
 from raytwin.grade.rubric import Rubric
 from raytwin.sandbox.sandbox import Code, Sandbox
 
-SECONDS, UNNAMED, IN_ALL = 4.0, 8.0, 14.0
+SECONDS, UNNAMED, IN_ALL = 2.0, 5.0, 8.0
 """Seconds of computing: for one function, for one of which no mistake is proved, and for a submission."""
 LONGEST = 100_000
 """Characters of a text that is repaired: to read one of megabytes takes the grader minutes."""

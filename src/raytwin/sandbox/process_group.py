@@ -67,7 +67,8 @@ def nameless_bytes(found: Sequence[Member]) -> int:
                     if file.st_nlink == 0:
                         sizes[file.st_dev, file.st_ino] = file.st_blocks * 512
         with contextlib.suppress(OSError):
-            for line in Path(f"/proc/{pid}/maps").read_bytes().splitlines():
+            mapped = Path(f"/proc/{pid}/maps").read_bytes()
+            for line in mapped.splitlines() if b" (deleted)\n" in mapped else ():
                 if line.endswith(b" (deleted)"):
                     _add_mapped(sizes, line)
     return sum(sizes.values())
