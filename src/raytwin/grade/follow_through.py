@@ -10,7 +10,6 @@ import inspect
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from types import FunctionType
 
 import msgspec
@@ -24,10 +23,15 @@ from raytwin.grade.rubric import Rubric
 from raytwin.grade.sandboxed_calls import ask
 from raytwin.sandbox.sandbox import Code, Sandbox
 
-REPLACE = """
-def raytwin_replace(text, names):
+REPLACE = "raytwin_replace"
+DRIVER = f"""
+raytwin_replaced = []
+
+def {REPLACE}(text, names):
     import os, sys
     import numpy
+    while raytwin_replaced:
+        setattr(*raytwin_replaced.pop())
     right = {{}}
     exec(text, right)
     def quiet(function):
@@ -42,11 +46,11 @@ def raytwin_replace(text, names):
         for module in own:
             for key, value in list(vars(module).items()):
                 if value is old and old is not None:
+                    raytwin_replaced.append((module, key, old))
                     setattr(module, key, new)
-
-raytwin_replace({text!r}, {names!r})
+    return numpy.zeros(0)
 """
-"""Runs in the sandbox behind the submission's own text."""
+"""Runs in the sandbox behind the submission's own text. What was replaced before is put back."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +70,13 @@ class Rerun:
 
 
 def ask_again(
-    rubric: Rubric, code: Code, asked: Sequence[Question], checked: Mapping[int, CheckedPicture], failed: Sequence[str]
-) -> Rerun:
-    """Ask for the wrong pictures that the failed functions are part of, these replaced."""
+    child_with: Callable[[Sequence[str]], Sandbox], code: Code, asked: Sequence[Question],
+    checked: Mapping[int, CheckedPicture], failed: Sequence[str],
+) -> Rerun:  # fmt: skip
+    """Ask for the wrong pictures that the failed functions are part of, these replaced.
+
+    `child_with(names)`: the submission in a process, with right functions of these names in place of its own.
+    """
     names = tuple(name for name in PARTS if name in failed)
     wrong = [
         q for q in asked if id(q) in checked and not checked[id(q)].part.passed
@@ -76,18 +84,12 @@ def ask_again(
     ]  # fmt: skip
     if not (wrong and code.kind == "python"):
         return Rerun()
-    again = {}
-    with Sandbox(code_with(code, names), rubric.limits, (Path(rubric.folder), Path.cwd())) as child:
-        for question in wrong:
-            copy = replace(question, made_of="")
-            ask(copy, child, code, names)
-            again[id(question)] = copy, check_picture(copy)
+    again, child = {}, child_with(names)
+    for question in wrong:
+        copy = replace(question, made_of="")
+        ask(copy, child, code, names)
+        again[id(question)] = copy, check_picture(copy)
     return Rerun(names, again)
-
-
-def code_with(code: Code, names: Sequence[str]) -> Code:
-    """The submission with right functions of these names in place of its own."""
-    return code.followed_by(REPLACE.format(text=source_of(names), names=list(names))) if names else code
 
 
 def followed(result: Result, rubric: Rubric, asked: Sequence[Question], helped: Rerun) -> Result:

@@ -39,24 +39,29 @@ def marked(
     right, too. Speed is that of drawn scenes: of a named one a submission may have stored the picture. Images have no
     seconds.
     """
+    with SecondLook(rubric, None if problem else code) as look:
+        return _marked(result, rubric, asked, problem, code, look)
+
+
+def _marked(
+    result: Result, rubric: Rubric, asked: list[Question], problem: str, code: Code | None, look: SecondLook
+) -> tuple[Result, Rerun]:
     of = {e.name: [a for a in asked if a.exercise is e] for e in rubric.exercises}
     checked = {id(a): check_picture(a) for a in asked if a.scene is not None}
     marks = {e.name: _mark_stage(e, of[e.name]) for e in rubric.exercises if of[e.name][0].scene is None}
     failed = [m for m in marks.values() if m.status not in ("pass", "missing")]
-    helped = ask_again(rubric, code, asked, checked, [m.stage for m in failed]) if code and not problem else Rerun()
+    helped = ask_again(look.child_with, look.code, asked, checked, [m.stage for m in failed]) if look.code else Rerun()
     drawn_ones = [e for e in rubric.exercises if e.name not in marks]
     status = {name: m.status for name, m in marks.items()}
     status |= {e.name: _status([checked[id(a)].part for a in of[e.name]], of[e.name]) for e in drawn_ones}
     wrong_stages = {e.stage for e in rubric.exercises if status[e.name] != "pass"}
     right = [stage for stage in dict.fromkeys(e.stage for e in rubric.exercises) if stage not in wrong_stages]
     spoilt = [a for a in asked if id(a) in checked and not checked[id(a)].part.passed]
-    look = SecondLook(rubric, code) if code and not problem else None
-    if look:
-        beside = dict.fromkeys(a.exercise.stage for a in spoilt if not helped.fixed_by(a))
-        marks |= {m.name: m for m in look.at([*marks.values()], right, beside=[*beside])}
-        marks |= {name: _two_mistakes(m, of[name]) for name, m in marks.items()}
-        failed = [marks[m.name] for m in failed]
-    mended = {id(a) for a in spoilt if look and a.exercise.stage in look.found}
+    beside = dict.fromkeys(a.exercise.stage for a in spoilt if not helped.fixed_by(a))
+    marks |= {m.name: m for m in look.at([*marks.values()], right, beside=[*beside])}
+    marks |= {name: _two_mistakes(m, of[name]) for name, m in marks.items()}
+    failed = [marks[m.name] for m in failed]
+    mended = {id(a) for a in spoilt if a.exercise.stage in look.found}
     causes = _Causes(checked, helped, [m for m in failed if m.stage in helped.names], result.seed, rubric.seen, mended)
     pictures, speed = [], []
     for exercise in drawn_ones:
@@ -68,9 +73,8 @@ def marked(
         timed = rubric.speed is not None and rubric.speed.of == one.name and code is not None and code.kind != "images"
         if timed and one.error is not None and drawn:
             speed.append((one.name, sum(drawn) / len(drawn), one.error))
-    if look:
-        unclear = [m for e in drawn_ones if not ((m := marks[e.name]).follows or says_why(m.sureness, m.faults))]
-        marks |= {m.name: m for m in look.at(unclear, right, helped.names if causes.beside else ())}
+    unclear = [m for e in drawn_ones if not ((m := marks[e.name]).follows or says_why(m.sureness, m.faults))]
+    marks |= {m.name: m for m in look.at(unclear, right, helped.names if causes.beside else ())}
     bonus = 0.0
     if rubric.speed is not None and speed and marks[rubric.speed.of].status == "pass":
         bonus = rubric.speed.earned(speed[0][1])

@@ -34,7 +34,8 @@ from raytwin.diagnose.repair import (
     repair,
 )
 from raytwin.grade.fingerprint import PROBE_SEED, fingerprint
-from raytwin.grade.follow_through import code_with
+from raytwin.grade.follow_through import DRIVER as REPLACER
+from raytwin.grade.follow_through import REPLACE, source_of
 from raytwin.grade.result import Marked
 from raytwin.grade.rubric import Rubric
 from raytwin.sandbox.sandbox import Code, Sandbox
@@ -46,6 +47,8 @@ LONGEST = 100_000
 CALLED, PLACES = "raytwin_attempt", "raytwin_places"
 DRIVER = f"""
 from typing import Any
+
+{REPLACER}
 
 {inspect.getsource(remembering)}
 
@@ -89,15 +92,42 @@ def {PLACES}(function, codes, lengths, which, names, arguments, seconds):
 class SecondLook:
     """Lines to look at in a submission, within IN_ALL seconds, as far as the rubric's `hints` go.
 
-    A text that is nested too deeply to be read is not repaired. `found`: by the name of the function.
+    A text that is nested too deeply to be read is not repaired. `found`: by the name of the function. All that is asked
+    for again once a submission was called is asked of one process, since to start one takes as long as many calls.
     """
 
-    def __init__(self, rubric: Rubric, code: Code) -> None:
-        self.rubric, self.code, self.left = rubric, code, IN_ALL
+    def __init__(self, rubric: Rubric, code: Code | None) -> None:
+        self.rubric, self.code, self.left = rubric, code if code and code.kind == "python" else None, IN_ALL
         self.found: dict[str, Repair] = {}
-        self.cells: Cells = code.cells or (("", code.source),)
-        readable = code.kind == "python" and 1 < sum(len(text) for _, text in self.cells) <= LONGEST
-        self.hints = rubric.hints if readable else 0
+        self.cells: Cells = code.cells or (("", code.source),) if code else ()
+        self.hints = rubric.hints if self.code and sum(len(text) for _, text in self.cells) <= LONGEST else 0
+        self.trials: _Trials | None = None
+        self.replaced: tuple[str, ...] = ()
+
+    def __enter__(self) -> "SecondLook":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def child_with(self, names: Sequence[str] = ()) -> Sandbox:
+        """The process, with right functions of these names in place of the submission's own; a new one if it ended."""
+        assert self.code is not None
+        if self.trials is None or self.trials.child.problem.problem:
+            self.close()
+            asked = (*self.rubric.functions, CALLED, PLACES, REPLACE)
+            own = dataclasses.replace(self.code.followed_by(DRIVER), asked=asked)
+            child = Sandbox(own, self.rubric.limits, (Path(self.rubric.folder), Path.cwd())).__enter__()
+            self.trials, self.replaced = _Trials(child), ()
+        if self.replaced != tuple(names):
+            self.replaced = tuple(names)
+            self.trials.child.call(REPLACE, source_of(names), list(names))
+        return self.trials.child
+
+    def close(self) -> None:
+        """End the process."""
+        if self.trials is not None:
+            self.trials.child.close()
 
     def at(
         self,
@@ -113,17 +143,15 @@ class SecondLook:
         `found` of them.
         """
         wrong = [e for e in exercises if e.status in ("fail", "error")]
-        unnamed = {e.stage for e in wrong if not (e.faults or e.fingerprint)} if self.code.kind == "python" else set()
+        unnamed = {e.stage for e in wrong if self.code and not (e.faults or e.fingerprint)}
         tried = [e for e in wrong if self.hints and e.stage not in self.found]
         prints: dict[str, str] = {}
         if tried or unnamed - set(self.found):
-            asked = (*dict.fromkeys(e.stage for e in wrong), *right, *beside, CALLED, PLACES)
-            own = dataclasses.replace(code_with(self.code, replaced).followed_by(DRIVER), asked=asked)
-            with Sandbox(own, self.rubric.limits, (Path(self.rubric.folder), Path.cwd())) as child:
-                if not replaced:
-                    prints = {stage: _fingerprint(child, stage) for stage in unnamed}
-                if CALLED in child.functions:
-                    self._repair(tried, right, replaced, beside, _Trials(child))
+            child = self.child_with(replaced)
+            if not replaced:
+                prints = {stage: _fingerprint(child, stage) for stage in unnamed}
+            if CALLED in child.functions and self.trials is not None:
+                self._repair(tried, right, replaced, beside, self.trials)
         return [
             _with_hint(e, self.found.get(e.stage), self.hints, e.fingerprint or prints.get(e.stage, ""))
             if e in wrong else e for e in exercises
