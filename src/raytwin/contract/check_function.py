@@ -120,8 +120,11 @@ def _error_text(error: Exception) -> str:
 # ------------------------------------------------------------------------------------------ judging
 
 
-def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome], most: int = 2) -> StageResult:
-    """No code of the student's runs here. `most`: mistakes together."""
+def judge(
+    stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome], most: int = 2,
+    alone: dict[int, float] | None = None,
+) -> StageResult:  # fmt: skip
+    """No code of the student's runs here. `most`: mistakes together. `alone`: what each leaves, kept for next time."""
     checked = [_checked(stage, case, outcome) for case, outcome in zip(cases, outcomes, strict=True)]
     results = tuple(_case_result(stage, case, got) for case, got in zip(cases, checked, strict=True))
     worst = max(
@@ -140,7 +143,7 @@ def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome], most
         where = "" if all(isinstance(got, str) for got in checked) else f" ({cases[worst].shows})"
         return replace(base, sentence=broken + where, inputs=_short_args(stage, cases[worst]))
     arrays = [got for got in checked if not isinstance(got, str)]
-    causes = [] if stage.name in NEEDED else explain(stage, cases, arrays, most)
+    causes = [] if stage.name in NEEDED else explain(stage, cases, arrays, most, {} if alone is None else alone)
     inputs, expected, found = _worst_value(stage, cases[worst], arrays[worst])
     sentence = _blame(causes) if causes else f"no single common mistake fits. {_where(results)}"
     made = tuple((v.name, v.sentence) for v in causes[0]) if causes else ()
@@ -221,7 +224,9 @@ def _errors(stage: Stage, case: Case, got: Arrays) -> np.ndarray:
     return np.where(np.isnan(errors), np.inf, errors)
 
 
-def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays], most: int = 2) -> list[tuple[Variant, ...]]:
+def explain(
+    stage: Stage, cases: Sequence[Case], got: Sequence[Arrays], most: int, alone: dict[int, float]
+) -> list[tuple[Variant, ...]]:
     """The variants that give these numbers in all cases; else the pairs of variants that do; empty where none does.
 
     A variant that does not explain the first wrong case is not tried on the others. One whose own numbers pass that
@@ -244,13 +249,14 @@ def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays], most: in
             or float(_passes(stage, first[0], predicted))
         )
 
-    alone = {i: left([variant]) for i, variant in enumerate(stage.variants)}
-    found: list[tuple[Variant, ...]] = [(stage.variants[i],) for i, rest_of_it in alone.items() if rest_of_it == 0]
-    if found:
-        return found
-    for variant in stage.in_other_forms:
-        if left([variant]) == 0:
-            return [(variant,)]
+    if not alone:
+        alone |= {i: left([variant]) for i, variant in enumerate(stage.variants)}
+        found: list[tuple[Variant, ...]] = [(stage.variants[i],) for i, rest_of_it in alone.items() if rest_of_it == 0]
+        if found:
+            return found
+        for variant in stage.in_other_forms:
+            if left([variant]) == 0:
+                return [(variant,)]
     if most < 2:
         return []
     best = sorted(alone, key=lambda i: alone[i])[: PAIRS // max(1, len(alone))]

@@ -48,7 +48,8 @@ def _marked(
 ) -> tuple[Result, Rerun]:
     of = {e.name: [a for a in asked if a.exercise is e] for e in rubric.exercises}
     checked = {id(a): check_picture(a) for a in asked if a.scene is not None}
-    marks = {e.name: _mark_stage(e, of[e.name]) for e in rubric.exercises if of[e.name][0].scene is None}
+    alone: dict[str, dict[int, float]] = {e.name: {} for e in rubric.exercises if of[e.name][0].scene is None}
+    marks = {name: _mark_stage(of[name], left) for name, left in alone.items()}
     failed = [m for m in marks.values() if m.status not in ("pass", "missing")]
     helped = ask_again(look.child_with, look.code, asked, checked, [m.stage for m in failed]) if look.code else Rerun()
     drawn_ones = [e for e in rubric.exercises if e.name not in marks]
@@ -59,7 +60,7 @@ def _marked(
     spoilt = [a for a in asked if id(a) in checked and not checked[id(a)].part.passed]
     beside = dict.fromkeys(a.exercise.stage for a in spoilt if not helped.fixed_by(a))
     marks |= {m.name: m for m in look.at([*marks.values()], right, beside=[*beside])}
-    marks |= {name: _two_mistakes(m, of[name]) for name, m in marks.items()}
+    marks |= {name: _two_mistakes(marks[name], of[name], left) for name, left in alone.items()}
     failed = [marks[m.name] for m in failed]
     mended = {id(a) for a in spoilt if a.exercise.stage in look.found}
     causes = _Causes(checked, helped, [m for m in failed if m.stage in helped.names], result.seed, rubric.seen, mended)
@@ -105,12 +106,14 @@ def _status(parts: list[Part], asked: list[Question]) -> Status:
     )
 
 
-def _mark_stage(exercise: Exercise, asked: list[Question], most: int = 1) -> Marked:
+def _mark_stage(asked: list[Question], alone: dict[int, float], most: int = 1) -> Marked:
+    """`alone`: see `judge`."""
+    exercise = asked[0].exercise
     stage = LESSONS[exercise.stage]
     if exercise.tolerance is not None:
         stage = replace(stage, tolerance=exercise.tolerance)
     outcomes = [a.answer.problem or tuple(x.astype(float) for x in a.answer.arrays) for a in asked]
-    found = judge(stage, [a.case for a in asked], outcomes, most)
+    found = judge(stage, [a.case for a in asked], outcomes, most, alone)
     parts = [
         Part(
             c.shows,
@@ -143,11 +146,11 @@ def _mark_stage(exercise: Exercise, asked: list[Question], most: int = 1) -> Mar
     )
 
 
-def _two_mistakes(marked: Marked, asked: list[Question]) -> Marked:
+def _two_mistakes(marked: Marked, asked: list[Question], alone: dict[int, float]) -> Marked:
     """With two mistakes named together, where there is neither one nor a line to look at."""
     if marked.status != "fail" or marked.faults or marked.repair:
         return marked
-    return msgspec.structs.replace(_mark_stage(asked[0].exercise, asked, most=2), fingerprint=marked.fingerprint)
+    return msgspec.structs.replace(_mark_stage(asked, alone, most=2), fingerprint=marked.fingerprint)
 
 
 class _Found(NamedTuple):
@@ -214,7 +217,8 @@ class _Causes:
         if not _has_wrong_numbers(mine) or any(id(a) in self.mended for a in asked):
             return _Found()
         found = self.rest or self.together
-        if found is not None and not found.causes:
+        others = any(not c.part.passed for c in self.checked.values() if all(c is not one for one in mine))
+        if found is not None and not found.causes and others:
             found = self._diagnosed(mine, most=1) or found
             # What other pictures speak against is not proved.
             found = replace(found, sureness="likely" if found.causes else "unknown")
