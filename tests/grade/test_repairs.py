@@ -12,8 +12,9 @@ from raytwin.diagnose.repair import Repair
 from raytwin.grade.check_picture import _compare_points
 from raytwin.grade.class_run import jobs_of, run
 from raytwin.grade.result import Marked, Result
-from raytwin.grade.sandboxed_repair import _helps, _with_hint
+from raytwin.grade.sandboxed_repair import SecondLook, _helps, _with_hint
 from raytwin.parallel import Workers
+from raytwin.sandbox.sandbox import Code
 from raytwin.scene import Tolerance
 
 SOURCE = next(s.source for s in SLIPS if s.label == "sum of everything")
@@ -75,6 +76,18 @@ def test_a_change_helps_what_runs_it_where_a_case_becomes_right(runs_it, answers
     left = iter([[made[answer]] for answer in answers])
     trials = SimpleNamespace(places=lambda *_: frozenset({0} if runs_it else ()), run=lambda *_: next(left))
     assert _helps(None, trials, (), [(stage, case) for case in cases]) == helps
+
+
+@pytest.mark.parametrize("other", [True, False])
+def test_a_picture_is_repaired_for_sure_where_no_other_picture_stays_wrong(monkeypatch, other):
+    repaired = {"hit_points": Repair("", 7, "the sign is wrong", "-a", "a")} | ({"render": Repair("", 8, "", "", "")}
+                                                                               if other else {})  # fmt: skip
+    monkeypatch.setattr("raytwin.grade.sandboxed_repair._repair", lambda stage, *_: repaired.get(stage.name))
+    look = SecondLook(SimpleNamespace(hints=2, seen={}), Code("a", "f = 1"))
+    child = SimpleNamespace(functions=("hit_points", "render"), spent=0.0)
+    tried = [msgspec.structs.replace(wrong_image(), stage=stage) for stage in ("hit_points", "render")]
+    look._repair(tried, (), (), (), SimpleNamespace(child=child))
+    assert look.found["hit_points"].sure == other
 
 
 def test_what_follows_from_another_function_is_looked_at_last():

@@ -21,6 +21,7 @@ import numpy as np
 
 from raytwin.diagnose.edit import Edit, replaced
 from raytwin.diagnose.operators import edits
+from raytwin.diagnose.rewritings import is_setting
 from raytwin.diagnose.schemata import Setting, schemata
 from raytwin.diagnose.scope import MODULES, File
 from raytwin.diagnose.statement_operators import SHARED
@@ -221,12 +222,20 @@ class _Fits:
         return bool(self.some) and (farther or self.clock() > self.until)
 
     def best(self) -> Repair | None:
-        """The first; sure where no other stands on other lines."""
+        """The first; sure where no other stands on other lines, and it is no other size of a block, or the like."""
         if not self.some:
             return None
         first, *others = self.some
         rivals = tuple(c for c in others if not _lines(c) & _lines(first))
-        return replace(_as_repair(first), tried=self.tried, candidate=first, sure=not rivals, rivals=rivals)
+        sure = not rivals and not _is_setting(first)
+        return replace(_as_repair(first), tried=self.tried, candidate=first, sure=sure, rivals=rivals)
+
+
+def _is_setting(c: Candidate) -> bool:
+    """Whether it changes a large whole number that is no index."""
+    indices = (n.slice for n in ast.walk(c.statement) if isinstance(n, ast.Subscript))
+    old = c.edit.old
+    return isinstance(old, ast.Constant) and is_setting(old) and all(old is not n for i in indices for n in ast.walk(i))
 
 
 def _lines(c: Candidate) -> set[tuple[str, int]]:

@@ -212,7 +212,7 @@ UNREAD = 1.35
 """By so much less far-fetched is it that a name is missing which nothing reads."""
 
 
-def _is_setting(node: ast.expr) -> bool:
+def is_setting(node: ast.expr) -> bool:
     """A number of steps, or a library's constant: with another sign it switches something off, by accident."""
     if isinstance(node, ast.Constant):
         return isinstance(node.value, int) and node.value > MOST_DIMENSIONS
@@ -227,7 +227,7 @@ def wrapped(node: ast.expr, scope: Scope) -> Found:
         return  # a value that becomes NaN there, or a loop that never runs, is an accident
     if isinstance(parent, ast.Assign) and isinstance(node, ast.Name):  # any change there makes a copy, too
         yield "a copy is missing", 0.9, fill("A.copy()", A=node)
-    signed = isinstance(node, ast.UnaryOp) or _is_setting(node)
+    signed = isinstance(node, ast.UnaryOp) or is_setting(node)
     for words, weight, *forms in WRAPS:
         for form in forms:
             number = isinstance(node, ast.Constant) and any(sign in form for sign in ("NP", "[", ".", "**"))

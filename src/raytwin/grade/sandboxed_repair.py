@@ -177,6 +177,10 @@ class SecondLook:
             some = (r for r in self.found.values() if (r.sure or r.rivals) and _makes_right(r, stage, trials))
             if one := next(some, None):
                 self.found[stage] = one
+        if any(e.stage in PICTURES and e.stage not in self.found for e in tried):
+            # A change in what only some pictures are made of, where others stay wrong, may hide what is wrong in all.
+            unsure = {k: dataclasses.replace(r, sure=False) for k, r in self.found.items() if k in PICTURES}
+            self.found |= unsure
         self.left -= _clock(trials.child) - began
 
 

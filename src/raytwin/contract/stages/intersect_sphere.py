@@ -25,7 +25,7 @@ def intersect_sphere(origins: Any, directions: Any, center: Any, radius: float) 
 
 
 def cases(seed: int) -> list[Case]:
-    """32 rays of each kind, none of them near the outline, where rounding decides."""
+    """32 rays of each kind, then all together, none of them near the outline, where rounding decides."""
     rng = np.random.default_rng(seed)
     center, radius = rng.uniform([-0.1, -0.4, 0.6], [0.5, 0.2, 1.2]), float(rng.uniform(0.15, 0.3))
     out = unit(rng.normal(size=(32, 3)))
@@ -50,8 +50,10 @@ def cases(seed: int) -> list[Case]:
         ("a ray alone", outside[:1], towards[:1] * 2),
         ("rays of which every other misses", outside, np.where(np.arange(32)[:, None] % 2, past, towards) * lengths),
     )
+    order = rng.permutation(sum(len(o) for _, o, _ in drawn))
+    starts, ways = np.concatenate([o for _, o, _ in drawn]), np.concatenate([d for *_, d in drawn])
     made = []
-    for shows, o, d in drawn:
+    for shows, o, d in (*drawn, ("many rays of all kinds", starts[order], ways[order])):
         args = (o, d, center, radius)
         made.append(Case(shows, args, (intersect_sphere(*args),)))
     return made
