@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from raytwin.contract.stage import Case, Function, Stage
-from raytwin.diagnose.attempt import attempt, places_reached
+from raytwin.diagnose.attempt import attempt, local_values, places_reached
 from raytwin.diagnose.draw_scene import LARGER, draw_scene
-from raytwin.diagnose.repair import A_CALL, Answers, Candidate, Cells, Repair, Runner, repair
+from raytwin.diagnose.repair import A_CALL, VALUES_SECONDS, Answers, Candidate, Cells, Repair, Rows, Runner, repair
 from raytwin.renderers.scene_exchange import as_arrays
 
 SECONDS = 2.5
@@ -67,13 +67,18 @@ def repair_here(
         one_each = list({c.codes: c for c in chosen}.values())
         return frozenset(places_reached(space, name, *prepared(one_each), arguments, A_CALL))
 
+    def values(chosen: Sequence[Candidate], arguments: Sequence[Any]) -> Rows:
+        settings = [c.setting for c in chosen]
+        told: Rows = local_values(space, name, *prepared(chosen), settings, arguments, VALUES_SECONDS)
+        return told
+
     def reached_by_right(chosen: Sequence[Candidate]) -> frozenset[int]:
         return frozenset().union(*(places(chosen, case.args) for case in right))
 
     token = _REPAIRING.set(True)
     try:
         more_time = lambda: time.process_time() - began < SECONDS  # noqa: E731
-        runner = Runner(run, places, reached_by_right)
+        runner = Runner(run, places, reached_by_right, values)
         return repair(cells, name, cases, is_right, runner, more_time, innocent, further=further)
     finally:
         _REPAIRING.reset(token)

@@ -40,6 +40,12 @@ class Edit:
             tree = replaced(tree, old, new)
         return tree
 
+    def locate(self) -> None:
+        """Give what is new its place in the text, which it is compiled with."""
+        for old, new in self.parts:
+            for tree in new if isinstance(new, list) else [new]:
+                locate(tree, old)
+
     @property
     def line(self) -> int:
         return int(getattr(self.old, "lineno", 0))

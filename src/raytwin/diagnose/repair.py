@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raytwin.diagnose.edit import Edit, replaced
+from raytwin.diagnose.local_values import values_text
 from raytwin.diagnose.operators import edits
 from raytwin.diagnose.rewritings import is_setting
 from raytwin.diagnose.schemata import Setting, schemata
@@ -29,6 +30,7 @@ from raytwin.diagnose.statement_operators import SHARED
 Cells = Sequence[tuple[str, str]]
 """(name, text): a Python file has one, a notebook several."""
 Answers = list[tuple[np.ndarray, ...] | None]
+Rows = Sequence[Sequence[int]]
 NONE_SEEN: Mapping[str, int] = {}
 COMMON = 0.5
 """By so much less far-fetched is a slip that was seen ten times as often."""
@@ -46,6 +48,13 @@ ABOUT = 0.3
 """By so much more far-fetched may be what makes doubtful which change is meant."""
 LOOK_ON = 0.5
 """Seconds of computing, at most, for other changes once one fits."""
+FIRST = 96
+"""Changes that are tried at once; of the others it is asked first what they do where they stand."""
+TOLD_AT_ONCE = 480
+"""Changes of which this is asked in one run."""
+VALUES_SECONDS = 0.5
+"""Of computing, for one such run."""
+LATER, GONE = range(2)
 A_CALL = 0.25
 """Seconds of computing after which a candidate is given up; or so many times what the student's own function takes."""
 
@@ -102,6 +111,9 @@ class Candidate:
     beside: "Candidate | None" = None
 
 
+Values = Callable[[Sequence[Candidate]], Rows]
+
+
 @dataclass(frozen=True)
 class Runner:
     """Where candidates run.
@@ -110,17 +122,22 @@ class Runner:
     if `changed`, it returns what it does without.
     `places(candidates, arguments)`: the places of their codes that a call reaches; None: unknown.
     `right(candidates)`: those that calls of functions reach that are right; None: unknown.
+    `values(candidates, arguments)`: what `local_values` tells of their codes.
     """
 
     run: Callable[[Sequence[Candidate], Sequence[Any], bool], Answers]
     places: Callable[[Sequence[Candidate], Sequence[Any]], frozenset[int] | None]
     right: Callable[[Sequence[Candidate]], frozenset[int] | None] = lambda candidates: None
+    values: Callable[[Sequence[Candidate], Sequence[Any]], Rows] = lambda candidates, arguments: ()
 
     def alone(self, candidate: Candidate, case: Any) -> tuple[np.ndarray, ...] | None:
         return self.run([candidate], case.args, False)[0]
 
     def places_in(self, case: Any) -> Callable[[Sequence[Candidate]], frozenset[int] | None]:
         return lambda candidates: self.places(candidates, case.args)
+
+    def values_in(self, case: Any) -> Values:
+        return lambda candidates: self.values(candidates, case.args)
 
 
 def repair(
@@ -185,8 +202,10 @@ def repair(
     aside = [(cell, statement) for cell, statement in every if (cell, statement.lineno) not in known_lines]
     search = _Search(cells, reached, seen, runner.places_in(first), runner.right, aside, more_time,
                      lambda some: runner.run(some, first.args, False))  # fmt: skip
+    values = runner.values_in(first)
 
-    alone = [(cases, source) for source in ([list(known)], search.candidates(False), search.candidates(True))]
+    single = (search.candidates(rare, values) for rare in (False, True))
+    alone = [(cases, source) for source in ([list(known)], *single)]
     usual, rare = (_beside(search, partial, cases, is_right, runner, rare) for rare in (False, True))
     return searched(itertools.chain(alone[:2], usual, alone[2:], rare)) or unsure
 
@@ -200,7 +219,7 @@ def _beside(
         wrong = [case for case in cases if (got := runner.alone(one, case)) is None or not is_right(case, got)]
         if wrong:
             order = [wrong[0], *(case for case in cases if case is not wrong[0])]
-            yield order, search.beside(one, rare, runner.places_in(wrong[0]))
+            yield order, search.beside(one, rare, runner.places_in(wrong[0]), runner.values_in(wrong[0]))
 
 
 class _Fits:
@@ -330,18 +349,19 @@ class _Search:
         self.running = None if self.alone else _nodes(marks, places(marks))
         self.cleared = {id(node) for one in _nodes(marks, right(marks)) or () for node in _own(one)}
 
-    def candidates(self, rare: bool) -> Iterator[list[Candidate]]:
-        """The usual ones, or the rare."""
+    def candidates(self, rare: bool, values: Values = lambda runs: ()) -> Iterator[list[Candidate]]:
+        """The usual ones, or the rare. `values(candidates)`: what `local_values` tells in a wrong case."""
         found = [c for cell, statement in self.reached for c in self._changes(cell, statement, rare, self.running)]
         for cell, statement in () if rare else self.aside:
             some = edits(statement, only=(ast.Assign, ast.AugAssign))
             found += [_Change(cell, statement, edit) for edit in some if edit.operator == SHARED]
-        yield from self._compiled(found)
+        yield from self._compiled(found, values)
 
     def beside(
-        self, first: Candidate, rare: bool, places: Callable[[Sequence[Candidate]], frozenset[int] | None]
-    ) -> Iterator[list[Candidate]]:
-        """The changes of the text that has `first` in it; `places` as for all."""
+        self, first: Candidate, rare: bool, places: Callable[[Sequence[Candidate]], frozenset[int] | None],
+        values: Values,
+    ) -> Iterator[list[Candidate]]:  # fmt: skip
+        """The changes of the text that has `first` in it; `places` and `values` as for all."""
         made = first.edit.applied(first.statement)
         (statement,) = made if isinstance(made, list) else (made,)
         reached = [(cell, statement if one is first.statement else one) for cell, one in self.reached]
@@ -357,7 +377,8 @@ class _Search:
             return replace(c, beside=first, codes=together[0], names=together[1], setting=together[2])
 
         found = [c for cell, one in reached for c in self._changes(cell, one, rare, running)]
-        yield from (list(map(both, some)) for some in self._compiled(found))
+        with_first = lambda runs: values([first, *runs])  # noqa: E731
+        yield from (list(map(both, some)) for some in self._compiled(found, with_first))
 
     def weight(self, c: "Candidate | _Change") -> float:
         """How far-fetched it is."""
@@ -374,11 +395,12 @@ class _Search:
             self.made[key] = [_Change(cell, statement, edit) for edit in some]
         return self.made[key]
 
-    def _compiled(self, some: Sequence["_Change"]) -> Iterator[list[Candidate]]:
-        """Those that leave Python, AT_ONCE at a time, the least far-fetched first."""
+    def _compiled(self, some: Sequence["_Change"], values: Values) -> Iterator[list[Candidate]]:
+        """Those that leave Python, AT_ONCE at a time, the least far-fetched first; but for the first ones, those that
+        `values` does not dismiss."""
         self.many = Counter(kind_of(c.edit.operator) for c in some)
-        ordered = iter(sorted(some, key=self.weight))
-        while chunk := list(itertools.islice(ordered, AT_ONCE)):
+        ordered = sorted(some, key=self.weight)
+        for chunk in itertools.chain(_parts(ordered[:FIRST], AT_ONCE), self._not_dismissed(ordered[FIRST:], values)):
             new: dict[tuple[str, ast.stmt], list[Edit]] = {}
             for cell, statement, edit in (c for c in chunk if c.edit not in self.compiled):
                 new.setdefault((cell, statement), []).append(edit)
@@ -400,6 +422,33 @@ class _Search:
         self.alone = _differing([*marks, *anew(one for one in self.reached if one[1] not in marked)], run)
         gone = _differing(anew(one for one in self.reached if one[1] in self.alone), run)
         self.reached = [one for one in self.reached if one[1] not in gone]
+
+    def _not_dismissed(self, ordered: Sequence["_Change"], values: Values) -> Iterator[Sequence["_Change"]]:
+        """AT_ONCE at a time; last come those that did as others, or nothing, each time that was looked at."""
+        later: list[_Change] = []
+        for some in _parts(ordered, TOLD_AT_ONCE):
+            told = self._told(some, values)
+            later += [c for c in some if told.get(c.edit) == LATER]
+            yield from _parts([c for c in some if c.edit not in told], AT_ONCE)
+        yield from _parts(later, AT_ONCE)
+
+    def _told(self, some: Sequence["_Change"], values: Values) -> dict[Edit, int]:
+        """GONE or LATER, by the values that the changes have in their own statement."""
+        of: dict[tuple[str, ast.stmt], list[Edit]] = {}
+        for cell, statement, edit in some:
+            of.setdefault((cell, statement), []).append(edit)
+        runs: list[Candidate] = []
+        at: dict[tuple[int, int], Edit] = {}
+        for (cell, statement), every in of.items():
+            code, numbers = values_text(statement, every, len(at))
+            at |= {place: edit for edit, place in numbers.items()}
+            if code:
+                runs.append(Candidate(cell, statement, every[0], (code,), _bound(statement), ()))
+        return {
+            at[place, number]: GONE if group < 0 or whole else LATER
+            for place, number, group, whole in (values(runs) if runs else ())
+            if group != number + 1 and (place, number) in at
+        }
 
     def _marks(self, reached: Sequence[tuple[str, ast.stmt]]) -> list[Candidate]:
         """A candidate for each statement within the reached ones: its place tells whether it runs."""
@@ -436,6 +485,10 @@ def _same(a: tuple[np.ndarray, ...] | None, b: tuple[np.ndarray, ...] | None) ->
     if a is None or b is None:
         return a is b
     return len(a) == len(b) and all(np.array_equal(x, y, equal_nan=True) for x, y in zip(a, b, strict=True))
+
+
+def _parts(every: Sequence["_Change"], most: int) -> Iterator[Sequence["_Change"]]:
+    return (every[k : k + most] for k in range(0, len(every), most))
 
 
 class _Change(NamedTuple):

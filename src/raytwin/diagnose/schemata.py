@@ -52,23 +52,22 @@ def schemata(
 
 
 def _compiled(statement: ast.stmt, some: Sequence[Edit], first: int, switched: bool) -> Schema | None:
-    for old, new in (part for edit in some for part in edit.parts):
-        for tree in new if isinstance(new, list) else [new]:
-            locate(tree, old)
+    for edit in some:
+        edit.locate()
     if not switched:
         changed = some[0].applied(statement)
-        code = _code(changed if isinstance(changed, list) else [changed])
+        code = code_of(changed if isinstance(changed, list) else [changed])
         return None if code is None else Schema(code, {id(some[0]): ()}, first)
     sites = _Sites(statement, first)
     try:
         settings = {id(edit): sites.put(edit) for edit in some}
-        code = _code([sites.built(statement)])
+        code = code_of([sites.built(statement)])
     except (RecursionError, AttributeError):
         return None
     return None if code is None else Schema(code, settings, first + len(sites.at))
 
 
-def _code(statements: list[ast.stmt]) -> bytes | None:
+def code_of(statements: list[ast.stmt]) -> bytes | None:
     """None where they are no Python."""
     tree = ast.Module(statements, [])
     try:

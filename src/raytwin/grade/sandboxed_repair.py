@@ -22,13 +22,15 @@ from raytwin.contract.repair_function import STEPS, further_probes, probes, righ
 from raytwin.contract.stage import Case, Stage
 from raytwin.contract.stage_result import says_why, with_hint
 from raytwin.contract.stage_table import LESSONS
-from raytwin.diagnose.attempt import attempt, places_reached, remembering, slow_functions, unchanged
+from raytwin.diagnose import attempt
 from raytwin.diagnose.repair import (
     A_CALL,
+    VALUES_SECONDS,
     Answers,
     Candidate,
     Cells,
     Repair,
+    Rows,
     Runner,
     kind_of,
     repair,
@@ -44,21 +46,11 @@ SECONDS, UNNAMED, IN_ALL = 2.0, 5.0, 8.0
 """Seconds of computing: for one function, for one of which no mistake is proved, and for a submission."""
 LONGEST = 100_000
 """Characters of a text that is repaired: to read one of megabytes takes the grader minutes."""
-CALLED, PLACES = "raytwin_attempt", "raytwin_places"
+CALLED, PLACES, VALUES = "raytwin_attempt", "raytwin_places", "raytwin_local_values"
 DRIVER = f"""
-from typing import Any
-
 {REPLACER}
 
-{inspect.getsource(remembering)}
-
-{inspect.getsource(slow_functions)}
-
-{inspect.getsource(unchanged)}
-
 {inspect.getsource(attempt)}
-
-{inspect.getsource(places_reached)}
 
 raytwin_codes = []
 
@@ -85,6 +77,12 @@ def {PLACES}(function, codes, lengths, which, names, arguments, seconds):
     raytwin_learn(codes, lengths)
     chosen = [[raytwin_codes[k] for k in some] for some in which]
     return numpy.array(places_reached(globals(), function, chosen, names, arguments, seconds), int)
+
+def {VALUES}(function, codes, lengths, which, names, settings, arguments, seconds):
+    import numpy
+    raytwin_learn(codes, lengths)
+    chosen = [[raytwin_codes[k] for k in some] for some in which]
+    return numpy.array(local_values(globals(), function, chosen, names, settings, arguments, seconds), int)
 """
 """Runs in the sandbox, behind the submission's own text and in its module."""
 
@@ -115,7 +113,7 @@ class SecondLook:
         assert self.code is not None
         if self.trials is None or self.trials.child.problem.problem:
             self.close()
-            asked = (*self.rubric.functions, CALLED, PLACES, REPLACE)
+            asked = (*self.rubric.functions, CALLED, PLACES, VALUES, REPLACE)
             own = dataclasses.replace(self.code.followed_by(DRIVER), asked=asked)
             child = Sandbox(own, self.rubric.limits, (Path(self.rubric.folder), Path.cwd())).__enter__()
             self.trials, self.replaced = _Trials(child), ()
@@ -282,7 +280,8 @@ def _repair(
     if not (tried := probes(stage, _cases(stage.name), is_wrong) or probes(stage, _further(stage.name), is_wrong)):
         return None
     innocent = [*(name for name in right if name not in PICTURES), *ours]
-    runner = Runner(partial(trials.run, stage.name, innocent), partial(trials.places, stage.name), reached_by_right)
+    run, values = partial(trials.run, stage.name, innocent), partial(trials.values, stage.name)
+    runner = Runner(run, partial(trials.places, stage.name), reached_by_right, values)
     further = partial(_further, stage.name)
     right_in: Callable[[Case, Any], bool] = partial(is_repaired, stage)
     more_time = lambda: _clock(child) < until  # noqa: E731
@@ -349,6 +348,13 @@ class _Trials:
         one_each = list({c.codes: c for c in chosen}.values())
         answer = self.child.call(PLACES, function, *self._codes(one_each), list(arguments), A_CALL)
         return None if answer.problem or not answer.arrays else frozenset(int(n) for n in answer.arrays[0].ravel())
+
+    def values(self, function: str, chosen: Sequence[Candidate], arguments: Sequence[Any]) -> Rows:
+        settings = [[list(pair) for pair in c.setting] for c in chosen]
+        answer = self.child.call(VALUES, function, *self._codes(chosen), settings, list(arguments), VALUES_SECONDS)
+        if answer.problem or not answer.arrays or answer.arrays[0].ndim != 2 or answer.arrays[0].shape[1] != 4:
+            return ()
+        return [[int(n) for n in row] for row in answer.arrays[0]]
 
     def _codes(self, chosen: Sequence[Candidate]) -> tuple[Any, ...]:
         """The codes that were not sent before, their lengths, and which of all each candidate has; its names."""
