@@ -38,7 +38,7 @@ def test_what_is_dismissed_raises_or_does_as_another_change_or_nothing(name: str
         rows = local_values(space, name, [[marshal.loads(code)]], [(name,)], [], list(arguments), 20.0)
     at = {place: edit for edit, place in numbers.items()}
     told = {(place, number): group for place, number, group, whole in rows if whole or group < 0}
-    assert sum(group != number + 1 for (_, number), group in told.items()) > len(some) / 4
+    assert sum(group != number + 1 for _, number, group, _ in rows) > len(some) / 4
     own = outcome(ast.unparse(statement), name, arguments)
     for (place, number), group in told.items():
         if number >= 0 and group != number + 1:

@@ -54,7 +54,6 @@ TOLD_AT_ONCE = 480
 """Changes of which this is asked in one run."""
 VALUES_SECONDS = 0.5
 """Of computing, for one such run."""
-LATER, GONE = range(2)
 A_CALL = 0.25
 """Seconds of computing after which a candidate is given up; or so many times what the student's own function takes."""
 
@@ -168,15 +167,15 @@ def repair(
     partial = _Partial(lambda got: errors(first, got))
 
     def passing(left: list[Candidate], some: Sequence[Any]) -> list[Candidate]:
-        for case in some:
+        for k, case in enumerate(some):
             if not left:
                 break
             answers = runner.run(left, case.args, case is first)
             if case is first:
-                if partial.before is None:
-                    partial.begin(runner.alone(replace(left[0], setting=()), first))
-                partial.add(left, answers)
+                partial.add(left, answers, lambda one: runner.alone(one, first))
             left = [c for c, got in zip(left, answers, strict=True) if got is not None and is_right(case, got)]
+            if k == 0:
+                search.passed(left)
         return left
 
     def searched(sources: Iterable[tuple[Sequence[Any], Iterable[list[Candidate]]]]) -> Repair | None:
@@ -342,6 +341,8 @@ class _Search:
         self.many: Counter[str] = Counter()
         """Kind -> changes among those that are tried now."""
         self.compiled: dict[Edit, Candidate | None] = {}
+        self.alike: dict[Edit, list[_Change]] = {}
+        self.right: list[Edit] = []
         self.beside_running: dict[Candidate, set[ast.AST] | None] = {}
         self.alone: set[ast.stmt] = set()
         marks = self._marks(reached)
@@ -428,12 +429,30 @@ class _Search:
         later: list[_Change] = []
         for some in _parts(ordered, TOLD_AT_ONCE):
             told = self._told(some, values)
-            later += [c for c in some if told.get(c.edit) == LATER]
-            yield from _parts([c for c in some if c.edit not in told], AT_ONCE)
+            for change in some:
+                like, whole = told.get(change.edit, (None, True))
+                if not whole:
+                    later.append(change)
+                elif like is not None:
+                    self.alike.setdefault(like, []).append(change)
+            for chunk in _parts([c for c in some if c.edit not in told], AT_ONCE):
+                yield chunk
+                yield from _parts(self._taken(), AT_ONCE)
         yield from _parts(later, AT_ONCE)
 
-    def _told(self, some: Sequence["_Change"], values: Values) -> dict[Edit, int]:
-        """GONE or LATER, by the values that the changes have in their own statement."""
+    def passed(self, some: Iterable[Candidate]) -> None:
+        """These are right in the case that values were told of: so are those with the same values."""
+        self.right += [c.edit for c in some]
+
+    def _taken(self) -> list["_Change"]:
+        """What was dismissed since it does as a change that turned out to be right in that case."""
+        taken = [change for edit in self.right for change in self.alike.pop(edit, [])]
+        self.right = []
+        return taken
+
+    def _told(self, some: Sequence["_Change"], values: Values) -> dict[Edit, tuple[Edit | None, bool]]:
+        """Of those that raise, or do in their own statement as another change or nothing: the other, and whether each
+        time was looked at."""
         of: dict[tuple[str, ast.stmt], list[Edit]] = {}
         for cell, statement, edit in some:
             of.setdefault((cell, statement), []).append(edit)
@@ -445,7 +464,7 @@ class _Search:
             if code:
                 runs.append(Candidate(cell, statement, every[0], (code,), _bound(statement), ()))
         return {
-            at[place, number]: GONE if group < 0 or whole else LATER
+            at[place, number]: (at.get((place, group - 1)), group < 0 or bool(whole))
             for place, number, group, whole in (values(runs) if runs else ())
             if group != number + 1 and (place, number) in at
         }
@@ -505,11 +524,12 @@ class _Partial:
         self.some: list[tuple[Candidate, bytes, float]] = []
         self.before: np.ndarray | None = None
 
-    def begin(self, got: tuple[np.ndarray, ...] | None) -> None:
-        """What the function returns as it is; None: it raises."""
-        self.before = None if got is None else self.errors(got)
-
-    def add(self, tried: Sequence[Candidate], answers: Answers) -> None:
+    def add(
+        self, tried: Sequence[Candidate], answers: Answers,
+        run: Callable[[Candidate], tuple[np.ndarray, ...] | None],
+    ) -> None:  # fmt: skip
+        if self.before is None and (as_it_is := run(replace(tried[0], setting=()))) is not None:
+            self.before = self.errors(as_it_is)
         for candidate, got in zip(tried, answers, strict=True):
             off = None if got is None or candidate.beside else self.errors(got)
             if off is not None and not (self.before is not None and np.any((self.before <= 1) & (off > 1))):
