@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import msgspec
 import numpy as np
 import pytest
-from starter_submissions import SLIPS
+from starter_submissions import PLAIN, SLIPS
 
 from raytwin.contract.stage_table import LESSONS
 from raytwin.diagnose.repair import Repair
@@ -34,6 +34,33 @@ def test_the_line_of_a_slip_is_told_where_the_submission_lets_it_be_found(tmp_pa
     fix = "in place of `c = (oc * oc).sum() - radius ** 2` makes everything right"
     for said in ("line 39", fix):
         assert any(said in sentence for sentence in exercise.sentences) == told, exercise.sentences
+
+
+SPHERES = '[[exercises]]\nname = "spheres"\nstage = "intersect_sphere"\npoints = 20\n'
+RAYS = '[[exercises]]\nname = "rays"\nstage = "back_project"\npoints = 20\n'
+POINTS = '[[exercises]]\nname = "points"\nstage = "hit_points"\ndrawn = 1\npoints = 20\n'
+OWN_RAYS = PLAIN.replace("def back_project", "def own_rays").partition("def own_rays")[2].partition("def estimate")[0]
+COPIED = PLAIN.replace("tx = 2*p1*x*y", "tx = 2*p2*x*y").replace("rays = back_project", "rays = own_rays")
+COPIED += "\n\ndef own_rays" + OWN_RAYS
+"""Its pictures do not call the function that is tested, but what is wrong in it."""
+
+
+@pytest.mark.parametrize(
+    ("text", "of", "line", "told"),
+    [(SOURCE, SPHERES, "line 39", "follows from your intersect_sphere"), (COPIED, RAYS, "line 12", "line 12")],
+)
+def test_a_change_that_makes_a_function_right_explains_the_pictures(tmp_path, monkeypatch, text, of, line, told):
+    """No cause of the pictures is looked for; the function is its own again after pictures with a right one."""
+    for seconds in ("SECONDS", "UNNAMED", "IN_ALL"):
+        monkeypatch.setattr(f"raytwin.grade.sandboxed_repair.{seconds}", 60.0)
+    monkeypatch.setattr("raytwin.grade.marks.diagnose", lambda *_, **__: pytest.fail("looked at"))
+    (tmp_path / "r.toml").write_text(f'title = "t"\nhints = 3\n{of}{POINTS}')
+    (tmp_path / "a.py").write_text(text)
+    (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
+    function, points = result.exercises
+    assert (result.problem, function.sureness) == ("", "proved")
+    assert any(line in sentence for sentence in function.sentences), function.sentences
+    assert told in points.sentences[0]
 
 
 def wrong_image(*faults):

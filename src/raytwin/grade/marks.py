@@ -175,7 +175,7 @@ class _Causes:
         seen: Mapping[str, int], mended: Collection[int] = (),
     ) -> None:  # fmt: skip
         self.checked, self.helped, self.failed, self.seed, self.seen = checked, helped, failed, seed, seen
-        self.mended = mended
+        self.mended, checked = mended, {k: c for k, c in checked.items() if k not in mended}
         self.seconds, self.functions = SECONDS, " and ".join(helped.names)
         known = bool(failed) and all(m.faults or m.repair for m in failed)
         left = [k for k, (_, again) in helped.again.items() if not (again.part.passed or k in mended)]
@@ -183,14 +183,13 @@ class _Causes:
         self.beside = any(_is_nearer(checked[k], helped.again[k][1]) for k in left)
         self.together: Diagnosis | None = None
         if not (known and self.beside):
-            explained = {*mended, *(helped.again if known and fixed_by else ())}
+            explained = helped.again if known and fixed_by else {}
             self.together = self._diagnosed([c for k, c in checked.items() if k not in explained])
         named = self.together is not None and bool(self.together.causes)
         self.theirs = fixed_by and (known or not named)
         self.rest: Diagnosis | None = None
         if self.beside and not named:
-            some = {k: helped.again[k][1] if k in helped.again else c for k, c in checked.items()}
-            found = self._diagnosed([c for k, c in some.items() if k not in mended])
+            found = self._diagnosed([helped.again[k][1] if k in helped.again else c for k, c in checked.items()])
             if found is not None and found.causes:
                 self.rest = found
             else:
