@@ -2,8 +2,10 @@
 
 import msgspec
 import numpy as np
+from blind import GAP, blind_to, nearest_gap
 
-from raytwin.diagnose.draw_scene import blind_to, draw_scene
+from raytwin.diagnose import draw_scene as module
+from raytwin.diagnose.draw_scene import ARRANGEMENTS, draw_scene
 from raytwin.scene import Sun
 from raytwin.tracer import trace
 
@@ -13,9 +15,12 @@ def test_a_seed_gives_one_scene_and_another_seed_another():
     assert draw_scene(1) != draw_scene(2)
 
 
-def test_drawn_scenes_are_blind_to_nothing_at_their_own_size():
-    for seed in range(3):
-        assert blind_to(draw_scene(seed)) == [], seed
+def test_drawn_scenes_are_blind_to_nothing_and_nothing_touches(monkeypatch):
+    for arrangement in ARRANGEMENTS:
+        monkeypatch.setattr(module, "ARRANGEMENTS", (arrangement,))
+        for seed in range(2):
+            assert blind_to(draw_scene(seed, (60, 44))) == []
+            assert nearest_gap(draw_scene(seed)) > GAP
 
 
 def test_a_larger_scene_is_the_same_picture():
