@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from raytwin.diagnose.pixel_sample import GRID, every
+from raytwin.diagnose.pixel_sample import GRID
 from raytwin.errors import MachineError
 from raytwin.image import Image
 from raytwin.rungs import RUNGS
@@ -30,9 +30,8 @@ def rounding_cause(test: Image, reference: Image, scene: Scene, rung: str) -> tu
         return ()
     if test.mean.shape != reference.mean.shape or not np.isfinite(test.mean).all():
         return ()
-    camera = scene.camera
-    step = int(np.ceil(np.sqrt(camera.width * camera.height / GRID)))
-    thin = scene.with_camera(every(camera, step))
+    step = int(np.ceil(np.sqrt(scene.camera.width * scene.camera.height / GRID)))
+    thin = scene.with_camera(scene.camera.every(step))
     off = (test.mean[::step, ::step] - reference.mean[::step, ::step]).astype(float)
     before = float(np.square(off).sum())
     if not before:

@@ -3,7 +3,7 @@
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import lru_cache, partial
 from math import prod
 from typing import Any
 
@@ -77,26 +77,17 @@ def together(function: str, variants: Sequence[Variant], right: Function) -> Fun
 
 def slips(function: Function, rows: Sequence[tuple[str, str, str, str]]) -> tuple[Variant, ...]:
     """Variants of a function's own text: name, sentence, what stands there, what the mistake makes of it."""
-    return tuple(Variant(name, said, instead(_Slipped(function, old, new))) for name, said, old, new in rows)
+    made = lru_cache(maxsize=256)(partial(_with_slip, function))
+    return tuple(Variant(name, said, lambda _, slip=slip: made(*slip)) for name, said, *slip in rows)
 
 
-class _Slipped:
-    """A function with a slip in its text, compiled when it is first called."""
-
-    def __init__(self, function: Function, old: str, new: str) -> None:
-        self._function, self._old, self._new = function, old, new
-
-    def __call__(self, *args: Any) -> Any:
-        return self._made(*args)
-
-    @cached_property
-    def _made(self) -> Function:
-        text = inspect.getsource(self._function)
-        if text.count(self._old) != 1:
-            raise ValueError(f"{self._function.__name__} has {self._old!r} {text.count(self._old)} times")
-        exec(text.replace(self._old, self._new), space := dict(self._function.__globals__))
-        made: Function = space[self._function.__name__]
-        return made
+def _with_slip(function: Function, old: str, new: str) -> Function:
+    text = inspect.getsource(function)
+    if text.count(old) != 1:
+        raise ValueError(f"{function.__name__} has {old!r} {text.count(old)} times")
+    exec(text.replace(old, new), space := dict(function.__globals__))
+    made: Function = space[function.__name__]
+    return made
 
 
 def before(change: Callable[..., tuple[Any, ...]]) -> Callable[[Function], Function]:
@@ -196,7 +187,3 @@ class Stage:
         """The largest of `errors`, the outliers left out."""
         ordered = np.sort(errors, axis=None)
         return float(ordered[len(ordered) - 1 - int(self.outliers * len(ordered))])
-
-    def error(self, expected: Arrays, got: Arrays) -> float:
-        """How far off a case is."""
-        return self.worst(self.errors(expected, got))

@@ -1,7 +1,7 @@
-"""A limit in seconds for a whole diagnosis, and what was not tried within it."""
+"""A limit in seconds for a whole diagnosis."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 SECONDS = 30.0
@@ -13,12 +13,10 @@ SEARCH = 0.75
 
 @dataclass(eq=False)
 class Budget:
-    """`seconds` from now on by `clock`; `tried` and `untried`: names of mistakes."""
+    """`seconds` from now on by `clock`."""
 
     seconds: float = SECONDS
     clock: Callable[[], float] = time.thread_time
-    tried: set[str] = field(default_factory=set)
-    untried: set[str] = field(default_factory=set)
     began: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -34,17 +32,8 @@ class Budget:
         """Whether no time is left at all."""
         return self.clock() - self.began >= self.seconds
 
-    def cut(self, names: Sequence[str], done: int) -> None:
-        """Note that only the first `done` of `names` were tried."""
-        self.tried.update(names[:done])
-        self.untried.update(names[done:])
-
     @property
     def words(self) -> str:
-        """What the search did not try; empty where it tried everything."""
-        missed = self.untried - self.tried
-        if not missed:
-            return ""
-        every = len(missed | self.tried)
-        spent = f"{SEARCH * self.seconds:g} s"
-        return f"the search stopped after {spent}: {len(missed)} of {every} known mistakes were not tried"
+        """That the search has ended early; empty where it has not."""
+        stopped = f"the search stopped after {SEARCH * self.seconds:g} s: not all known mistakes were tried"
+        return stopped if self.over else ""

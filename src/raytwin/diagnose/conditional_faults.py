@@ -3,22 +3,13 @@
 Outlines that are wrong: several rays a pixel. Scenes that the same process was given before: what has stayed of them.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from functools import partial
 from itertools import product
 
-from raytwin.diagnose.antialiasing import AVERAGED, along_outlines
-from raytwin.diagnose.changes import (
-    CAMERA,
-    LIGHT,
-    ORDER,
-    Fault,
-    by_key,
-    chain,
-    is_ball,
-    offset_by,
-    row,
-)
+import numpy as np
+
+from raytwin.diagnose.changes import CAMERA, LIGHT, ORDER, SAMPLING, Fault, by_key, chain, is_ball, offset_by, row
 from raytwin.diagnose.pixel_sample import PixelSample
 from raytwin.diagnose.predict import Before, Pipeline, SceneDict, as_dict, replaced
 from raytwin.scene import Scene
@@ -33,6 +24,39 @@ def faults_suggested(samples: Sequence[PixelSample]) -> tuple[Fault, ...]:
         return ()
     blurred = AVERAGED if along_outlines(samples) > BLENDED else ()
     return (*blurred, *stale(samples))
+
+
+# ------------------------------------------------------------------------------------------ several rays a pixel
+
+
+def mean_of(places: Iterable[tuple[float, float]]) -> Pipeline:
+    """The mean of rays through several places about the pixel's centre."""
+    chosen = tuple(places)
+    return replaced(spread=lambda _: chosen)
+
+
+def grid(n: int, low: float, high: float) -> Pipeline:
+    """The mean of n x n rays from `low` to `high` in both directions, pixels."""
+    return mean_of(product(np.linspace(low, high, n).tolist(), repeat=2))
+
+
+BLENDS = "each pixel is the mean of several rays (anti-aliasing), which blends outlines and the edges of shadows"
+ONE_RAY = "here a pixel shows what the one ray through its centre, (u, v), meets"
+AVERAGED = (
+    row("averaged-over-pixel", SAMPLING, f"{BLENDS}: {ONE_RAY}",
+        *(grid(n, 0.5 / n - 0.5, 0.5 - 0.5 / n) for n in (2, 3, 4)), *(grid(n, -0.5, 0.5) for n in (2, 3))),
+    row("averaged-from-corner", SAMPLING,
+        f"{BLENDS}, and the rays are spread to one side of (u, v) as if that were the pixel's corner: {ONE_RAY}",
+        *(grid(n, 0.5 / n, 1 - 0.5 / n) for n in (2, 3, 4)), *(grid(n, 0.0, 1 - 1 / n) for n in (2, 3, 4)),
+        grid(2, 0.0, 1.0)),
+)  # fmt: skip
+
+
+def along_outlines(samples: Sequence[PixelSample]) -> float:
+    """The share of the pixels beside outlines that is wrong; of points, which have none, 0."""
+    seen = [s for s in samples if not s.view.points]
+    edge = sum(float((s.weight * s.edge).sum()) for s in seen)
+    return sum(float((s.weight * s.edge * s.wrong).sum()) for s in seen) / edge if edge else 0.0
 
 
 # ------------------------------------------------------------------------------------------ earlier scenes
@@ -54,12 +78,13 @@ Earlier = Callable[[Before], list[Scene]]
 
 def stale(samples: Sequence[PixelSample]) -> tuple[Fault, ...]:
     """What a process keeps of the scenes that it was given before: all of them, the first, or the one before."""
-    stages = tuple(sorted({stage for s in samples for stage, _ in s.view.before.calls}))
-    ways = [(stages, False), *([(stages, True), *(((stage,), False) for stage in stages)] if len(stages) > 1 else [])]
-    # A scene before which there was none is right.
-    lists: list[Earlier] = [partial(_some, stages=some, apart=apart) for some, apart in ways]
-    lists = [of for of in lists if not any(s.wrong.any() for s in samples if not of(s.view.before))]
-    if not lists or not stages:
+    wrong = [s.view.before for s in samples if s.wrong.any()]
+    lists: list[Earlier] = [
+        partial(_some, stages={before.stage for before in wrong}, apart=apart)
+        for apart in (False, True)[: len({stage for s in samples for stage, _ in s.view.before.calls})]
+    ]
+    lists = [of for of in lists if all(map(of, wrong))]  # a scene before which there was none is right
+    if not lists:
         return ()
 
     def taken(*several: tuple[str, ...], sized: bool = False) -> Iterator[Pipeline]:
@@ -83,11 +108,11 @@ def stale(samples: Sequence[PixelSample]) -> tuple[Fault, ...]:
     )  # fmt: skip
 
 
-def _some(before: Before, stages: Sequence[str], apart: bool) -> list[Scene]:
-    """Earlier scenes of these stages, which share what they keep; or each has its own (`apart`)."""
+def _some(before: Before, stages: Collection[str], apart: bool) -> list[Scene]:
+    """The scenes that were given before to whichever stage, or to the same one (`apart`); to other `stages`, none."""
     if before.stage not in stages:
         return []
-    return [one for stage, one in before.calls if (stage == before.stage if apart else stage in stages)]
+    return [one for stage, one in before.calls if stage == before.stage or not apart]
 
 
 def _from_earlier(

@@ -35,7 +35,7 @@ from raytwin.diagnose.localize import points_of_misses, whereabouts
 from raytwin.diagnose.noisy_values import noisy_cause
 from raytwin.diagnose.parametric_faults import FAMILIES, ParametricFault, of_objects, total
 from raytwin.diagnose.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, many
-from raytwin.diagnose.predict import RIGHT, Array
+from raytwin.diagnose.predict import RIGHT
 from raytwin.files import Rounding
 from raytwin.image import Image
 from raytwin.rungs import RUNGS
@@ -99,12 +99,11 @@ def diagnose(
     if count < FEW:
         return Diagnosis(right=False, where=where)
     if words := points_of_misses(samples):
-        cause = Cause(
-            "points-of-misses", ORDER, f"rays that meet nothing have points, too ({words}): NaN is wanted there"
-        )
+        text = f"rays that meet nothing have points, too ({words}): NaN is wanted there"
+        cause = Cause("points-of-misses", ORDER, text)
         return Diagnosis(False, (cause,), ((),), 1.0, None, "proved", where)
     samples = [s for s in samples if s.weight.size]
-    return replace(_search(samples, where, faults, families, most, budget, seen), untried=budget.words)
+    return _search(samples, where, faults, families, most, budget, seen)
 
 
 def _search(
@@ -138,7 +137,8 @@ def _search(
         more = min(found, key=lambda g: g.cost)
         if len(more.causes) > len(found[0].causes) and not left_over(samples, more.steps)[0]:
             found = [more, *(g for g in found if g is not more)]
-    return _described(found, samples, base, where, budget)
+    untried = budget.words
+    return replace(_described(found, samples, base, where, budget), untried=untried)
 
 
 def _one_value(views: Sequence[SubmittedImage]) -> float | None:
@@ -231,7 +231,8 @@ def _described(
         )
     if not is_likelier(samples, best.steps):
         return Diagnosis(right=False, where=where)
-    worst = _held_out(best, samples, each)
+    finite = each[np.isfinite(each)]
+    worst = float(max(finite.min(), 0.0)) if len(samples) > 1 and finite.size else None
     others = _as_good(best, found, samples, budget)
     alone = len(best.causes) == 1 and not others[0]
     # Each scene confirms what the others select: one alone proves nothing.
@@ -239,7 +240,7 @@ def _described(
     unchecked = budget.spent
     count, left = (0, "") if unchecked else left_over([s.everywhere(_most(s)) for s in samples], best.steps)
     whole = count < FEW and not unchecked and is_good(samples, best.steps)
-    whole = whole and (best.refit is None or is_exact(samples, best.steps))
+    whole = whole and (not any(cause.numbers for cause in best.causes) or is_exact(samples, best.steps))
     sureness: Sureness = "proved" if alone and confirmed and whole else "likely"
     order = sorted(range(len(best.causes)), key=lambda k: STAGES.index(best.causes[k].stage))
     return Diagnosis(
@@ -290,19 +291,6 @@ def _by_chance(samples: Sequence[PixelSample], where: str, least: float, budget:
                 for s, e, all_ in zip(samples, off, made, strict=True))  # fmt: skip
     cause = Cause(ACNE.name, ACNE.stage, ACNE.sentence)
     return Diagnosis(False, (cause,), ((),), 1 - float(after / max(before, 1e-300)), None, "likely", where)
-
-
-def _held_out(best: Hypothesis, samples: list[PixelSample], each: Array) -> float | None:
-    """The share explained of the scene that is explained least, what was fitted being fitted on the others."""
-    if len(samples) < 2:
-        return None
-    if best.refit is not None:
-        each = np.array([
-            explained_share([s], best.refit([x for x in samples if x is not s]))[0] if np.isfinite(each[k]) else np.nan
-            for k, s in enumerate(samples)
-        ])  # fmt: skip
-    finite = each[np.isfinite(each)]
-    return float(max(finite.min(), 0.0)) if finite.size else None
 
 
 def _as_good(

@@ -23,10 +23,9 @@ class Cause:
 class Diagnosis:
     """`causes`: all that is wrong, together; each with those that explain it as well (`alternatives`, same order).
 
-    `explained`: share of the squared error. `held_out`: the same of the worst scene, its own numbers fitted on the
-    others. `where`: where the pictures are wrong. `nearest`: the best cause where none suffices; `light`: factors of
-    the parts of light (sun, shadow, sky), where they explain one of the pictures. `untried`: what the search left out
-    for want of time.
+    `explained`: share of the squared error; `held_out`: of the worst scene's. `where`: where the pictures are wrong.
+    `nearest`: the best cause where none suffices; `light`: factors of the parts of light (sun, shadow, sky), where they
+    explain one of the pictures. `untried`: that the search left something out for want of time.
     """
 
     right: bool

@@ -4,7 +4,7 @@ The cost of errors e is Σ log(1 + (e/τ)²), minus the log likelihood of values
 any amount, so that a few odd pixels decide nothing.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,11 +13,11 @@ import numpy as np
 from raytwin.diagnose.budget import Budget
 from raytwin.diagnose.catalogue import FAULTS, equivalent_forms
 from raytwin.diagnose.certainty import is_good, shows
-from raytwin.diagnose.changes import Fault
+from raytwin.diagnose.changes import CAMERA, Fault
 from raytwin.diagnose.explanation import Cause
 from raytwin.diagnose.parametric_faults import ParametricFault, fit, promising, total
 from raytwin.diagnose.pixel_sample import PixelSample
-from raytwin.diagnose.predict import UP_TO_RAYS, Array, Pipeline
+from raytwin.diagnose.predict import Array, Pipeline
 from raytwin.diagnose.prediction_cache import costs
 
 SCREEN = 4
@@ -48,15 +48,13 @@ FITS = 5
 class Hypothesis:
     """What is tried: causes that are made one after the other, the steps that come of them, and their cost.
 
-    `typical`: each cause in the first of its ways. `way`: the mistake that was added last, as the catalogue has it.
+    `typical`: each cause in the first of its ways.
     """
 
     causes: tuple[Cause, ...]
     steps: Pipeline
     cost: float = np.inf
-    refit: Callable[[Sequence[PixelSample]], Pipeline] | None = None
     typical: bool = True
-    way: Pipeline | None = None
 
     def and_then(self, cause: Cause, mistake: Pipeline, **more: Any) -> "Hypothesis":
         """The same with one mistake more."""
@@ -92,7 +90,7 @@ class Search:
         """All that may be added to a hypothesis, the best first."""
         named = {cause.name for cause in before.causes}
         ways = [
-            before.and_then(Cause(f.name, f.stage, f.sentence), way, typical=before.typical and not k, way=way)
+            before.and_then(Cause(f.name, f.stage, f.sentence), way, typical=before.typical and not k)
             for f in faults if f.name not in named for k, way in enumerate(f.ways)
         ]  # fmt: skip
         if not before.causes and faults[: len(FAULTS)] == FAULTS:
@@ -106,24 +104,18 @@ class Search:
 
     def _fitted(self, before: Hypothesis, families: Sequence[ParametricFault]) -> list[Hypothesis]:
         """The numbers that explain most, of the faults that are worth fitting and that there is time for."""
-        budget, fitted = self.budget, []
-        begun, count = promising(families, self._order(before)[:SOME], before.steps, FITS, lambda: budget.over)
-        budget.cut([f.name for f in families], count if budget.over else len(families))
-        for k, family in enumerate(begun):
-            if budget.over:
-                budget.cut([f.name for f in begun], k)
+        over, fitted = (lambda: self.budget.over), []
+        for family in promising(families, self._order(before)[:SOME], before.steps, FITS, over):
+            if over():
                 break
-            p, cost = fit(family, self.small, before.steps, lambda: budget.over)
+            p, cost = fit(family, self.small, before.steps, over)
             if cost > 0.9 * before.cost:
                 continue
-            p, cost = fit(replace(family, start=p, tries=()), self.samples, before.steps, lambda: budget.over)
+            p, cost = fit(replace(family, start=p, tries=()), self.samples, before.steps, over)
             if not family.possible(p) or not shows(self.samples, before.steps, (*before.steps, *family.make(p))):
                 continue
-            here = replace(family, start=p, tries=())
             cause = Cause(family.name, family.stage, family.sentence(p, self._scenes()), len(p))
-            cost += 0.01 * before.cost * len(p)
-            refit = lambda some, f=here: (*before.steps, *f.make(fit(f, some, before.steps)[0]))  # noqa: E731
-            fitted.append(before.and_then(cause, family.make(p), cost=cost, refit=refit))
+            fitted.append(before.and_then(cause, family.make(p), cost=cost + 0.01 * before.cost * len(p)))
         return fitted
 
     def _scenes(self) -> list[Any]:
@@ -136,7 +128,7 @@ class Search:
         if some and some[0].cost < CLEAR / 2 * before.cost:
             some = [g for g in some if EVEN * before.cost < g.cost < NEAR * before.cost]
         # A second fault is added to what the first one's way has shown; another camera meets surfaces rightly.
-        some = [g for g in some if not before.causes and _beyond_the_camera(g.way)]
+        some = [g for g in some if not before.causes and g.causes[-1].stage != CAMERA]
         forms = [replace(g, steps=form, cost=np.inf) for g in some for form in equivalent_forms(g.steps)]
         tried += self._screened(forms, before)
         tried = sorted(tried, key=lambda g: g.cost)[:FINALISTS]
@@ -168,7 +160,6 @@ class Search:
                 if self.budget.over:
                     break
                 each.append(sight.cost(sight.errors(guess.steps)))
-            self.budget.cut([guess.causes[-1].name for guess in guesses], len(each))
             if len(each) < len(guesses) and views:
                 break  # what is left was tried on some views
             guesses, sums, views = guesses[: len(each)], sums[: len(each)] + each, views + 1
@@ -183,11 +174,6 @@ class Search:
         worst = sorted(self.small, key=lambda s: -total([s], before.steps))
         second = next((s for s in worst if s.view.rung != worst[0].view.rung), worst[0])
         return [worst[0], *([second] if second is not worst[0] else []), *(s for s in worst[1:] if s is not second)]
-
-
-def _beyond_the_camera(way: Pipeline | None) -> bool:
-    """Whether more is changed than the rays of the eye."""
-    return way is None or any(name not in UP_TO_RAYS for name, _ in way)
 
 
 def _limit(sums: Array, wrong: float, least: int) -> float:

@@ -31,8 +31,6 @@ FIRM = 4.0
 """Standard errors: a factor off by less is right."""
 MOST = 4
 """Factors, at most so many of which are told."""
-ALIKE = 0.02
-"""Factors of one part on several objects that differ by less are one."""
 LEAST_PIXELS = 10
 """Pixels of objects below which nothing is fitted."""
 EXPLAINED = 0.9
@@ -161,7 +159,7 @@ def _fewest(sight: PixelSample, parts: dict[str, Halves], ids: Array, names: Seq
         left = least
         chosen.append(best)
         shares = (Share(*key, float(a + 1), float(b)) for key, a, b in zip(chosen, g, errors, strict=True))
-        found = Split(_joined(tuple(shares)), 1 - max(left - noise, 0.0) / max(before - noise, 1e-300))
+        found = Split(tuple(shares), 1 - max(left - noise, 0.0) / max(before - noise, 1e-300))
     return found
 
 
@@ -181,16 +179,3 @@ def _with(w: Array, d: Array, e: Array, columns: Sequence[Halves]) -> tuple[floa
     inverse = np.linalg.pinv(A)
     errors = np.sqrt(np.maximum(np.diag(inverse @ (scores.T @ scores) @ inverse.T), 0))
     return float((w * one * other).sum()), g, errors
-
-
-def _joined(shares: Sequence[Share]) -> tuple[Share, ...]:
-    """One row where a part has the same factor on every object."""
-    made: list[Share] = []
-    for part in dict.fromkeys(share.part for share in shares):
-        own = [share for share in shares if share.part == part]
-        factors = [share.factor for share in own]
-        if len(own) > 1 and max(factors) - min(factors) < ALIKE * max(abs(np.median(factors)), 0.1):
-            made.append(Share("", part, float(np.median(factors)), max(share.error for share in own)))
-        else:
-            made += own
-    return tuple(made)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from raytwin.diagnose.pixel_sample import PixelSample
-from raytwin.diagnose.predict import RIGHT, Array, Predictor, written
+from raytwin.diagnose.predict import Array, Predictor
 from raytwin.scene import Scene, Sphere
 
 MUCH, LITTLE = 0.05, 0.005
@@ -35,7 +35,7 @@ def whereabouts(samples: Sequence[PixelSample], errors: Sequence[Array]) -> str:
 
 
 def points_of_misses(samples: Sequence[PixelSample]) -> str:
-    """What pixels show whose rays meet nothing, where that alone is wrong, in points: in words; else empty."""
+    """A point of a ray that meets nothing, where such points alone are wrong: in words; else empty."""
     spoilt = [s for s in samples if s.wrong.any()]
     said = []
     for s in spoilt:
@@ -45,23 +45,8 @@ def points_of_misses(samples: Sequence[PixelSample]) -> str:
         shown = s.shown[missed]
         if (s.wrong & ~missed).any() or (s.wrong & missed).sum() < 0.99 * missed.sum() or np.isnan(shown).any():
             return ""
-        said.append(_place(s.bench, missed, shown))
-    return said[0] if said and all(one == said[0] for one in said) else ""
-
-
-def _place(bench: Predictor, missed: Array, shown: Array) -> str:
-    """Where these points are: far along the rays, at infinity, or all at one place."""
-    if np.isinf(shown).any(axis=-1).all():
-        return "they are infinite"
-    if np.ptp(shown, axis=0).max() <= 1e-6 * np.abs(shown).max(initial=1e-300):
-        return f"they are all at ({', '.join(f'{x:.4g}' for x in shown[0])})"
-    scene = bench.described(RIGHT)
-    rays = written(RIGHT)["through"](scene["K"], scene["dist"], bench.u[missed], bench.v[missed])
-    along = shown - bench.met()[0]
-    t = np.linalg.norm(along, axis=-1, keepdims=True)
-    if np.abs(along / t - rays @ scene["R_cam_board"]).max() < 1e-4:
-        return f"they are {np.median(t):.1g} m away, along the rays: your test for a miss looks for another number"
-    return "they are finite"
+        said.append(f"as ({', '.join(f'{x:.4g}' for x in shown[0])})")
+    return said[0] if said else ""
 
 
 def _regions(sight: PixelSample) -> tuple[Array, Array]:

@@ -1,7 +1,7 @@
 """Mistakes with a number in them: a factor, a shift, an angle, fitted to all views together.
 
-Each family is a change of the tracer with parameters. They are found by Gauss and Newton's method on the logarithmic
-cost of `PixelSample`, whose tolerance begins at the size of the errors and shrinks to what is close.
+Each family is a change of the tracer with parameters. They are found by least squares on the logarithmic cost of
+`PixelSample`, whose tolerance begins at the size of the errors and shrinks to what is close.
 """
 
 from collections.abc import Callable, Sequence
@@ -43,6 +43,8 @@ WRITTEN = tuple(
     for ratio in (pi / value, value / pi)
 )
 """Factors of light that a rounded π leaves, as divisor or factor."""
+REACH = 100
+"""Small steps that a fit tries at first, at most."""
 SAME = 1e-5
 """A factor this close to 1 changes nothing that single precision shows."""
 
@@ -168,7 +170,7 @@ FAMILIES = (
     ParametricFault("distortion-scaled", CAMERA, (1.0,), 0.02, _distortion,
            lambda p, _: f"the distortion is {p[0]:.3g} times as strong as it should be"),
     ParametricFault("radius-scaled", SOLVER, (1.0,), 0.005, lambda p: _resized(abs(p[0]) + 1e-9),
-           lambda p, _: f"the spheres are {p[0]:.4g} times as large as they should be"),
+           lambda p, _: f"the spheres are {p[0]:.4g} times as large as they should be", ((0.9,), (1.1,))),
     ParametricFault("light-turned", LIGHT, (0.0, 0.0, 0.0), 0.01, _light_turned,
            _sun_moved, ((0.6, 0.0, 0.0), (0.0, 0.6, 0.0), (-0.6, 0.0, 0.0), (0.0, -0.6, 0.0))),
     ParametricFault("sun-scaled", LIGHT, (1.0,), 0.1, lambda p: _lit(p[0]),
@@ -262,8 +264,7 @@ def fit(
     over: Callable[[], bool] = lambda: False,
 ) -> tuple[tuple[float, ...], float]:
     """The parameters that explain most, and their cost, the mean over sights; as far as it comes until `over`."""
-    found = [Descent(family, samples, base, np.array(p, float)) for p in (family.start, *family.tries)]
-    made = [tuple(descent.run(over).tolist()) for descent in found]
+    made = [_nearer(family, samples, base, p, 9, over)[0] for p in (family.start, *family.tries)]
     return min(((p, total(samples, (*base, *family.make(p)))) for p in made), key=lambda x: x[1])
 
 
@@ -273,19 +274,16 @@ def promising(
     base: Pipeline,
     most: int,
     over: Callable[[], bool] = lambda: False,
-) -> tuple[list[ParametricFault], int]:
-    """Those whose first step explains most, each begun at its best place; and how many were tried until `over`."""
+) -> list[ParametricFault]:
+    """Those whose first step explains most, each begun at its best place, of as many as are tried until `over`."""
     tried: dict[str, tuple[float, ParametricFault]] = {}
-    for family in families:
-        for start in (family.start, *family.tries):
-            if over():
-                break
-            one = Descent(family, samples, base, np.array(start, float))
-            cost = one.cost(one.residual, one.widest) if one.advance() else np.inf
-            begun = cost, replace(family, start=tuple(one.p.tolist()), tries=())
-            tried[family.name] = min(tried.get(family.name, begun), begun, key=lambda x: x[0])
-    best = sorted(tried.values(), key=lambda x: x[0])
-    return [family for _, family in best[:most]], len(tried)
+    for family, start in ((f, p) for f in families for p in (f.start, *f.tries)):
+        if over():
+            break
+        p, cost = _nearer(family, samples, base, start, 1, over)
+        begun = cost, replace(family, start=p, tries=())
+        tried[family.name] = min(tried.get(family.name, begun), begun, key=lambda x: x[0])
+    return [family for _, family in sorted(tried.values(), key=lambda x: x[0])[:most]]
 
 
 def total(samples: Sequence[PixelSample], steps: Pipeline) -> float:
@@ -293,52 +291,43 @@ def total(samples: Sequence[PixelSample], steps: Pipeline) -> float:
     return float(np.mean([s.cost(s.errors(steps)) for s in samples]))
 
 
-class Descent:
-    """Gauss and Newton's steps, kept where the cost falls; `widen`: times the last tolerance, at first `widest`."""
+def _nearer(
+    family: ParametricFault,
+    samples: Sequence[PixelSample],
+    base: Pipeline,
+    start: tuple[float, ...],
+    rounds: int,
+    over: Callable[[], bool],
+) -> tuple[tuple[float, ...], float]:
+    """Parameters that explain more, and their cost: least squares whose tolerance shrinks from round to round.
 
-    def __init__(self, family: ParametricFault, samples: Sequence[PixelSample], base: Pipeline, p: Array) -> None:
-        self.family, self.samples, self.base, self.p = family, samples, base, p
-        self.roots = np.concatenate([np.repeat(np.sqrt(s.weight / len(samples)), 3) for s in samples])
-        right = np.abs(self._residual(base) / self.roots)
-        self.widest = self.widen = float(np.median(right[right > 1])) if (right > 1).any() else 1.0
-        self.residual, self.step = self.residual_at(p), family.step
+    It counts in units of REACH small steps, so that a difference of 1 / REACH is one of them.
+    """
+    from scipy.optimize import least_squares
 
-    def residual_at(self, p: Array) -> Array:
-        return self._residual((*self.base, *self.family.make(tuple(p))))
+    weights = np.concatenate([np.repeat(s.weight / len(samples), 3) for s in samples])
 
-    def _residual(self, steps: Pipeline) -> Array:
-        off = [np.clip((s.shown - s.predict(steps)) / s.tau, -1e8, 1e8).ravel() for s in self.samples]
-        return self.roots * np.nan_to_num(np.concatenate(off))
+    def at(q: Array) -> tuple[float, ...]:
+        return tuple((start + REACH * family.step * (q - 1)).tolist())
 
-    def cost(self, residual: Array, widen: float) -> float:
-        return float((self.roots**2 * np.log1p(np.square(residual / self.roots / widen))).sum())
+    def off(q: Array) -> Array:
+        steps = (*base, *family.make(at(q)))
+        errors = [np.clip((s.shown - s.predict(steps)) / s.tau, -1e8, 1e8).ravel() for s in samples]
+        return np.nan_to_num(np.concatenate(errors))
 
-    def advance(self) -> float:
-        """One step, as long as it helps: its length; 0 where none does."""
-        beside = self.p + self.step * np.eye(self.p.size)
-        J = np.stack([(self.residual_at(p) - self.residual) / self.step for p in beside], axis=1)
-        w = 1 / (1 + np.square(self.residual / self.roots / self.widen))
-        A, b = (J * w[:, None]).T @ J, (J * w[:, None]).T @ self.residual
-        change = -np.linalg.lstsq(A + 1e-9 * np.diag(np.diag(A) + 1e-12), b, rcond=None)[0]
-        now = self.cost(self.residual, self.widen)
-        for shorter in (1.0, 0.4):
-            tried = self.residual_at(self.p + shorter * change)
-            if self.cost(tried, self.widen) < now:
-                self.p, self.residual = self.p + shorter * change, tried
-                return float(np.abs(change).max())
-        return 0.0
+    def loss(z: Array) -> Array:
+        return weights * np.stack([np.log1p(z), 1 / (1 + z), -1 / (1 + z) ** 2])
 
-    def run(self, over: Callable[[], bool] = lambda: False) -> Array:
-        """The best parameters."""
-        for _ in range(12):
-            if over():
-                break
-            length = self.advance()
-            if not length:
-                if self.widen <= 1 and self.step <= self.family.step * 0.1:
-                    break
-                self.step = max(self.step / 4, self.family.step * 1e-2)
-            elif self.widen <= 1 and length < 1e-5 * self.family.step:
-                break
-            self.widen = max(self.widen / 4, 1.0)
-        return self.p
+    q, cost = np.ones(len(start)), np.inf
+    large = np.abs(off(q))
+    width = 2 * float(np.quantile(large[large > 1], 0.9)) if (large > 1).any() else 1.0
+    for k in range(rounds):
+        if over():
+            break
+        step = (1 if width > 1 else 0.1) / REACH
+        found = least_squares(off, q, loss=loss, f_scale=width, diff_step=step, max_nfev=3 if rounds == 1 else 4)
+        q, cost = found.x, 2 * found.cost / width**2
+        if width == 1 and k > 0:
+            break
+        width = max(width / 4, 1.0)
+    return at(q), cost

@@ -14,7 +14,7 @@ from raytwin.diagnose.predict import FIRST, RIGHT, Array, Before, Pipeline, Pred
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.rungs import RUNGS
-from raytwin.scene import Camera, Scene, Sphere
+from raytwin.scene import Scene, Sphere
 from raytwin.scene.lens import without_ray
 from raytwin.tracer import RADIANCE, trace
 
@@ -193,15 +193,6 @@ def _half(view: SubmittedImage) -> Array:
     return np.zeros(view.shown.shape) if view.half is None else view.half
 
 
-def every(camera: Camera, step: int) -> Camera:
-    """The camera whose pixel (u, v) stands where the other's (step u, step v) does."""
-    (a, s, cx), (z, b, cy), last = camera.K
-    K = ((a / step, s / step, cx / step), (z, b / step, cy / step), last)
-    return msgspec.structs.replace(
-        camera, image_size=(-(-camera.width // step), -(-camera.height // step)), K=K
-    )  # fmt: skip
-
-
 def thinned(view: SubmittedImage) -> tuple[SubmittedImage, int, Array, Array]:
     """Every step-th pixel, in float64, with what is right; the step; outlines and pixels with a ray (H, W)."""
     if view.scene is None:
@@ -219,7 +210,7 @@ def thinned(view: SubmittedImage) -> tuple[SubmittedImage, int, Array, Array]:
     if view.points:
         scene, before = _of_spheres(scene), Before(before.stage, tuple((k, _of_spheres(x)) for k, x in before.calls))
     step = math.ceil(math.sqrt(camera.width * camera.height / GRID))
-    thin = scene.with_camera(every(camera, step))
+    thin = scene.with_camera(camera.every(step))
     traced = traced_once(thin, view.rung if view.rung in RADIANCE and RUNGS[view.rung].lit else "lambert")
     assert traced.surface is not None
     half, right = view.half, view.right

@@ -26,8 +26,6 @@ RIGHT: Pipeline = ()
 BESIDE = ("spread", "earlier")
 """Steps beside the textbook's functions: the rays of a pixel; what is left over from earlier scenes. Any other name
 defines a function or number that slips may use."""
-UP_TO_RAYS = ("pixel", "undistort", "through", "to_board", "spread")
-"""Steps that change nothing but the rays of the eye."""
 FACES_AWAY = (("return visible", "return visible & (np.sum(normals * to_light, axis=-1) > 0)"),)
 """What faces away from the sun is in its own shadow, as where shadow rays start a little off the surface."""
 
