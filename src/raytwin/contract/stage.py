@@ -3,7 +3,7 @@
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
+from functools import lru_cache
 from math import prod
 from typing import Any
 
@@ -77,10 +77,14 @@ def together(function: str, variants: Sequence[Variant], right: Function) -> Fun
 
 def slips(function: Function, rows: Sequence[tuple[str, str, str, str]]) -> tuple[Variant, ...]:
     """Variants of a function's own text: name, sentence, what stands there, what the mistake makes of it."""
-    made = lru_cache(maxsize=256)(partial(_with_slip, function))
-    return tuple(Variant(name, said, lambda _, slip=slip: made(*slip)) for name, said, *slip in rows)
+
+    def change(old: str, new: str) -> Callable[[Any], Function]:
+        return lambda _: _with_slip(function, old, new)
+
+    return tuple(Variant(name, said, change(old, new)) for name, said, old, new in rows)
 
 
+@lru_cache(maxsize=256)
 def _with_slip(function: Function, old: str, new: str) -> Function:
     text = inspect.getsource(function)
     if text.count(old) != 1:
