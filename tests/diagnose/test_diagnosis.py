@@ -226,8 +226,9 @@ def test_the_mean_of_several_rays_a_pixel_is_proved():
 def test_what_a_process_keeps_of_earlier_scenes_is_told(name):
     """The first scene is right; a wrong one that nothing came before speaks against it."""
     befores = [Before("render"), Before("render", (("render", DRAWN[0]),))]
-    right = [SubmittedImage(scene, planted(RIGHT, scene), before=b) for scene, b in zip(DRAWN, befores, strict=True)]
-    (one,) = (f for f in stale(many(right)) if f.name == name)
+    first, second = (planted(RIGHT, scene) for scene in DRAWN)
+    pictures = zip(DRAWN, (first, 0 * second), befores, strict=True)
+    (one,) = (f for f in stale(many([SubmittedImage(s, x, before=b) for s, x, b in pictures])) if f.name == name)
     shown = [planted(one.ways[0], scene, b) for scene, b in zip(DRAWN, befores, strict=True)]
     told = diagnose([SubmittedImage(s, x, before=b) for s, x, b in zip(DRAWN, shown, befores, strict=True)], most=1)
     assert names(told) == [name]
