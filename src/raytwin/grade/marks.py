@@ -22,7 +22,7 @@ from raytwin.grade.sandboxed_repair import SecondLook
 from raytwin.grade.wrong_picture import wrong_picture
 from raytwin.sandbox.sandbox import Code
 
-SECONDS, AT_MOST = 7.0, 4.0
+SECONDS, AT_MOST = 9.0, 3.0
 """CPU seconds for the causes of all pictures of a submission, and for those of some: what is named is named sooner."""
 FURTHER = 1.25
 """Multiple of the wrong pixels: if right functions leave more, they do not fit the submission's own ways."""
