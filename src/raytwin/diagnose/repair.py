@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytwin.diagnose.edit import Edit, replaced
+from raytwin.diagnose.edit import Edit
 from raytwin.diagnose.local_values import values_text
 from raytwin.diagnose.operators import edits
 from raytwin.diagnose.rewritings import is_setting
@@ -54,6 +54,8 @@ TOLD_AT_ONCE = 480
 """Changes of which this is asked in one run."""
 VALUES_SECONDS = 0.5
 """Of computing, for one such run."""
+MOST_SHOWN = 100
+"""Characters of a line that a message shows."""
 A_CALL = 0.25
 """Seconds of computing after which a candidate is given up; or so many times what the student's own function takes."""
 
@@ -271,11 +273,14 @@ def _as_repair(best: Candidate) -> Repair:
     if edit.moved is not None:
         text = ast.unparse(edit.moved).splitlines()[0]
         return Repair(best.cell, edit.moved.lineno, edit.operator, text, f"{text} (first in the loop)")
-    smallest = _simple_statement(best.statement, edit.old)
-    if smallest is not None and not isinstance(edit.new, list):
-        before, after = ast.unparse(smallest), ast.unparse(replaced(smallest, edit.old, edit.new))
-        if len(before) <= 100 and "\n" not in before + after:
-            return Repair(best.cell, edit.line, edit.operator, before, after)
+    if not isinstance(edit.new, list):
+        if (whole := _shown(best.statement, edit)) is not None:
+            return Repair(best.cell, edit.line, edit.operator, ast.unparse(whole), ast.unparse(edit.applied(whole)))
+        if edit.also:
+            (old, new), *also = edit.also
+            rest = Edit(edit.operator, edit.weight, old, new, tuple(also))
+            first = _as_repair(replace(best, edit=replace(edit, also=())))
+            return replace(first, beside=_as_repair(replace(best, edit=rest)))
     if edit.operator.startswith(("the return", "the last line")) and isinstance(edit.old, ast.For | ast.While | ast.If):
         last = edit.old.body[-1]
         text, outer = ast.unparse(last).splitlines()[0], "condition" if isinstance(edit.old, ast.If) else "loop"
@@ -283,11 +288,14 @@ def _as_repair(best: Candidate) -> Repair:
     return Repair(best.cell, edit.line, edit.operator, edit.before.splitlines()[0], edit.after.splitlines()[0])
 
 
-def _simple_statement(tree: ast.AST, node: ast.AST) -> ast.stmt | None:
-    """The innermost statement around the node that has no others in it."""
+def _shown(tree: ast.AST, edit: Edit) -> ast.AST | None:
+    """The largest part of a simple statement that has all that changes, and fits on a line."""
     for one in ast.walk(tree):
-        if isinstance(one, ast.stmt) and not hasattr(one, "body") and any(n is node for n in ast.walk(one)):
-            return one
+        if isinstance(one, ast.expr) or (isinstance(one, ast.stmt) and not hasattr(one, "body")):
+            inside = set(map(id, ast.walk(one)))
+            text = ast.unparse(one) if all(id(old) in inside for old, _ in edit.parts) else "\n"
+            if len(text) <= MOST_SHOWN and "\n" not in text:
+                return one
     return None
 
 
