@@ -23,7 +23,8 @@ def slipped(function, part, edit):
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            exec(compile(ast.Module([edit.applied(STATEMENTS[part])], []), "slip", "exec"), space)
+            tree = ast.Module([edit.applied(STATEMENTS[part])], [])
+            exec(compile(ast.fix_missing_locations(tree), "slip", "exec"), space)
     except (SyntaxError, TypeError, ValueError):
         return None
     return space[function]

@@ -249,6 +249,10 @@ def loop_variable(n: ast.expr, scope: Scope) -> Found:
         yield from ((f"`{name}` is wanted", 1.9, template(name)) for name in sorted(scope.loops - names_in(n)))
 
 
+WITHIN = "the index counts within a part of the array"
+"""What may be wrong in a function that is right where the array has one part."""
+
+
 def index(n: ast.expr, scope: Scope) -> Found:
     """An index that counts within a part: of the chosen entries, or of a tile that begins further on."""
     parent = scope.parents.get(id(n))
@@ -258,11 +262,10 @@ def index(n: ast.expr, scope: Scope) -> Found:
     if isinstance(n, ast.Constant) and isinstance(n.value, int):
         yield from ((f"`{name}` is wanted", 1.1, template(name)) for name in sorted(scope.loops))
     if isinstance(n, ast.Name | ast.Subscript):
-        within = "the index counts within a part of the array"
         for name in sorted(scope.indices - names_in(n)):
-            yield within, 1.0, fill("A[B]", A=template(name), B=n)
+            yield WITHIN, 1.0, fill("A[B]", A=template(name), B=n)
         for name in sorted(scope.loops - names_in(n)):
-            yield within, 1.0, fill("A + B", A=template(name), B=n)
+            yield WITHIN, 1.0, fill("A + B", A=template(name), B=n)
 
 
 def other_name(n: ast.Name, scope: Scope) -> Found:

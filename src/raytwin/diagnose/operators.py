@@ -11,7 +11,7 @@ from typing import Any
 
 from raytwin.diagnose import expression_operators as expressions
 from raytwin.diagnose import statement_operators as statements
-from raytwin.diagnose.edit import Edit, blocks, code, code_children, is_text, names_in
+from raytwin.diagnose.edit import Edit, blocks, code, code_children, names_in
 from raytwin.diagnose.rewritings import rewritten, wrapped
 from raytwin.diagnose.scope import File, Found, Scope
 
@@ -19,7 +19,8 @@ USUAL = 2.0
 """Weights up to here are tried first; beyond are names for one another, and factors by name."""
 ALONE = File()
 """Nothing is known of the file."""
-OPERATORS: tuple[tuple[Any, Callable[[Any, Scope], Found]], ...] = (
+Operator = Callable[[Any, Scope], Found]
+OPERATORS: tuple[tuple[Any, Operator], ...] = (
     (ast.BinOp, expressions.binary),
     (ast.BinOp, expressions.square),
     (ast.BoolOp, expressions.conditions),
@@ -44,6 +45,7 @@ OPERATORS: tuple[tuple[Any, Callable[[Any, Scope], Found]], ...] = (
     (ast.FunctionDef, statements.function),
     (ast.Lambda, statements.late_variable),
     (ast.expr, rewritten),
+    (ast.expr, wrapped),
 )
 """Which nodes an operator is for, and the operator."""
 
@@ -52,26 +54,37 @@ def edits(
     statement: ast.stmt,
     file: File = ALONE,
     rare: bool = False,
-    only: tuple[type, ...] = (ast.AST,),
     runs: Callable[[ast.stmt], bool] = lambda one: True,
 ) -> list[Edit]:
     """Single slips of a top-level statement, the least far-fetched first: those of weights up to `USUAL`, or the rest.
 
-    `only`: of nodes of these types. `runs(statement)`: whether it is one that matters. Names in scope are those of a
-    function, or of a class's method.
+    `runs(statement)`: whether it is one that matters. Names in scope are those of a function, or of a class's method.
     """
     made: list[Edit] = []
     for unit in _units(statement):
         scope = Scope(unit, file, rare)
-        by_node = {id(node): list(_of_node(node, scope)) for node in _running(unit, runs) if isinstance(node, only)}
+        nodes = list(_running(unit, runs))
+        by_node = {id(node): list(_of_node(node, scope, OPERATORS)) for node in nodes}
+        of_blocks = [edit for n in nodes for block in blocks(n) for edit in statements.in_block(block, scope)]
         bound: dict[int, set[str]] = {}
         _bound(unit, scope.stored, bound)
-        made += [edit for some in by_node.values() for edit in some if _stores(edit) <= bound[id(edit.old)]]
+        made += [e for e in itertools.chain(*by_node.values(), of_blocks) if _stores(e) <= bound[id(e.old)]]
         everywhere = [edit for same in _repeated(unit) for edit in _at_all(same, by_node, _what)]
         made += [edit for edit in everywhere if not edit.operator.startswith("the sign")]
         made += [edit for same in _counterparts(scope) for edit in _at_all(same, by_node, _form_of_what)]
     made = [edit for edit in made if (edit.weight > USUAL) == rare and not _same(edit.old, edit.new)]
     return sorted(made, key=lambda e: e.weight)
+
+
+UNSEEN = {statements.assign, statements.copied, statements.augmented, expressions.index}
+
+
+def edits_of_right(statement: ast.stmt) -> list[Edit]:
+    """Slips that the tests of a function do not see, whose arrays are small and nobody else's."""
+    operators = [(kind, operator) for kind, operator in OPERATORS if operator in UNSEEN]
+    scopes = [(unit, Scope(unit, ALONE, False)) for unit in _units(statement)]
+    made = [edit for unit, scope in scopes for node in code(unit) for edit in _of_node(node, scope, operators)]
+    return [edit for edit in made if edit.operator in (statements.SHARED, expressions.WITHIN)]
 
 
 def _units(statement: ast.stmt) -> Iterator[ast.stmt]:
@@ -91,16 +104,11 @@ def _running(statement: ast.AST, runs: Callable[[ast.stmt], bool]) -> Iterator[a
             yield from _running(child, runs)
 
 
-def _of_node(node: ast.AST, scope: Scope) -> Iterator[Edit]:
+def _of_node(node: ast.AST, scope: Scope, operators: Sequence[tuple[Any, Operator]]) -> Iterator[Edit]:
     if isinstance(getattr(node, "ctx", None), ast.Store | ast.Del) and not isinstance(node, ast.Tuple | ast.List):
         return
-    some = [operator for kind, operator in OPERATORS if isinstance(node, kind)]
-    if id(node) in scope.values and not (is_text(node) or scope.is_module(node)):
-        some.append(wrapped)
-    for operator in some:
+    for operator in [operator for kind, operator in operators if isinstance(node, kind)]:
         yield from (Edit(words, weight, node, new, *also) for words, weight, new, *also in operator(node, scope))
-    for block in blocks(node):
-        yield from statements.in_block(block, scope)
 
 
 def _bound(tree: ast.AST, names: set[str], found: dict[int, set[str]]) -> None:

@@ -21,11 +21,10 @@ import numpy as np
 
 from raytwin.diagnose.edit import Edit
 from raytwin.diagnose.local_values import values_text
-from raytwin.diagnose.operators import edits
+from raytwin.diagnose.operators import edits, edits_of_right
 from raytwin.diagnose.rewritings import is_setting
 from raytwin.diagnose.schemata import Setting, schemata
 from raytwin.diagnose.scope import MODULES, File
-from raytwin.diagnose.statement_operators import SHARED
 
 Cells = Sequence[tuple[str, str]]
 """(name, text): a Python file has one, a notebook several."""
@@ -362,8 +361,7 @@ class _Search:
         """The usual ones, or the rare. `values(candidates)`: what `local_values` tells in a wrong case."""
         found = [c for cell, statement in self.reached for c in self._changes(cell, statement, rare, self.running)]
         for cell, statement in () if rare else self.aside:
-            some = edits(statement, only=(ast.Assign, ast.AugAssign))
-            found += [_Change(cell, statement, edit) for edit in some if edit.operator == SHARED]
+            found += [_Change(cell, statement, edit) for edit in edits_of_right(statement)]
         yield from self._compiled(found, values)
 
     def beside(

@@ -223,10 +223,10 @@ def wrapped(node: ast.expr, scope: Scope) -> Found:
     """What may be missing around the value, or beside it."""
     parent = scope.parents.get(id(node))
     called = ast.unparse(parent.func).rpartition(".")[2] if isinstance(parent, ast.Call) else ""
-    if called in ASKING or called == "range":
+    if id(node) not in scope.values or is_text(node) or scope.is_module(node) or called in ASKING or called == "range":
         return  # a value that becomes NaN there, or a loop that never runs, is an accident
     if isinstance(parent, ast.Assign) and isinstance(node, ast.Name):  # any change there makes a copy, too
-        yield "a copy is missing", 0.9, fill("A.copy()", A=node)
+        yield "a copy is missing", 0.7, fill("A.copy()", A=node)
     signed = isinstance(node, ast.UnaryOp) or is_setting(node)
     for words, weight, *forms in WRAPS:
         for form in forms:
