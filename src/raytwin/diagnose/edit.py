@@ -173,6 +173,17 @@ def form(tree: ast.AST) -> str:
     return re.sub(r"Name\(id='\w+'|Constant\(value=[^,)]*", "_(", ast.dump(tree))
 
 
+def same(old: Any, new: Any) -> bool:
+    """Whether two nodes, lists of nodes or values are equal."""
+    if type(old) is not type(new):
+        return False
+    if isinstance(old, list):
+        return len(old) == len(new) and all(map(same, old, new))
+    if isinstance(old, ast.AST):
+        return old is new or all(same(getattr(old, name, None), getattr(new, name, None)) for name in old._fields)
+    return bool(old == new)
+
+
 def short(node: ast.AST) -> str:
     """The node's text, cut for a message."""
     text = ast.unparse(node)

@@ -11,7 +11,7 @@ from typing import Any
 
 from raytwin.diagnose import expression_operators as expressions
 from raytwin.diagnose import statement_operators as statements
-from raytwin.diagnose.edit import Edit, blocks, code, code_children, names_in
+from raytwin.diagnose.edit import Edit, all_names, blocks, code, code_children, form, names_in, renamed, same
 from raytwin.diagnose.rewritings import rewritten, wrapped
 from raytwin.diagnose.scope import File, Found, Scope
 
@@ -69,10 +69,11 @@ def edits(
         bound: dict[int, set[str]] = {}
         _bound(unit, scope.stored, bound)
         made += [e for e in itertools.chain(*by_node.values(), of_blocks) if _stores(e) <= bound[id(e.old)]]
-        everywhere = [edit for same in _repeated(unit) for edit in _at_all(same, by_node, _what)]
+        made += [edit for items in scope.lists for pair in itertools.pairwise(items) for edit in _unlike(*pair, scope)]
+        everywhere = [edit for nodes in _repeated(unit) for edit in _at_all(nodes, by_node, _what)]
         made += [edit for edit in everywhere if not edit.operator.startswith("the sign")]
-        made += [edit for same in _counterparts(scope) for edit in _at_all(same, by_node, _form_of_what)]
-    made = [edit for edit in made if (edit.weight > USUAL) == rare and not _same(edit.old, edit.new)]
+        made += [edit for nodes in _counterparts(scope) for edit in _at_all(nodes, by_node, _form_of_what)]
+    made = [edit for edit in made if (edit.weight > USUAL) == rare and not same(edit.old, edit.new)]
     return sorted(made, key=lambda e: e.weight)
 
 
@@ -136,16 +137,6 @@ def _stores(edit: Edit) -> set[str]:
     return {name for one in some if isinstance(one, ast.stmt) for name in names_in(one, ast.Store)}
 
 
-def _same(old: Any, new: Any) -> bool:
-    if type(old) is not type(new):
-        return False
-    if isinstance(old, list):
-        return len(old) == len(new) and all(map(_same, old, new))
-    if isinstance(old, ast.AST):
-        return old is new or all(_same(getattr(old, name, None), getattr(new, name, None)) for name in old._fields)
-    return bool(old == new)
-
-
 # ------------------------------------------------------------------------------------------ in several places
 
 
@@ -158,20 +149,20 @@ def _repeated(statement: ast.AST) -> Iterator[list[ast.AST]]:
                 loaded = isinstance(getattr(node, "ctx", ast.Load()), ast.Load)
                 if loaded and isinstance(node, ast.Name | ast.Attribute | ast.Subscript | ast.BinOp | ast.Call):
                     of.setdefault(ast.dump(node), []).append(node)
-            yield from (same for same in of.values() if len(same) > 1)
+            yield from (nodes for nodes in of.values() if len(nodes) > 1)
 
 
 def _counterparts(scope: Scope) -> Iterator[list[ast.AST]]:
     """Expressions at the same place of lines of one form: a slip that is copied, name by name, is in both."""
     for pair in scope.parallel:
-        for same in zip(*(itertools.chain(*map(ast.walk, run)) for run in pair), strict=True):
-            if isinstance(same[0], ast.BinOp | ast.Call | ast.UnaryOp | ast.Compare | ast.Subscript):
-                yield list(same)
+        for nodes in zip(*(itertools.chain(*map(ast.walk, run)) for run in pair), strict=True):
+            if isinstance(nodes[0], ast.BinOp | ast.Call | ast.UnaryOp | ast.Compare | ast.Subscript):
+                yield list(nodes)
 
 
-def _at_all(same: Sequence[ast.AST], by_node: Mapping[int, list[Edit]], key: Callable[[Edit], Any]) -> Iterator[Edit]:
+def _at_all(nodes: Sequence[ast.AST], by_node: Mapping[int, list[Edit]], key: Callable[[Edit], Any]) -> Iterator[Edit]:
     """The edits that all of these nodes have, in all of them at once: those that are equal by `key`."""
-    edits_of = [[e for e in by_node.get(id(n), []) if isinstance(e.new, ast.AST) and not e.also] for n in same]
+    edits_of = [[e for e in by_node.get(id(n), []) if isinstance(e.new, ast.AST) and not e.also] for n in nodes]
     first, *others = [{key(e): e for e in reversed(some)} for some in edits_of]
     for name, edit in reversed(first.items()):
         if all(name in some for some in others):
@@ -185,3 +176,32 @@ def _what(edit: Edit) -> Any:
 
 def _form_of_what(edit: Edit) -> Any:
     return re.sub("`.*?`", "", edit.operator), re.sub(r"\w+", "_", edit.after)
+
+
+# ------------------------------------------------------------------------------------------ lines of almost one form
+
+
+def _unlike(one: ast.AST, other: ast.AST, scope: Scope) -> Iterator[Edit]:
+    """Two lines, or entries of a tuple, that differ in form at one place: there one is as the other, name by name."""
+    place, names = _difference(one, other)
+    if place is not None:
+        for (old, like), counterparts in ((place, {b: a for a, b in names}), (place[::-1], dict(names))):
+            letters = str.maketrans({b: a for b, a in counterparts.items() if len(a) == len(b) == 1})
+            spelled = {name: name.translate(letters) for name in names_in(like)}
+            known = {name: to for name, to in spelled.items() if to in scope.names}
+            yield Edit("the line beside it is otherwise", 0.9, old, renamed(like, known | counterparts))
+
+
+def _difference(one: ast.AST, other: ast.AST) -> tuple[tuple[ast.AST, ast.AST] | None, list[tuple[str, str]]]:
+    """The innermost expressions in which the two differ in form, and the names that stand for each other elsewhere."""
+    children = list(ast.iter_child_nodes(one)), list(ast.iter_child_nodes(other))
+    if type(one) is type(other) and len(children[0]) == len(children[1]):
+        pairs = list(zip(*children, strict=True))
+        apart = [pair for pair in pairs if form(pair[0]) != form(pair[1])]
+        if len(apart) == 1 and all(isinstance(part, ast.expr) for part in apart[0]):
+            alike = [pair for pair in pairs if pair is not apart[0]]
+            names = [(a.id, b.id) for x, y in alike for a, b in zip(all_names(x), all_names(y), strict=True)]
+            place, more = _difference(*apart[0])
+            return place, names + more
+    expressions = isinstance(one, ast.expr) and isinstance(other, ast.expr)
+    return ((one, other) if expressions and form(one) != form(other) else None), []

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import Any
 
-from raytwin.diagnose.edit import fill, is_text, short, template
+from raytwin.diagnose.edit import fill, is_text, same, short, template
 from raytwin.diagnose.scope import Found, Scope
 
 BOTH_WAYS: tuple[tuple[str, float, str, str], ...] = (
@@ -143,7 +143,13 @@ WRAPS: tuple[tuple[Any, ...], ...] = (
     ("it is encoded", 2.2, "A ** (1 / 2.2)", "A**2.2"),
 )
 """What may be missing around a value A: in words, how far-fetched, and what it may be then."""
-BESIDE = (("term", 2.6, "A + B"), ("term", 2.6, "A - B"), ("factor", 2.4, "A * B"), ("divisor", 2.4, "A / B"))
+BESIDE = (
+    ("term", 2.6, "A + B"),
+    ("term", 2.6, "A - B"),
+    ("term", 2.6, "B - A"),
+    ("factor", 2.4, "A * B"),
+    ("divisor", 2.4, "A / B"),
+)
 """What may be missing beside a value A: in words, how far-fetched, and what it is then."""
 EXCHANGED = (
     ("sqrt", "square"), ("minimum", "maximum"), ("min", "max"), ("argmin", "argmax"), ("any", "all"),
@@ -172,9 +178,11 @@ def rewritten(node: ast.expr, scope: Scope) -> Found:
 
 @cache
 def _by_kind() -> Mapping[type, list[tuple[str, float, ast.expr, list[str]]]]:
-    """The rewritings by the kind of node that they are for."""
+    """The rewritings by the kind of node that they are for; what may be missing around a value may be too many."""
     made: dict[type, list[tuple[str, float, ast.expr, list[str]]]] = {}
-    for words, weight, form, *others in REWRITINGS:
+    back = [(words.replace("missing", "too many"), weight, form, "A") for words, weight, *forms in WRAPS
+            for form in forms if "is missing" in words]  # fmt: skip
+    for words, weight, form, *others in (*REWRITINGS, *back):
         tree = template(form)
         made.setdefault(type(tree), []).append((words, weight, tree, others))
     return made
@@ -189,7 +197,7 @@ def _matches(form: Any, node: Any, parts: dict[str, ast.expr], numpy: str) -> bo
     """Whether the node has the form; `parts` become what its letters stand for."""
     if isinstance(form, ast.Name) and form.id in LETTERS:
         fits = isinstance(node, LETTERS[form.id]) and (form.id == "S" or not isinstance(node, ast.Slice | ast.Starred))
-        return fits and not (form.id == "N" and is_text(node)) and parts.setdefault(form.id, node) is node
+        return fits and not (form.id == "N" and is_text(node)) and same(parts.setdefault(form.id, node), node)
     if isinstance(form, ast.Name) and form.id == "NP":
         return isinstance(node, ast.Name) and node.id == numpy
     if isinstance(form, list):
@@ -252,5 +260,5 @@ def _beside(node: ast.expr, donors: Iterable[tuple[str, ast.expr]], alone: bool,
     """What is missing beside the value: a term, or a factor or divisor where it stands alone."""
     for text, donor in donors:
         if text != ast.unparse(node):
-            for word, weight, form in BESIDE if alone else BESIDE[:2]:
+            for word, weight, form in BESIDE if alone else BESIDE[:3]:
                 yield f"the {word} `{text}` is missing", weight - less, fill(form, A=node, B=donor)

@@ -80,7 +80,9 @@ class Scope:
         donors += sorted({ast.unparse(n) for n in nodes if isinstance(n, ast.Call) and ast.unparse(n.func) == "len"})
         self.donors = [(text, template(text)) for text in dict.fromkeys(donors)][:MOST_DONORS]
         self.unread = [name for name in self.names if name not in self.uses]
-        self.parallel = list(_parallel([*self.blocks, *(n.elts for n in nodes if isinstance(n, ast.Tuple | ast.List))]))
+        self.lists: list[Sequence[ast.AST]] = [*self.blocks]
+        self.lists += [n.elts for n in nodes if isinstance(n, ast.Tuple | ast.List)]
+        self.parallel = list(_parallel(self.lists))
         self.suspects = _suspects(self.parallel)
 
     def is_called(self, node: ast.AST) -> bool:
