@@ -10,7 +10,6 @@ import itertools
 import math
 import re
 import time
-import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,14 +19,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raytwin.diagnose.edit import Edit
+from raytwin.diagnose.function_text import Cells, file_of, names_bound, statements_of
 from raytwin.diagnose.local_values import values_text
 from raytwin.diagnose.operators import edits, edits_of_right
 from raytwin.diagnose.rewritings import is_setting
 from raytwin.diagnose.schemata import Setting, schemata
-from raytwin.diagnose.scope import MODULES, File
 
-Cells = Sequence[tuple[str, str]]
-"""(name, text): a Python file has one, a notebook several."""
 Answers = list[tuple[np.ndarray, ...] | None]
 Rows = Sequence[Sequence[int]]
 NONE_SEEN: Mapping[str, int] = {}
@@ -197,7 +194,7 @@ def repair(
                 return found
         return None
 
-    reached, every = (_statements(cells, function, names) for names in (innocent, ()))
+    reached, every = (statements_of(cells, function, names) for names in (innocent, ()))
     known_lines = {(cell, statement.lineno) for cell, statement in reached}
     aside = [(cell, statement) for cell, statement in every if (cell, statement.lineno) not in known_lines]
     search = _Search(cells, reached, seen, runner.places_in(first), runner.right, aside, more_time,
@@ -321,7 +318,7 @@ def candidates(
     `places(candidates)`: those that a wrong case reaches. Statements that do not run there are left as they are.
     `right(candidates)`: those that functions reach that are right: a mistake there is less likely.
     """
-    search = _Search(cells, _statements(cells, function, innocent), seen, places, right)
+    search = _Search(cells, statements_of(cells, function, innocent), seen, places, right)
     for some in (*search.candidates(False), *search.candidates(True)):
         yield from some
 
@@ -342,7 +339,7 @@ class _Search:
     ) -> None:  # fmt: skip
         self.aside, self.more_time = aside, more_time
         self.reached, self.seen = reached, seen
-        self.file = _file(cells, [statement for _, statement in reached])
+        self.file = file_of(cells, [statement for _, statement in reached])
         self.end = 0
         self.made: dict[Any, list[_Change]] = {}
         self.many: Counter[str] = Counter()
@@ -468,7 +465,7 @@ class _Search:
             code, numbers = values_text(statement, every, len(at))
             at |= {place: edit for edit, place in numbers.items()}
             if code:
-                runs.append(Candidate(cell, statement, every[0], (code,), _bound(statement), ()))
+                runs.append(Candidate(cell, statement, every[0], (code,), names_bound(statement), ()))
         return {
             at[place, number]: (at.get((place, group - 1)), group < 0 or bool(whole))
             for place, number, group, whole in (values(runs) if runs else ())
@@ -486,7 +483,7 @@ class _Search:
         return marks
 
     def _candidates(self, cell: str, statement: ast.stmt, every: Sequence[Edit]) -> Iterator[Candidate]:
-        names = _bound(statement)
+        names = names_bound(statement)
         for some, schema in schemata(statement, every, self.end, statement not in self.alone):
             self.end = schema.end
             for edit in some:
@@ -580,63 +577,3 @@ def _nodes(marks: Sequence[Candidate], asked: frozenset[int] | None) -> set[ast.
 def _weight(edit: Edit, seen: Mapping[str, int]) -> float:
     """How far-fetched it is; ten times as often seen is worth COMMON."""
     return edit.weight - COMMON * math.log10(1 + seen.get(kind_of(edit.operator), 0)) if seen else edit.weight
-
-
-def _file(cells: Cells, reached: Sequence[ast.stmt]) -> File:
-    """What the operators have to know of the text."""
-    nodes = [n for s in reached for n in ast.walk(s)]
-    words = {n.value for n in nodes if isinstance(n, ast.Constant) and isinstance(n.value, str)}
-    methods: dict[str, set[str]] = {}
-    for n in nodes:
-        if isinstance(n, ast.Call) and isinstance(n.func, ast.Attribute) and isinstance(n.func.value, ast.Name):
-            methods.setdefault(n.func.value.id, set()).add(n.func.attr)
-    top = [s for _, text in cells for s in _parsed(text).body]
-    numpy = next((a.asname or a.name for s in top if isinstance(s, ast.Import) for a in s.names
-                  if a.name == "numpy"), "np")  # fmt: skip
-    arity = {s.name: len(s.args.args) for s in top if isinstance(s, ast.FunctionDef)}
-    libraries = {numpy, *MODULES}
-    return File(
-        numpy,
-        tuple(sorted(word for word in words if word.isidentifier())),
-        {base: frozenset(some) for base, some in methods.items() if base not in libraries},
-        arity,
-    )
-
-
-def _parsed(text: str) -> ast.Module:
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return ast.parse(text)
-    except (SyntaxError, ValueError, RecursionError):
-        return ast.Module([], [])
-
-
-def _statements(cells: Cells, function: str, innocent: Sequence[str]) -> list[tuple[str, ast.stmt]]:
-    """Those top-level statements that bind the function and whatever it, in turn, reads, but for what is innocent."""
-    bound: dict[str, tuple[str, ast.stmt]] = {}
-    for cell, text in cells:
-        for statement in _parsed(text).body:
-            for name in _bound(statement):
-                # `f = check(f)` behind `def f` wraps the function, and is not its text.
-                if isinstance(statement, ast.FunctionDef) or not isinstance(
-                    bound.get(name, ("", None))[1], ast.FunctionDef
-                ):
-                    bound[name] = cell, statement
-    found: dict[int, tuple[str, ast.stmt]] = {}
-    todo = [function]
-    bound = {name: one for name, one in bound.items() if name not in innocent}
-    while todo:
-        name = todo.pop(0)
-        if name in bound and id(bound[name][1]) not in found:
-            found[id(bound[name][1])] = bound[name]
-            todo += [n.id for n in ast.walk(bound[name][1]) if isinstance(n, ast.Name)]
-    return list(found.values())
-
-
-def _bound(statement: ast.stmt) -> tuple[str, ...]:
-    if isinstance(statement, ast.FunctionDef | ast.ClassDef):
-        return (statement.name,)
-    if isinstance(statement, ast.Assign):
-        return tuple(n.id for target in statement.targets for n in ast.walk(target) if isinstance(n, ast.Name))
-    return ()
