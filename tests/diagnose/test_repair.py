@@ -161,6 +161,20 @@ def test_accidents_of_copying_and_moving_are_undone():
         assert right in texts, right
 
 
+def test_copied_lines_indices_within_a_part_and_arguments_of_opencv_are_put_right():
+    text = (
+        "def f(xd, yd, tx, ty, out, parts, K):\n    a = (xd - tx) / K + xd * 2\n    b = (xd - ty) / K + yd * 2\n"
+        "    x = tx / K\n    y = (yd - ty) / K\n    for start in parts:\n        k = K[0]\n        out[k] = a\n"
+        "    for j, s in enumerate(yd):\n        out[j] = 1\n    return cv2.undistortPoints(a, K, b), x, start\n"
+    )
+    texts = changed(text)
+    for right in (
+        "b = (yd - ty) / K + yd * 2", "x = (xd - tx) / K", "out[start + k] = a", "enumerate(yd, len(parts))",
+        "cv2.undistortPoints(a, np.eye(3), b)", "criteria=(3, 100, 1e-12)",
+    ):  # fmt: skip
+        assert right in texts, right
+
+
 def test_lost_lines_late_variables_and_exchanged_names_are_put_right():
     text = (
         "def f(a, b, c, best):\n    made = []\n    m = a @ b @ c\n    for t in a:\n        near = t < best\n"
