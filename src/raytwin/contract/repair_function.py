@@ -69,8 +69,8 @@ def repair_here(
 
     def values(chosen: Sequence[Candidate], arguments: Sequence[Any]) -> Rows:
         settings = [c.setting for c in chosen]
-        told: Rows = local_values(space, name, *prepared(chosen), settings, arguments, VALUES_SECONDS)
-        return told
+        rows: Rows = local_values(space, name, *prepared(chosen), settings, arguments, VALUES_SECONDS)
+        return rows
 
     def reached_by_right(chosen: Sequence[Candidate]) -> frozenset[int]:
         return frozenset().union(*(places(chosen, case.args) for case in right))

@@ -212,7 +212,7 @@ def local_values(
     """
     import time
 
-    told: dict[int, list[list[Any]]] = {}
+    prints: dict[int, list[list[Any]]] = {}
     times: dict[int, int] = {}
     busy, until = [False], time.process_time() + seconds
 
@@ -230,7 +230,7 @@ def local_values(
         # Of many times the 1st, 2nd, 3rd, 4th, 6th, 8th, 12th, 16th, 24th ...: loops begin with what is special.
         if not busy[0] and n // (n & -n) in (1, 3) and time.process_time() < until:
             busy[0] = True
-            told.setdefault(place, []).append([print_of(value), *map(print_with, others())])
+            prints.setdefault(place, []).append([print_of(value), *map(print_with, others())])
             busy[0] = False
         return value
 
@@ -245,10 +245,10 @@ def local_values(
     attempt(space, "raytwin_call", [], [], [], arguments, 2 * seconds)
     space.update(old)
     rows = []
-    for place, seen in told.items():
+    for place, seen in prints.items():
         first: dict[Any, int] = {}
-        for number, prints in enumerate(zip(*seen, strict=True)):
-            group = number if None in prints else first.setdefault(prints, number)
-            group = -1 if "raised" in prints else group
+        for number, each in enumerate(zip(*seen, strict=True)):
+            group = number if None in each else first.setdefault(each, number)
+            group = -1 if "raised" in each else group
             rows.append((place, number - 1, group, int(len(seen) == times[place])))
     return rows

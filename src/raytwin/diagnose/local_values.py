@@ -42,7 +42,7 @@ def values_text(statement: ast.stmt, some: Sequence[Edit], first: int) -> tuple[
             numbers[edit] = place, len(others) - 1
     if not at:
         return b"", {}
-    code = code_of([_Told(at).visit(copy.copy(statement))])
+    code = code_of([_Watched(at).visit(copy.copy(statement))])
     if code is None:
         right = [edit for edit in numbers if code_of([ast.Expr(edit.applied(values[id(edit.old)]))]) is not None]
         return (b"", {}) if len(right) == len(numbers) else values_text(statement, right, first)
@@ -82,7 +82,7 @@ def _is_known(called: ast.expr) -> bool:
     return called.attr in METHODS or (isinstance(root, ast.Name) and root.id in LIBRARIES)
 
 
-class _Told(ast.NodeTransformer):
+class _Watched(ast.NodeTransformer):
     """`x = f(y)` becomes `x = raytwin_values(7, lambda: f(y), lambda: (lambda: g(y), lambda: f(z)))`."""
 
     def __init__(self, at: dict[int, tuple[int, list[ast.expr]]]) -> None:
@@ -94,17 +94,17 @@ class _Told(ast.NodeTransformer):
             if isinstance(value, list):
                 setattr(made, name, [self.visit(one) if isinstance(one, ast.AST) else one for one in value])
             elif isinstance(value, ast.AST):
-                setattr(made, name, self._told(value) if id(value) in self.at else self.visit(value))
+                setattr(made, name, self._watched(value) if id(value) in self.at else self.visit(value))
         return made
 
-    def _told(self, value: ast.AST) -> ast.AST:
+    def _watched(self, value: ast.AST) -> ast.AST:
         place, others = self.at[id(value)]
         all_of_them = ast.Tuple([_later(one) for one in others], ast.Load())
-        told = ast.Call(
+        watched = ast.Call(
             ast.Name("raytwin_values", ast.Load()), [ast.Constant(place), _later(value), _later(all_of_them)], []
         )
-        locate(told, value)
-        return told
+        locate(watched, value)
+        return watched
 
 
 def _later(value: Any) -> ast.Lambda:

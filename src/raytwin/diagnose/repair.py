@@ -46,10 +46,10 @@ LOOK_ON = 0.5
 """Seconds of computing, at most, for other changes once one fits."""
 FIRST = 96
 """Changes that are tried at once; of the others it is asked first what they do where they stand."""
-TOLD_AT_ONCE = 480
+ASKED_AT_ONCE = 480
 """Changes of which this is asked in one run."""
 VALUES_SECONDS = 0.5
-"""Of computing, for one such run."""
+"""Seconds of computing, for one such run."""
 MOST_SHOWN = 100
 """Characters of a line that a message shows."""
 A_CALL = 0.25
@@ -430,15 +430,15 @@ class _Search:
     def _not_dismissed(self, ordered: Sequence["_Change"], values: Values) -> Iterator[Sequence["_Change"]]:
         """AT_ONCE at a time; last come those that did as others, or nothing, each time that was looked at."""
         later: list[_Change] = []
-        for some in _parts(ordered, TOLD_AT_ONCE):
-            told = self._told(some, values)
+        for some in _parts(ordered, ASKED_AT_ONCE):
+            dismissed = self._dismissed(some, values)
             for change in some:
-                like, whole = told.get(change.edit, (None, True))
+                like, whole = dismissed.get(change.edit, (None, True))
                 if not whole:
                     later.append(change)
                 elif like is not None:
                     self.alike.setdefault(like, []).append(change)
-            for chunk in _parts([c for c in some if c.edit not in told], AT_ONCE):
+            for chunk in _parts([c for c in some if c.edit not in dismissed], AT_ONCE):
                 yield chunk
                 yield from _parts(self._taken(), AT_ONCE)
         yield from _parts(later, AT_ONCE)
@@ -453,8 +453,8 @@ class _Search:
         self.right = []
         return taken
 
-    def _told(self, some: Sequence["_Change"], values: Values) -> dict[Edit, tuple[Edit | None, bool]]:
-        """Of those that raise, or do in their own statement as another change or nothing: the other, and whether each
+    def _dismissed(self, some: Sequence["_Change"], values: Values) -> dict[Edit, tuple[Edit | None, bool]]:
+        """Those that raise, or do in their own statement as another change or nothing: the other, and whether each
         time was looked at."""
         of: dict[tuple[str, ast.stmt], list[Edit]] = {}
         for cell, statement, edit in some:
