@@ -139,8 +139,8 @@ class SecondLook:
 
         `right`: functions that are right by their own tests, and are not tried. `replaced`: functions that failed, of
         which right ones take the place. `beside`: others that are wrong; a change that makes them right, too, is
-        `found` of them. `pictures`: (function, case) of those that are wrong: cases that are the same for all may be too
-        small to show it.
+        `found` of them. `pictures`: (function, case) of those that are wrong: cases that are the same for all may be
+        too small to show it.
         """
         wrong = [e for e in exercises if e.status in ("fail", "error")]
         unnamed = {e.stage for e in wrong if self.code and not (e.faults or e.fingerprint)}
