@@ -436,6 +436,24 @@ def repaired(text, name, cases, errors=lambda case, got: None):
     return repair([("", text)], name, wrong_first, is_right, runner, lambda: True, errors=errors)
 
 
+@pytest.mark.parametrize(("wrong", "right"), [
+    ("p[hit] = t[hit, None] * d[hit]", "p[hit] = t[hit, None] * d[hit] + o"),
+    ("H = Td @ G @ Ts", "H = np.linalg.inv(Td) @ G @ Ts"),
+    ("m = o[:n] - c; a = d[i:i + n]", "m = o[i:i + n] - c; a = d[i:i + n]"),
+    ("y = np.empty_like(v)", "y = np.empty_like(v, dtype=float)"),
+    ("off = self.power", "off = self.power.copy()"),
+])  # fmt: skip
+def test_usual_changes_undo_what_is_often_forgotten(wrong, right):
+    (statement,) = ast.parse(f"def f(self, o, d, t, hit, c, i, n, Td, G, Ts, v):\n    {wrong}\n    return o").body
+    made = [ast.fix_missing_locations(edit.applied(statement)) for edit in edits(statement)]
+    assert right in {"; ".join(map(ast.unparse, tree.body[:-1])) for tree in made}
+
+
+def test_an_index_is_not_another_one_by_its_sign():
+    (statement,) = ast.parse("def f(H):\n    return H[:, 2]").body
+    assert all(edit.operator != "the sign is wrong" for edit in edits(statement) if "-2" in edit.after)
+
+
 @pytest.mark.parametrize("lost", ["            best = t\n", "            first = sheet[1]\n"])
 def test_a_line_that_is_missing_is_found_in_a_block_like_it(lost):
     before, _, after = TWO_LOOPS.rpartition(lost)

@@ -52,6 +52,10 @@ def binary(n: ast.BinOp, scope: Scope) -> Found:
         yield "the brackets are wrong", 1.1, ast.BinOp(ast.BinOp(a, n.op, b.left), b.op, b.right)
     if isinstance(a, ast.Call) and len(a.args) == 1:
         yield "the brackets end too early", 1.3, changed(a, args=[ast.BinOp(a.args[0], n.op, b)])
+    if isinstance(n.op, ast.MatMult):
+        inverse = [fill("NP.linalg.inv(A)", NP=template(scope.numpy), A=one) for one in (a, b)]
+        yield "the inverse is wanted", 1.1, ast.BinOp(inverse[0], n.op, b)
+        yield "the inverse is wanted", 1.1, ast.BinOp(a, n.op, inverse[1])
 
 
 def square(n: ast.BinOp, scope: Scope) -> Found:
@@ -95,7 +99,12 @@ def call(n: ast.Call, scope: Scope) -> Found:
             changed(n, keywords=n.keywords[:k] + n.keywords[k + 1 :]),
         )
     if called in TYPED and all(k.arg != "dtype" for k in n.keywords):
-        yield "it holds whole numbers", 1.3, changed(n, keywords=[*n.keywords, ast.keyword("dtype", template("float"))])
+        weight = 0.9 if called.endswith("_like") else 1.3
+        yield (
+            "it holds whole numbers",
+            weight,
+            changed(n, keywords=[*n.keywords, ast.keyword("dtype", template("float"))]),
+        )
     for text in scope.counted if called == "enumerate" else ():
         count = template(f"len({text})")
         yield "it counts from another number", 1.1, changed(n, args=[n.args[0], count], keywords=[])
@@ -266,6 +275,15 @@ def index(n: ast.expr, scope: Scope) -> Found:
             yield WITHIN, 1.0, fill("A[B]", A=template(name), B=n)
         for name in sorted(scope.loops - names_in(n)):
             yield WITHIN, 1.0, fill("A + B", A=template(name), B=n)
+
+
+OF_PART = "the entries of another part are wanted"
+
+
+def part(n: ast.Subscript, scope: Scope) -> Found:
+    """The entries that another array is read or written at."""
+    yield from ((OF_PART, 1.0, changed(n, slice=other)) for text, other in scope.parts.items()
+                if text != ast.unparse(n.slice))  # fmt: skip
 
 
 def other_name(n: ast.Name, scope: Scope) -> Found:

@@ -35,6 +35,7 @@ OPERATORS: tuple[tuple[Any, Operator], ...] = (
     (ast.Name, expressions.other_name),
     (ast.Subscript | ast.Attribute | ast.Name, expressions.loop_variable),
     (ast.Constant | ast.Subscript | ast.Name, expressions.index),
+    (ast.Subscript, expressions.part),
     (ast.Assign, statements.assign),
     (ast.Assign, statements.copied),
     (ast.AugAssign, statements.augmented),
@@ -77,7 +78,7 @@ def edits(
     return sorted(made, key=lambda e: e.weight)
 
 
-UNSEEN = {statements.assign, statements.copied, statements.augmented, expressions.index}
+UNSEEN = {statements.assign, statements.copied, statements.augmented, expressions.index, expressions.part}
 
 
 def edits_of_right(statement: ast.stmt) -> list[Edit]:
@@ -85,7 +86,7 @@ def edits_of_right(statement: ast.stmt) -> list[Edit]:
     operators = [(kind, operator) for kind, operator in OPERATORS if operator in UNSEEN]
     scopes = [(unit, Scope(unit, ALONE, False)) for unit in _units(statement)]
     made = [edit for unit, scope in scopes for node in code(unit) for edit in _of_node(node, scope, operators)]
-    return [edit for edit in made if edit.operator in (statements.SHARED, expressions.WITHIN)]
+    return [edit for edit in made if edit.operator in (statements.SHARED, expressions.WITHIN, expressions.OF_PART)]
 
 
 def _units(statement: ast.stmt) -> Iterator[ast.stmt]:
@@ -189,7 +190,7 @@ def _unlike(one: ast.AST, other: ast.AST, scope: Scope) -> Iterator[Edit]:
             letters = str.maketrans({b: a for b, a in counterparts.items() if len(a) == len(b) == 1})
             spelled = {name: name.translate(letters) for name in names_in(like)}
             known = {name: to for name, to in spelled.items() if to in scope.names}
-            yield Edit("the line beside it is otherwise", 0.9, old, renamed(like, known | counterparts))
+            yield Edit("it is written otherwise than the line beside it", 0.9, old, renamed(like, known | counterparts))
 
 
 def _difference(one: ast.AST, other: ast.AST) -> tuple[tuple[ast.AST, ast.AST] | None, list[tuple[str, str]]]:

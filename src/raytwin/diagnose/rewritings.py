@@ -216,6 +216,8 @@ def _matches(form: Any, node: Any, parts: dict[str, ast.expr], numpy: str) -> bo
 ASKING = ("isfinite", "isnan", "isinf")
 MOST_DIMENSIONS = 4
 """Whole numbers up to this one count axes, powers and factors; larger ones are steps or sizes."""
+WHOLE = 0.9
+"""By so much less far-fetched is it that a name is missing beside all that is assigned."""
 UNREAD = 1.35
 """By so much less far-fetched is it that a name is missing which nothing reads."""
 
@@ -233,9 +235,11 @@ def wrapped(node: ast.expr, scope: Scope) -> Found:
     called = ast.unparse(parent.func).rpartition(".")[2] if isinstance(parent, ast.Call) else ""
     if id(node) not in scope.values or is_text(node) or scope.is_module(node) or called in ASKING or called == "range":
         return  # a value that becomes NaN there, or a loop that never runs, is an accident
-    if isinstance(parent, ast.Assign) and isinstance(node, ast.Name):  # any change there makes a copy, too
+    if isinstance(parent, ast.Assign) and isinstance(node, ast.Name | ast.Attribute | ast.Subscript):
+        # Any change there makes a copy, too.
         yield "a copy is missing", 0.7, fill("A.copy()", A=node)
-    signed = isinstance(node, ast.UnaryOp) or is_setting(node)
+    around = scope.parents.get(id(parent)) if isinstance(parent, ast.Tuple) else parent
+    signed = isinstance(node, ast.UnaryOp) or is_setting(node) or isinstance(around, ast.Subscript)
     for words, weight, *forms in WRAPS:
         for form in forms:
             number = isinstance(node, ast.Constant) and any(sign in form for sign in ("NP", "[", ".", "**"))
@@ -249,11 +253,13 @@ def wrapped(node: ast.expr, scope: Scope) -> Found:
     if isinstance(node, ast.Constant):
         return
     alone = not isinstance(parent, ast.Call | ast.Compare)
+    whole = isinstance(parent, ast.Assign | ast.Return)
+    names = [(name, template(name)) for name in scope.names if name not in scope.unread]
     if scope.rare:
-        names = [(name, template(name)) for name in scope.names if name not in scope.unread]
-        yield from _beside(node, [*(names if alone else ()), *scope.donors], alone)
+        yield from _beside(node, [*(names if alone and not whole else ()), *scope.donors], alone)
     elif alone:
         yield from _beside(node, [(name, template(name)) for name in scope.unread], alone, UNREAD)
+        yield from _beside(node, names if whole else (), alone, WHOLE)
 
 
 def _beside(node: ast.expr, donors: Iterable[tuple[str, ast.expr]], alone: bool, less: float = 0.0) -> Found:

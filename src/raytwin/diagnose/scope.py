@@ -50,6 +50,8 @@ class Scope:
         self.steps = [n for n in nodes if isinstance(n, ast.AugAssign)]
         self.loops = {name for n in nodes if isinstance(n, ast.For) for name in names_in(n.target)} - {"_"}
         self.indices = {n.slice.id for n in nodes if isinstance(n, ast.Subscript) and isinstance(n.slice, ast.Name)}
+        slices = [n.slice for n in nodes if isinstance(n, ast.Subscript) and names_in(n.slice)]
+        self.parts = {ast.unparse(s): s for s in slices if any(isinstance(one, ast.Slice) for one in ast.walk(s))}
         self.counted = list({_iterated(n.iter): None for n in nodes if isinstance(n, ast.For)})
         """What the loops run over."""
         self.blocks = [block for n in [statement, *nodes] for block in blocks(n)]

@@ -75,7 +75,8 @@ def _marked(
         if timed and one.error is not None and drawn:
             speed.append((one.name, sum(drawn) / len(drawn), one.error))
     unclear = [m for e in drawn_ones if not ((m := marks[e.name]).follows or says_why(m.sureness, m.faults))]
-    marks |= {m.name: m for m in look.at(unclear, right, helped.names if causes.beside else ())}
+    shown = [(a.exercise.stage, a.case) for a in spoilt]
+    marks |= {m.name: m for m in look.at(unclear, right, helped.names if causes.beside else (), pictures=shown)}
     bonus = 0.0
     if rubric.speed is not None and speed and marks[rubric.speed.of].status == "pass":
         bonus = rubric.speed.earned(speed[0][1])

@@ -133,12 +133,14 @@ class SecondLook:
         right: Sequence[str],
         replaced: Sequence[str] = (),
         beside: Sequence[str] = (),
+        pictures: Sequence[tuple[str, Case]] = (),
     ) -> list[Marked]:
         """The exercises, those that are wrong with the line to look at, and with a fingerprint if no cause is named.
 
         `right`: functions that are right by their own tests, and are not tried. `replaced`: functions that failed, of
         which right ones take the place. `beside`: others that are wrong; a change that makes them right, too, is
-        `found` of them.
+        `found` of them. `pictures`: (function, case) of those that are wrong: cases that are the same for all may be
+        too small to show it.
         """
         wrong = [e for e in exercises if e.status in ("fail", "error")]
         unnamed = {e.stage for e in wrong if self.code and not (e.faults or e.fingerprint)}
@@ -149,7 +151,7 @@ class SecondLook:
             if not replaced:
                 prints = {stage: _fingerprint(child, stage) for stage in unnamed}
             if CALLED in child.functions and self.trials is not None:
-                self._repair(tried, right, replaced, beside, self.trials)
+                self._repair(tried, right, replaced, beside, pictures, self.trials)
         return [
             _with_hint(e, self.found.get(e.stage), self.hints, e.fingerprint or prints.get(e.stage, ""))
             if e in wrong else e for e in exercises
@@ -157,7 +159,7 @@ class SecondLook:
 
     def _repair(
         self, tried: Sequence[Marked], right: Sequence[str], replaced: Sequence[str], beside: Sequence[str],
-        trials: "_Trials",
+        pictures: Sequence[tuple[str, Case]], trials: "_Trials",
     ) -> None:  # fmt: skip
         began = _clock(trials.child)
         for stage in dict.fromkeys(e.stage for e in tried):
@@ -167,8 +169,10 @@ class SecondLook:
                 fitting = [(r.candidate, *r.rivals) for r in self.found.values() if r.candidate and not replaced]
                 known = list(dict.fromkeys(itertools.chain(*fitting)))
                 others, seen = [LESSONS[e.stage] for e in tried if e.stage != stage], self.rubric.seen
+                asked = [case for name, case in pictures if name == stage]
                 with contextlib.suppress(RecursionError, MemoryError):
-                    made = _repair(LESSONS[stage], self.cells, trials, until, right, replaced, known, seen, others)
+                    made = _repair(LESSONS[stage], self.cells, trials, until, right, replaced, known, seen, others,
+                                   asked)  # fmt: skip
                     if made is not None:
                         self.found[stage] = made
         for stage in (name for name in beside if name in trials.child.functions):
@@ -248,6 +252,7 @@ def _clock(child: Sandbox) -> float:
 def _repair(
     stage: Stage, cells: Cells, trials: "_Trials", until: float, right: Sequence[str], ours: Sequence[str],
     known: Sequence[Candidate], seen: Mapping[str, int], others: Sequence[Stage],
+    asked: Sequence[Case],
 ) -> Repair | None:  # fmt: skip
     child = trials.child
 
@@ -277,7 +282,8 @@ def _repair(
             some |= trials.places(stage.name, chosen, case.args) or frozenset()
         return frozenset(some)
 
-    if not (tried := probes(stage, _cases(stage.name), is_wrong) or probes(stage, _further(stage.name), is_wrong)):
+    each = (probes(stage, some, is_wrong) for some in (_cases(stage.name), _further(stage.name), asked))
+    if not (tried := next(filter(None, each), [])):
         return None
     innocent = [*(name for name in right if name not in PICTURES), *ours]
     run, values = partial(trials.run, stage.name, innocent), partial(trials.values, stage.name)
