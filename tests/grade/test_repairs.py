@@ -113,7 +113,7 @@ def test_a_picture_is_repaired_for_sure_where_no_other_picture_stays_wrong(monke
     look = SecondLook(SimpleNamespace(hints=2, seen={}), Code("a", "f = 1"))
     child = SimpleNamespace(functions=("hit_points", "render"), spent=0.0)
     tried = [msgspec.structs.replace(wrong_image(), stage=stage) for stage in ("hit_points", "render")]
-    look._repair(tried, (), (), (), SimpleNamespace(child=child))
+    look._repair(tried, (), (), (), (), SimpleNamespace(child=child))
     assert look.found["hit_points"].sure == other
 
 
