@@ -121,7 +121,7 @@ def probes(stage: Stage, cases: Sequence[Case], is_wrong: Callable[[Case], bool]
     Of the pictures that are wrong the smaller ones come first that are wrong as well. Empty where all is right.
     """
     wrong = sorted((case for case in cases if is_wrong(case)), key=_size)
-    small = (smaller(stage, case, step) for step in (*STEPS, 2) for case in wrong[:2])
+    small = (smaller(stage, case, step) for step in (*STEPS, FINEST) for case in wrong[:2])
     rest = [case for case in cases if not any(case is one for one in wrong)]
     return [*[case for case in small if case is not None and is_wrong(case)][:1], *wrong, *rest] if wrong else []
 
@@ -167,6 +167,8 @@ def _mixed(stage: Stage, cases: Sequence[Case]) -> Iterator[Case]:
             yield _case(stage, some[0], tuple(rows))
 
 
+FINEST = 2
+"""Every how many pixels where no coarser picture is wrong: a mistake beyond a first block of pixels shows."""
 STEPS = 12, 7, 4
 """Every how many pixels along each side a whole picture is tried: fewer rays per trial, as long as some are wrong."""
 

@@ -169,10 +169,18 @@ def places_reached(space: Any, function: Any, codes: Any, names: Any, arguments:
             return False
 
     asked: set[object] = set()
+    call_with_all(space, function, codes, names, Asked(), arguments, seconds)
+    return sorted(asked)
+
+
+def call_with_all(
+    space: Any, function: Any, codes: Any, names: Any, switch: Any, arguments: Any, seconds: Any
+) -> None:  # fmt: skip
+    """Call the function once, with all codes run in `space` and this switch; names are put back after."""
     old = {name: space[name] for bound in names for name in bound if name in space}
 
     def call(*args: Any) -> Any:
-        space["raytwin_switch"] = Asked()
+        space["raytwin_switch"] = switch
         for one in (one for code in codes for one in code):
             exec(one, space)
         return space[function](*args)
@@ -180,7 +188,6 @@ def places_reached(space: Any, function: Any, codes: Any, names: Any, arguments:
     space["raytwin_call"] = call
     attempt(space, "raytwin_call", [], [], [], arguments, seconds)
     space.update(old)
-    return sorted(asked)
 
 
 def print_of(value: Any) -> Any:
@@ -234,16 +241,9 @@ def local_values(
             busy[0] = False
         return value
 
-    def call(*args: Any) -> Any:
-        space["raytwin_switch"] = dict(tuple(pair) for setting in settings for pair in setting)
-        for one in (one for code in codes for one in code):
-            exec(one, space)
-        return space[function](*args)
-
-    old = {name: space[name] for bound in names for name in bound if name in space}
-    space |= {"raytwin_values": values, "raytwin_call": call}
-    attempt(space, "raytwin_call", [], [], [], arguments, 2 * seconds)
-    space.update(old)
+    space["raytwin_values"] = values
+    switch = dict(tuple(pair) for setting in settings for pair in setting)
+    call_with_all(space, function, codes, names, switch, arguments, 2 * seconds)
     rows = []
     for place, seen in prints.items():
         first: dict[Any, int] = {}

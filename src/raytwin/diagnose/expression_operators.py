@@ -238,13 +238,12 @@ def _number(node: ast.Constant, value: float, scope: Scope) -> Found:
             yield "pi is not exact", 0.9, fill("NP.pi", NP=template(scope.numpy))
     if isinstance(parent, ast.Compare) and value == 0:
         yield "infinity is wanted", 1.5, fill("NP.inf", NP=template(scope.numpy))
-    around = scope.parents.get(id(parent)) if isinstance(parent, ast.Tuple) else parent
-    index = isinstance(around, ast.Subscript)
-    used = scope.entries.get(ast.unparse(around.value), 0) if isinstance(around, ast.Subscript) else 0
+    around = scope.indexed(node)
+    used = 0 if around is None else scope.entries.get(ast.unparse(around.value), 0)
     for other in dict.fromkeys((*others, *range(used + 2 if used > 2 else 0))):
         if other != value:
             small = 1.04 if {value, other} == {0, 1} else 1.2 if other in (0, 1, 2) else 1.8
-            beside = 1.1 if index and (abs(other - value) == 1 or 0 <= other <= used + 1) else small
+            beside = 1.1 if around is not None and (abs(other - value) == 1 or 0 <= other <= used + 1) else small
             yield "another number is wanted", beside, template(repr(other))
 
 
@@ -264,9 +263,8 @@ WITHIN = "the index counts within a part of the array"
 
 def index(n: ast.expr, scope: Scope) -> Found:
     """An index that counts within a part: of the chosen entries, or of a tile that begins further on."""
-    parent = scope.parents.get(id(n))
-    around = scope.parents.get(id(parent)) if isinstance(parent, ast.Tuple) else parent
-    if not isinstance(around, ast.Subscript) or around.value is n:
+    around = scope.indexed(n)
+    if around is None or around.value is n:
         return
     if isinstance(n, ast.Constant) and isinstance(n.value, int):
         yield from ((f"`{name}` is wanted", 1.1, template(name)) for name in sorted(scope.loops))

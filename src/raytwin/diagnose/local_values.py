@@ -29,8 +29,8 @@ def values_text(statement: ast.stmt, some: Sequence[Edit], first: int) -> tuple[
     at: dict[int, tuple[int, list[ast.expr]]] = {}
     numbers: dict[Edit, tuple[int, int]] = {}
     for edit in some:
-        (value, *more) = {id(v): v for old, _ in edit.parts if (v := values.get(id(old)))}.values() or [None]
-        inside = value is not None and not more and all(id(old) in values for old, _ in edit.parts)
+        value = values.get(id(edit.old))
+        inside = all(values.get(id(old)) is value for old, _ in edit.parts)
         # The values of a copy are those of what it is a copy of.
         if value is None or not inside or edit.operator.startswith(("a copy", SHARED)):
             continue
@@ -42,7 +42,7 @@ def values_text(statement: ast.stmt, some: Sequence[Edit], first: int) -> tuple[
             numbers[edit] = place, len(others) - 1
     if not at:
         return b"", {}
-    code = code_of([_Watched(at).visit(copy.copy(statement))])
+    code = code_of([_Watched(at).visit(statement)])
     if code is None:
         right = [edit for edit in numbers if code_of([ast.Expr(edit.applied(values[id(edit.old)]))]) is not None]
         return (b"", {}) if len(right) == len(numbers) else values_text(statement, right, first)

@@ -405,10 +405,7 @@ class _Search:
         self.many = Counter(kind_of(c.edit.operator) for c in some)
         ordered = sorted(some, key=self.weight)
         for chunk in itertools.chain(_parts(ordered[:FIRST], AT_ONCE), self._not_dismissed(ordered[FIRST:], values)):
-            new: dict[tuple[str, ast.stmt], list[Edit]] = {}
-            for cell, statement, edit in (c for c in chunk if c.edit not in self.compiled):
-                new.setdefault((cell, statement), []).append(edit)
-            for (cell, statement), every in new.items():
+            for (cell, statement), every in _by_statement(c for c in chunk if c.edit not in self.compiled):
                 self.compiled |= dict.fromkeys(every)
                 self.compiled |= {c.edit: c for c in self._candidates(cell, statement, every)}
             yield [one for c in chunk if (one := self.compiled[c.edit]) is not None]
@@ -456,12 +453,9 @@ class _Search:
     def _dismissed(self, some: Sequence["_Change"], values: Values) -> dict[Edit, tuple[Edit | None, bool]]:
         """Those that raise, or do in their own statement as another change or nothing: the other, and whether each
         time was looked at."""
-        of: dict[tuple[str, ast.stmt], list[Edit]] = {}
-        for cell, statement, edit in some:
-            of.setdefault((cell, statement), []).append(edit)
         runs: list[Candidate] = []
         at: dict[tuple[int, int], Edit] = {}
-        for (cell, statement), every in of.items():
+        for (cell, statement), every in _by_statement(some):
             code, numbers = values_text(statement, every, len(at))
             at |= {place: edit for edit, place in numbers.items()}
             if code:
@@ -507,6 +501,14 @@ def _same(a: tuple[np.ndarray, ...] | None, b: tuple[np.ndarray, ...] | None) ->
     if a is None or b is None:
         return a is b
     return len(a) == len(b) and all(np.array_equal(x, y, equal_nan=True) for x, y in zip(a, b, strict=True))
+
+
+def _by_statement(some: Iterable["_Change"]) -> Iterable[tuple[tuple[str, ast.stmt], list[Edit]]]:
+    """The changes of each statement together."""
+    of: dict[tuple[str, ast.stmt], list[Edit]] = {}
+    for cell, statement, edit in some:
+        of.setdefault((cell, statement), []).append(edit)
+    return of.items()
 
 
 def _parts(every: Sequence["_Change"], most: int) -> Iterator[Sequence["_Change"]]:

@@ -238,8 +238,7 @@ def wrapped(node: ast.expr, scope: Scope) -> Found:
     if isinstance(parent, ast.Assign) and isinstance(node, ast.Name | ast.Attribute | ast.Subscript):
         # Any change there makes a copy, too.
         yield "a copy is missing", 0.7, fill("A.copy()", A=node)
-    around = scope.parents.get(id(parent)) if isinstance(parent, ast.Tuple) else parent
-    signed = isinstance(node, ast.UnaryOp) or is_setting(node) or isinstance(around, ast.Subscript)
+    signed = isinstance(node, ast.UnaryOp) or is_setting(node) or scope.indexed(node) is not None
     for words, weight, *forms in WRAPS:
         for form in forms:
             number = isinstance(node, ast.Constant) and any(sign in form for sign in ("NP", "[", ".", "**"))

@@ -91,6 +91,12 @@ class Scope:
         parent = self.parents.get(id(node))
         return isinstance(parent, ast.Call) and parent.func is node
 
+    def indexed(self, node: ast.AST) -> ast.Subscript | None:
+        """What the node is an index of, alone or beside others; or the entry whose array it is."""
+        parent = self.parents.get(id(node))
+        around = self.parents.get(id(parent)) if isinstance(parent, ast.Tuple) else parent
+        return around if isinstance(around, ast.Subscript) else None
+
     def loops_around(self, node: ast.AST) -> Iterator[ast.For]:
         """The loops around the node, the innermost first."""
         around = self.parents.get(id(node))

@@ -54,16 +54,16 @@ DRIVER = f"""
 
 raytwin_codes = []
 
-def raytwin_learn(codes, lengths):
+def raytwin_chosen(codes, lengths, which):
     import marshal
     import numpy
     ends = numpy.cumsum(lengths).astype(int)
     raytwin_codes.extend(marshal.loads(codes[end - n : end].tobytes()) for end, n in zip(ends, lengths))
+    return [[raytwin_codes[k] for k in some] for some in which]
 
 def {CALLED}(function, codes, lengths, which, names, settings, arguments, seconds, changed, innocent):
     import numpy
-    raytwin_learn(codes, lengths)
-    chosen = [[raytwin_codes[k] for k in some] for some in which]
+    chosen = raytwin_chosen(codes, lengths, which)
     shapes, numbers = [], []
     for made in attempt(globals(), function, chosen, names, settings, arguments, seconds, changed, innocent):
         shapes.append(-1 if made is None else len(made))
@@ -74,14 +74,12 @@ def {CALLED}(function, codes, lengths, which, names, settings, arguments, second
 
 def {PLACES}(function, codes, lengths, which, names, arguments, seconds):
     import numpy
-    raytwin_learn(codes, lengths)
-    chosen = [[raytwin_codes[k] for k in some] for some in which]
+    chosen = raytwin_chosen(codes, lengths, which)
     return numpy.array(places_reached(globals(), function, chosen, names, arguments, seconds), int)
 
 def {VALUES}(function, codes, lengths, which, names, settings, arguments, seconds):
     import numpy
-    raytwin_learn(codes, lengths)
-    chosen = [[raytwin_codes[k] for k in some] for some in which]
+    chosen = raytwin_chosen(codes, lengths, which)
     return numpy.array(local_values(globals(), function, chosen, names, settings, arguments, seconds), int)
 """
 """Runs in the sandbox, behind the submission's own text and in its module."""
