@@ -160,7 +160,10 @@ if not TYPE_CHECKING:  # or every misspelt name would be one, of type Any
 
             return version("raytwin")
         if name not in _HOME:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+            from raytwin.removed import NAMES
+
+            instead = f": removed in 0.2.0. {NAMES[name]}" if name in NAMES else ""
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}{instead}")
         return import_module(f"{__name__}.{name}") if name in PACKAGES else _found(name)
 
 

@@ -30,6 +30,7 @@ from raytwin.cli.examples import EXAMPLES
 from raytwin.cli.options import register
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError, MachineError, extras_for
+from raytwin.removed import removed_command
 
 COMPARE, PHOTOS, REFERENCES = "Compare and explain", "Photos and cameras", "References and tests"
 CLASSES, MEASURE, FURTHER = "Learn and teach", "Measure", "Further"
@@ -140,6 +141,8 @@ def _run() -> int:
     # as long.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
+        if gone := removed_command(sys.argv[1:]):
+            return _said(gone)
         Path.cwd()  # before a library looks for it: Mitsuba aborts the whole process where it is gone
         code = app(standalone_mode=False)
         sys.stdout.flush()

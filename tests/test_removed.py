@@ -1,0 +1,36 @@
+"""What was removed answers with what to use instead, in one line."""
+
+import pytest
+from program import raytwin
+
+import raytwin as package
+from raytwin import removed
+from raytwin.cli import COMMANDS as ALIVE
+
+
+@pytest.mark.parametrize("name", removed.COMMANDS)
+def test_a_removed_command_or_option_says_what_to_use_instead(name):
+    run = raytwin(*name.split())
+    assert run.returncode == 2
+    assert run.stderr.splitlines() == [f"raytwin: `{name}` was removed in 0.2.0. {removed.COMMANDS[name]}"]
+
+
+@pytest.mark.parametrize("name", removed.NAMES)
+def test_a_removed_name_says_what_to_use_instead(name):
+    with pytest.raises(AttributeError, match=r"removed in 0\.2\.0"):
+        getattr(package, name)
+
+
+def test_what_is_said_to_be_removed_is_gone():
+    assert not set(removed.COMMANDS) & set(ALIVE)
+    assert not set(removed.NAMES) & set(package.__all__)
+
+
+def test_words_behind_two_dashes_are_no_options():
+    removed.COMMANDS["diff --old"] = "Use --new."
+    try:
+        assert removed.removed_command(["diff", "--old"])
+        assert not removed.removed_command(["diff", "--", "--old"])
+        assert not removed.removed_command(["compare", "--old"])
+    finally:
+        del removed.COMMANDS["diff --old"]
