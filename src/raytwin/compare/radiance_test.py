@@ -47,7 +47,9 @@ FEW_BATCHES = (
     "wrong: take at least 4 samples per pixel"
 )
 
-FEW_SAMPLES = "undecided: too few random samples to know any noise: take at least 4 samples per pixel"
+FEW_SAMPLES = (
+    "undecided: too few random samples to know any noise: take at least 4 samples per pixel, and another image for each seed"
+)
 
 MOSTLY_RARE = 0.25
 """Share of an image's light in rare events above which no tile shows how many it missed."""
