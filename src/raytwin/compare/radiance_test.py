@@ -39,6 +39,11 @@ SHARED = (
 )
 
 
+PATTERN = (
+    "the errors repeat from place to place, as no noise of independent pixels does, so that the variance which the test "
+    "states excuses nothing (if its pixels share random numbers, seed each apart)"
+)
+
 ENOUGH_BATCHES = 4
 """With fewer batches the variance is unreliable: an image fails only if the scatter between neighbours fails it too."""
 
@@ -185,6 +190,10 @@ class RadianceTest:
             return outcome._replace(doubts=(RARE.format(100 * max(rare)[0], max(rare)[1]),))
         if much > 0.5 and outcome.findings and self._shares_noise(shown):
             return outcome._replace(doubts=(SHARED,))
+        if a.variance is not None and not outcome.findings and patterned(a.mean, b.mean, shown.square, claimed=True):
+            bare = replace(self, test=replace(self.test, variance=None, samples=0, batches=None))._by_stated_noise()
+            if bare.findings:
+                return bare._replace(findings=[Finding(TILE, PATTERN), *bare.findings])
         return outcome
 
     def _decided_by_scatter(self) -> Decision:
