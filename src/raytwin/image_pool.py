@@ -7,9 +7,8 @@ import numpy as np
 
 from raytwin.image import Image, Surface
 
-
 MANY = 64
-"""Values in which two renders differ: renders that differ in so many are equal by chance with exp(-MANY / 2) at most."""
+"""Values in which two renders differ: those that differ in so many are equal by chance with exp(-MANY / 2) at most."""
 
 
 @dataclass(eq=False)
@@ -51,7 +50,7 @@ class ImagePool:
                     self.repeats_in_a_row += 1
                     return
             elif self._last is not None:
-                differing = np.count_nonzero(np.asarray(image.mean) != self._last.mean)
+                differing = int(np.count_nonzero(np.asarray(image.mean) != self._last.mean))
                 self._differing += differing
                 if differing < MANY:
                     for _ in self.repeats:
@@ -109,4 +108,4 @@ def _has_noise(image: Image) -> bool:
 
 
 def _digest(image: Image) -> bytes:
-    return blake2b(np.ascontiguousarray(image.mean)).digest()
+    return blake2b(np.ascontiguousarray(image.mean).data).digest()

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 COMMANDS: dict[str, str] = {}
-"""Words of the command line ("bench paper") -> what to use instead, a sentence. May end in an option ("diff --fail")."""
+"""Words of the command line ("bench paper"), perhaps with an option ("diff --fail") -> what to use instead, a sentence."""
 
 NAMES: dict[str, str] = {}
 """Name of `raytwin` -> what to use instead, a sentence."""

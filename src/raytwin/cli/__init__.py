@@ -165,7 +165,7 @@ def _report(error: Exception) -> int:
         wanted = ",".join(dict.fromkeys((*NEEDS.get(command, ()), *extras)))
         return _said(f"{command} needs {missing.name}, which is not installed: pip install 'raytwin[{wanted}]'")
     if isinstance(error, InputError):
-        return _said(str(error))
+        return _said(str(error), error.exit_code)
     if isinstance(error, typer.Abort):
         return _said("interrupted", INTERRUPTED)
     if hasattr(error, "show"):  # typer's own: an option that is none

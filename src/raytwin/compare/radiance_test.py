@@ -40,8 +40,8 @@ SHARED = (
 
 
 PATTERN = (
-    "the errors repeat from place to place, as no noise of independent pixels does, so that the variance which the test "
-    "states excuses nothing (if its pixels share random numbers, seed each apart)"
+    "the errors repeat from place to place, as no noise of independent pixels does, so that the variance that the "
+    "test states excuses nothing (if its pixels share random numbers, seed each apart)"
 )
 
 ENOUGH_BATCHES = 4
@@ -53,7 +53,8 @@ FEW_BATCHES = (
 )
 
 FEW_SAMPLES = (
-    "undecided: too few random samples to know any noise: take at least 4 samples per pixel, and another image for each seed"
+    "undecided: too few random samples to know any noise: take at least 4 samples per pixel, and another image for "
+    "each seed"
 )
 
 MOSTLY_RARE = 0.25
