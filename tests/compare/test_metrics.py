@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from raytwin.compare import METRICS
+from raytwin.compare import METRICS, measure
 from raytwin.compare.metrics import CHUNK, nth_largest
 from raytwin.errors import InputError
 
@@ -83,6 +83,19 @@ def test_flip_refuses_nan_and_wrong_shapes_instead_of_exiting():
     for wrong in (np.ones((8, 8, 4), np.float32), np.ones((8, 8), np.float32)):
         with pytest.raises(InputError, match="FLIP"):
             of("flip_ldr", wrong, wrong)
+
+
+def test_metrics_are_those_of_the_finite_values_and_null_without_any():
+    ones = np.ones((10, 10, 3), np.float32)
+    spoilt = ones.copy()
+    spoilt[0, 0, 0] = 1.1
+    spoilt[5, 5] = np.nan
+    names = ("mae", "max_abs", "flip_hdr")
+    numbers = measure(spoilt, ones, iter(names))
+    assert numbers == {"mae": pytest.approx(0.1 / 297, rel=1e-5), "max_abs": pytest.approx(0.1), "flip_hdr": None}
+    assert measure(np.full_like(ones, np.nan), ones, names) == dict.fromkeys(names)
+    assert measure(ones[:5], ones, names) == dict.fromkeys(names)
+    assert measure(ones, ones, ["psnr"]) == {"psnr": None}  # infinite
 
 
 def test_the_nth_largest_is_that_of_sorting_whatever_the_sample_says():
