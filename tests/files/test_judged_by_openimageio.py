@@ -1,7 +1,6 @@
 """OpenImageIO reads the same files: where it differs from us, the test says so.
 
-It is no dependency: it refuses the old runs of Radiance HDR, leaves EXPOSURE in, turns a PFM upside down, and takes a
-JPEG that ends early for a whole one.
+It is no dependency: it turns a PFM upside down, and takes a JPEG that ends early for a whole one.
 """
 
 import numpy as np
@@ -22,8 +21,6 @@ def read_by_oiio(path, name: str) -> np.ndarray:
     kind = name.rpartition(".")[2]
     if kind == "pfm":
         pixels = pixels[::-1]
-    elif kind == "hdr":
-        pixels = pixels / 2  # its EXPOSURE
     elif kind in ("png", "jpg"):
         pixels = np.where(pixels <= 0.04045, pixels / 12.92, ((pixels + 0.055) / 1.055) ** 2.4)
     return np.broadcast_to(pixels, (*pixels.shape[:2], 3))

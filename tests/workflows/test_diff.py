@@ -209,24 +209,6 @@ def test_two_folders_are_compared_name_by_name(tmp_path):
     assert raytwin("diff", "A", "B", cwd=tmp_path).returncode == 0
 
 
-def test_mitsubas_moments_are_a_variance_once_the_samples_are_told(tmp_path):
-    import OpenEXR
-
-    rng = np.random.default_rng(8)
-    x = A[..., None] * rng.exponential(1, (*A.shape, 16))
-    mean, square = x.mean(axis=-1).astype(np.float32), np.square(x).mean(axis=-1).astype(np.float32)
-    channels = {}
-    for i, c in enumerate("RGB"):
-        channels |= {c: mean[..., i].copy(), f"img.{c}": mean[..., i].copy(), f"m2_img.{c}": square[..., i].copy()}
-    with OpenEXR.File({"type": OpenEXR.scanlineimage}, channels) as file:
-        file.write(str(tmp_path / "m.exr"))
-    files.write_exr(tmp_path / "r.exr", Image(A))
-    told = diff(tmp_path / "m.exr", tmp_path / "r.exr", samples=(16, 0))
-    assert told.passed
-    np.testing.assert_allclose(told.test.variance, x.var(axis=-1, ddof=1) / 16, rtol=1e-3, atol=1e-7)
-    assert diff(tmp_path / "m.exr", tmp_path / "r.exr").test.variance is None
-
-
 def test_a_side_of_8_bits_is_held_to_half_a_step_in_noise_and_without(tmp_path):
     rng = np.random.default_rng(9)
     noisy = np.clip(A * rng.normal(1, 2e-3, A.shape), 0, 1).astype(np.float32)
