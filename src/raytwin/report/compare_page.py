@@ -44,7 +44,6 @@ def write_report(shown: "PairView | Result | Diff", path: str | os.PathLike[str]
         c=view.comparison,
         SAYS=SAYS,
         groups=list(numbers.rows(view.comparison, view.tolerance, view.pair.noisy)) if view.comparison else [],
-        p_values=histogram(view.comparison.statistics.p_values) if view.comparison else None,
         calibrated=calibrated(view),
         headline=headline,
         named=headline is not None and bool(CAUSE.match(headline[0])),
@@ -52,15 +51,6 @@ def write_report(shown: "PairView | Result | Diff", path: str | os.PathLike[str]
         shared=script,
         **(side_by_side(view) if view.alike else {"alone": alone(view)}),
     )
-
-
-def histogram(counts: Sequence[int] | None) -> dict[str, Any] | None:
-    """The columns' heights by that of the highest, and where level is; None where no tile has noise."""
-    if not counts:
-        return None
-    highest = max(counts)
-    level = sum(counts) / len(counts) / highest
-    return {"heights": [count / highest for count in counts], "level": level, "tiles": sum(counts)}
 
 
 def first_said(reasons: Sequence[Reason], passed: bool) -> tuple[Reason | None, list[Reason]]:
