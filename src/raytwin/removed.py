@@ -19,6 +19,7 @@ COMMANDS: dict[str, str] = {
     "diff --warn-percent": "Use OpenImageIO's idiff -warnpercent.",
     "diff --hardwarn": "Use OpenImageIO's idiff -hardwarn.",
     "diff --hard-warn": "Use OpenImageIO's idiff -hardwarn.",
+    "bench --flip": "Use diff --flip on two images.",
 }
 """Words of the command line ("bench paper") -> what to use instead, a sentence. May end in an option ("diff --fail")."""
 

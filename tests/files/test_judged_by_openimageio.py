@@ -1,6 +1,6 @@
 """OpenImageIO reads the same files: where it differs from us, the test says so.
 
-It is no dependency: it turns a PFM upside down, and takes a JPEG that ends early for a whole one.
+It is no reader of ours: it turns a PFM upside down, and takes a JPEG that ends early for a whole one.
 """
 
 import numpy as np

@@ -120,7 +120,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "size": _opt("Render at another size than the camera's.", "WxH", callback=_size, kind=str | None),
         "cache": _opt("Reuse stored renders and tag detections.", kind=bool),
         "flip": _opt(
-            "Add NVIDIA's perceptual metric FLIP (slow; extra `flip`).", None, "--flip", callback=_flip, kind=bool
+            "Add the perceptual metric FLIP (slow; extra `flip`).", None, "--flip", callback=_flip, kind=bool
         ),
         "light": _opt("light.toml to use instead of the scene's sun and sky.", "FILE", kind=Path | None),
         "allow": _opt(

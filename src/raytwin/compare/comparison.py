@@ -56,7 +56,7 @@ class Statistics(Record, frozen=True):
 
 
 class Perceptual(Record, frozen=True):
-    """Mean of NVIDIA's FLIP error map, 0 to 1; null where it was not asked for."""
+    """Mean of HDR-FLIP's error map, 0 to 1; null where it was not asked for."""
 
     flip_mean: float | None = None
 

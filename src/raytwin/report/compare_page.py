@@ -7,7 +7,6 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from raytwin import viewer
-from raytwin.compare import flip_map
 from raytwin.compare.comparison import CAUSE, EXPECTED
 from raytwin.compare.heatmap import signed_error
 from raytwin.report import data_urls, numbers
@@ -106,8 +105,6 @@ def packed_parts(view: PairView) -> list[dict[str, Any]]:
 
 def packed_and_panes(view: PairView) -> tuple[viewer.Packed, list[dict[str, Any]]]:
     """The viewer's planes, and its panes in reading order; what the images lack is left out."""
-    asked = view.comparison is not None and view.comparison.perceptual.flip_mean is not None
-    flipped = flip_map(view.test.mean, view.reference.mean) if asked else None
     names, (height, width) = view.names, view.reference.shape[:2]
     panes = [
         {"key": "test", "kind": "radiance", "title": names.test_title, "tab": names.test},
@@ -118,9 +115,7 @@ def packed_and_panes(view: PairView) -> tuple[viewer.Packed, list[dict[str, Any]
         panes.append({"key": "objects", "kind": "objects", "title": "Silhouettes", "tab": "silhouettes"})
     with ThreadPoolExecutor() as pool:
         drawn = pool.submit(photos, view)
-        packed = viewer.pack(
-            view.test, view.reference, flip=flipped, surfaces=view.surfaces is not None, means=view.rough
-        )
+        packed = viewer.pack(view.test, view.reference, surfaces=view.surfaces is not None, means=view.rough)
         panes += drawn.result()
     return packed, [pane | {"alt": f"{pane['title']} of {view.title}, {width} by {height} pixels"} for pane in panes]
 

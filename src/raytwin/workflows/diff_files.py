@@ -21,9 +21,6 @@ from raytwin.scene import Scene, Tolerance
 from raytwin.workflows.compared import Compared
 from raytwin.workflows.diff_settings import DiffSettings
 
-SLOW = ("flip_hdr", "flip_ldr")
-"""Metrics that take longer than all else: only where asked for."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Diff(Compared):
@@ -100,10 +97,8 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
         scene, rung = _known_scene(chosen, reference_side, test)
         made = made.because(*explain(test, reference, scene, rung, rounding=made_of[0].rounding))
     made = _in_place(made, test_side.begins, reference_side.begins)
-    metrics = msgspec.structs.asdict(made.radiance)
-    metrics |= measure(
-        test.mean, reference.mean, [n for n in METRICS if n not in metrics and (chosen.flip or n not in SLOW)]
-    )
+    metrics = msgspec.structs.asdict(made.radiance) | {"flip_hdr": made.perceptual.flip_mean}
+    metrics |= measure(test.mean, reference.mean, [n for n in METRICS if n not in metrics])
     seconds = {"read": read, "compare": made.seconds + time.perf_counter() - start}
     of_files = {"A": _named(a), "B": _named(b), "part": chosen.part, "layer": chosen.layer}
     decided = {"tolerance": f"{limit.p999_abs:g}"}
