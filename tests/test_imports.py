@@ -28,7 +28,7 @@ HEAVY = (
     "PIL",
     "OpenEXR",
     "jinja2",
-    "flip_evaluator",
+    "OpenImageIO",
     "scipy",
     "reportlab",
 )

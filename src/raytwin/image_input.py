@@ -16,6 +16,7 @@ from raytwin.image_pool import ImagePool
 RENDERS = 8
 """How often a function is called: these many renders give their variance to within a factor of two or so."""
 ENDINGS = (".exr", ".pfm", ".hdr", ".png", ".jpg", ".jpeg")
+"""What files of a folder are taken for images; `.hdr` is refused in words instead of left out."""
 FEWEST = 4
 """Fewer renders know too little of their variance: with 2, a third of all correct images would fail."""
 
@@ -36,7 +37,7 @@ class LoadedImage(NamedTuple):
 def as_image(thing: Any, variance: Any = None, renders: int = RENDERS) -> LoadedImage:
     """`thing` as an Image: see the module's first line.
 
-    An Image; a path (EXR, PFM, HDR, PNG, JPEG); a function `render(seed)` that returns any of these, called with the
+    An Image; a path (EXR, PFM, PNG, JPEG); a function `render(seed)` that returns any of these, called with the
     seeds 0, 1, ... `renders` - 1 (four times, where these are equal); an array (H, W, 3) or a Mitsuba Bitmap, with
     `variance` *of its mean*, an array or a file;
     a list of these or an array (k, H, W, 3): k >= 4 independent renders, whose spread gives their mean's variance.
@@ -56,9 +57,8 @@ def read_side(
 ) -> LoadedImage:
     """A file, or several renders: a folder of images, or a pattern such as `render_*.exr`.
 
-    `variance` is an image file or an array that holds the variance of the mean, `samples` the samples a pixel of each
-    file, where the file has none: with them, the moments that Mitsuba's `moment` integrator wrote are
-    a variance.
+    `variance` is an image file or an array that holds the variance of the mean, `samples` the samples per pixel of each
+    file, where the file has none.
     """
     paths = renders_at(where)
     if len(paths) > 1 or where.is_dir():
@@ -70,9 +70,6 @@ def read_side(
     image = replace(taken.image, samples=taken.image.samples or samples)
     if variance is not None:
         image = replace(image, variance=_variance(variance))
-    elif image.variance is None and image.samples > 1 and part is None and layer is None:
-        moments = files.read_moments(paths[0])
-        image = image if moments is None else replace(image, variance=moments / np.float32(image.samples - 1))
     return taken._replace(image=image)
 
 

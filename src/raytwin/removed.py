@@ -3,7 +3,27 @@
 from collections.abc import Sequence
 
 COMMANDS: dict[str, str] = {}
-"""Words of the command line ("bench paper"), perhaps with an option ("diff --fail") -> what to use instead, a sentence."""
+"""Words of the command line ("bench paper", "diff --fail") -> what to use instead, a sentence."""
+COMMANDS: dict[str, str] = {
+    "diff --fail": "Use OpenImageIO's idiff -fail.",
+    "diff --failrelative": "Use OpenImageIO's idiff -failrelative.",
+    "diff --fail-relative": "Use OpenImageIO's idiff -failrelative.",
+    "diff --failpercent": "Use OpenImageIO's idiff -failpercent.",
+    "diff --fail-percent": "Use OpenImageIO's idiff -failpercent.",
+    "diff --hardfail": "Use OpenImageIO's idiff -hardfail.",
+    "diff --hard-fail": "Use OpenImageIO's idiff -hardfail.",
+    "diff --allowfailures": "Use OpenImageIO's idiff -allowfailures.",
+    "diff --allow-failures": "Use OpenImageIO's idiff -allowfailures.",
+    "diff --warn": "Use OpenImageIO's idiff -warn.",
+    "diff --warnrelative": "Use OpenImageIO's idiff -warnrelative.",
+    "diff --warn-relative": "Use OpenImageIO's idiff -warnrelative.",
+    "diff --warnpercent": "Use OpenImageIO's idiff -warnpercent.",
+    "diff --warn-percent": "Use OpenImageIO's idiff -warnpercent.",
+    "diff --hardwarn": "Use OpenImageIO's idiff -hardwarn.",
+    "diff --hard-warn": "Use OpenImageIO's idiff -hardwarn.",
+    "bench --flip": "Use diff --flip on two images.",
+}
+"""Words of the command line ("bench paper") -> what to use instead, a sentence. May end in an option ("diff --fail")."""
 
 NAMES: dict[str, str] = {}
 """Name of `raytwin` -> what to use instead, a sentence."""

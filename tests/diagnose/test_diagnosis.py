@@ -252,7 +252,7 @@ def test_eight_bits_hide_no_cause():
     scene = SCENES[1]
     code = np.rint(files.srgb_encode(planted(fault("pi-twice").ways[0], scene)) * 255) / 255
     shown = files.srgb_decode(code)
-    made = diagnose([SubmittedImage(scene, shown, half=half_code(shown, 255), clipped=True)])
+    made = diagnose([SubmittedImage(scene, shown, half=half_code(shown), clipped=True)])
     assert names(made) == ["pi-twice"]
 
 

@@ -59,12 +59,12 @@ def every_method(sizes: tuple[tuple[int, int], ...] = SIZES) -> Bench:
             truth = "shadow-center" if exact else "path-area"
             rows.append(
                 Measurement(m.name, m.library, f"float{m.precision}", m.rung, m.trim, m.step, m.samples, w, h, seconds,
-                    0.1 * seconds, 0.2, 12.5, e, e * e, 3 * e, None, FLOOR[truth], False)
+                    0.1 * seconds, 0.2, 12.5, e, e * e, 3 * e, FLOOR[truth], False)
             )  # fmt: skip
             for t, value in (("path-area", whole), *((("shadow-center", own),) if exact else ())):
-                errors.append(Deviation(m.name, w, h, t, value, value**2, 3 * value, None, False))
+                errors.append(Deviation(m.name, w, h, t, value, value**2, 3 * value, False))
     truths = tuple(
-        Converged(t, w, h, 1024, 2.0, {"rmse": f, "relmse": f * f, "p999_abs": 3 * f, "flip": None})
+        Converged(t, w, h, 1024, 2.0, {"rmse": f, "relmse": f * f, "p999_abs": 3 * f})
         for w, h in sizes for t, f in FLOOR.items()
     )  # fmt: skip
     growth = tuple(

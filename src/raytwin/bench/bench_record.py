@@ -10,8 +10,8 @@ from raytwin.errors import InputError
 from raytwin.notebook import InNotebook
 from raytwin.scene.record_base import Row
 
-ERRORS = ("rmse", "relmse", "p999_abs", "flip")
-"""The metrics that a row carries; rows of compare.METRICS, `flip` being flip_hdr."""
+ERRORS = ("rmse", "relmse", "p999_abs")
+"""The metrics that a row carries: rows of compare.METRICS."""
 
 
 class Measurement(Row, frozen=True):
@@ -38,7 +38,6 @@ class Measurement(Row, frozen=True):
     rmse: float
     relmse: float
     p999_abs: float
-    flip: float | None
     truth_floor: float
     on_frontier: bool
 
@@ -64,7 +63,6 @@ class Deviation(Row, frozen=True):
     rmse: float
     relmse: float
     p999_abs: float
-    flip: float | None
     on_frontier: bool
 
 

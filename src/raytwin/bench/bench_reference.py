@@ -32,7 +32,7 @@ def truth_of(method: Renderer) -> str:
 
 
 def converge(
-    scene: Scene, name: str, samples: int, seconds: float, flip: bool = False, clock: Callable = time.perf_counter
+    scene: Scene, name: str, samples: int, seconds: float, clock: Callable = time.perf_counter
 ) -> tuple[np.ndarray, Converged]:
     """The truth called `name` as (H, W, 3) float32, from at most `samples` a pixel and about `seconds` of time."""
     start = clock()
@@ -41,7 +41,7 @@ def converge(
     if sampling == "center":
         image = background(scene, rung)
         draw(scene, image, rung, "numpy64")
-        return image, Converged(name, w, h, 1, clock() - start, rounding(image, flip))
+        return image, Converged(name, w, h, 1, clock() - start, rounding(image))
     half = _rendered if RUNGS[rung].noisy else _traced
     sums, taken, count = [np.zeros((h, w, 3)), np.zeros((h, w, 3))], 0, 1
     while taken == 0 or (2 * taken < samples and clock() - start < seconds * taken / (taken + count)):
@@ -52,15 +52,15 @@ def converge(
     a, b = ((s / taken).astype(np.float32) for s in sums)
     image = ((sums[0] + sums[1]) / (2 * taken)).astype(np.float32)
     # The halves differ by twice the noise of their mean.
-    apart = measure(image + (a - b) / 2, image, flip)
+    apart = measure(image + (a - b) / 2, image)
     return image, Converged(name, w, h, 2 * taken, clock() - start, apart)
 
 
-def rounding(image: np.ndarray, flip: bool = False) -> dict[str, float | None]:
+def rounding(image: np.ndarray) -> dict[str, float | None]:
     """ERRORS of half a unit in the last place either way: what storing an exact truth as float32 may have cost."""
     exact = image.astype(np.float64)
     rounded = exact + np.spacing(image) * (np.random.default_rng(0).random(image.shape) - 0.5)
-    return measure(rounded, exact, flip)
+    return measure(rounded, exact)
 
 
 def _traced(scene: Scene, rung: str, first: int, seed: int, count: int) -> np.ndarray:
@@ -89,7 +89,6 @@ def _llvm() -> bool:
         return False
 
 
-def measure(image: np.ndarray, truth: np.ndarray, flip: bool = False) -> dict[str, float | None]:
-    """ERRORS of the image; `flip` is None where it is not asked for."""
-    found = {name: METRICS[name].function(image, truth) for name in ERRORS if name != "flip"}
-    return found | {"flip": METRICS["flip_hdr"].function(image, truth) if flip else None}
+def measure(image: np.ndarray, truth: np.ndarray) -> dict[str, float | None]:
+    """ERRORS of the image."""
+    return {name: METRICS[name].function(image, truth) for name in ERRORS}

@@ -66,7 +66,6 @@ def bench(
     budget: float = 300.0,
     repeats: int = 15,
     truth_samples: int = 4096,
-    flip: bool = False,
     progress: Progress = silent,
 ) -> Bench:
     """Measure each method's time and error on a scene (`path`: its folder, name, or a Scene), at each of `sizes`
@@ -76,7 +75,7 @@ def bench(
     `spheres`: also time the methods of GROWTH
     with so many small spheres in the picture, at the first size. `budget`: seconds for all, preparing and truths too;
     methods that do not fit are named in `left_out`, and InputError says so if none does. `repeats`: most timed calls of
-    each. `truth_samples`: most samples a pixel of each truth. `flip`: add FLIP, which is slow. `table()` of what is
+    each. `truth_samples`: most samples a pixel of each truth. `table()` of what is
     returned has a row per method and size: seconds, errors, and whether it is on the frontier. `progress(stage, done,
     total)` is called as work goes on.
     """
@@ -95,7 +94,7 @@ def bench(
     found: Parts = defaultdict(list)
     for i, megapixels in enumerate(sizes):
         view = scene.with_camera(sized(scene.camera, megapixels))
-        measure_size(found, view, chosen, portion(deadline, parts - i), repeats, truth_samples, flip, progress)
+        measure_size(found, view, chosen, portion(deadline, parts - i), repeats, truth_samples, progress)
     if growing:
         view = scene.with_camera(sized(scene.camera, sizes[0]))
         for i, count in enumerate(sorted(spheres)):
@@ -136,7 +135,7 @@ def _nothing(left: Sequence[LeftOut], budget: float, spent: float) -> InputError
 
 def measure_size(
     found: Parts, scene: Scene, methods: Sequence[Renderer], deadline: float, repeats: int, truth_samples: int,
-    flip: bool, progress: Progress,
+    progress: Progress,
 ) -> None:  # fmt: skip
     """Measure references and methods at one size of picture."""
     size = scene.camera.image_size
@@ -146,12 +145,12 @@ def measure_size(
     for i, name in enumerate(names):
         progress("truths", i, len(names))
         seconds = (until - time.perf_counter()) / (len(names) - i)
-        images[name], truths[name] = converge(scene, name, truth_samples, seconds, flip)
+        images[name], truths[name] = converge(scene, name, truth_samples, seconds)
     progress("truths", len(names), len(names))
 
     def look(method: Renderer, image: Image) -> Errors:
         own = truth_of(method)
-        return {name: measure(image.mean, images[name], flip) for name in names if name == own or comparable(name)}
+        return {name: measure(image.mean, images[name]) for name in names if name == own or comparable(name)}
 
     done, left = time_methods(scene, methods, look, deadline, repeats, progress)
     truths = {name: truth for name, truth in truths.items() if any(name in m.errors[0] for m in done)}
@@ -252,7 +251,7 @@ def summarize(
         for m, mean, flag in zip(compared, means, flags, strict=True):
             rmse, relmse, p999_abs = (number(mean[key]) for key in ("rmse", "relmse", "p999_abs"))
             errors[m.method.name, name] = Deviation(
-                m.method.name, *size, name, rmse, relmse, p999_abs, mean["flip"], on_frontier=flag
+                m.method.name, *size, name, rmse, relmse, p999_abs, on_frontier=flag
             )
     rows = []
     for m in done:
@@ -262,7 +261,7 @@ def summarize(
             Measurement(
                 method.name, method.library, f"float{method.precision}", method.rung, method.trim, method.step,
                 method.samples, *size, *times[method.name], m.compile_seconds, m.peak_mib, e.rmse, e.relmse, e.p999_abs,
-                e.flip, number(truths[own].floor["rmse"]), e.on_frontier,
+                number(truths[own].floor["rmse"]), e.on_frontier,
             )
         )  # fmt: skip
     return rows, list(errors.values())
@@ -274,7 +273,7 @@ def mean_of(values: list[float | None]) -> float | None:
 
 
 def number(value: float | None) -> float:
-    """An error that every image has: all but FLIP."""
+    """An error that every image has."""
     if value is None:
         raise ValueError("an error that was not measured")
     return value

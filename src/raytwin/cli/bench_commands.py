@@ -28,7 +28,7 @@ app = group("scene")
 def scene_command(
     scene: Path, methods: str = "*", subject: list[str] | None = None, rung: str = "shadow",
     sizes: str = "0.2", spheres: str = "",
-    budget: float = 300, repeats: int = 15, truth_samples: int = 4096, flip: bool = False, json: Path | None = None,
+    budget: float = 300, repeats: int = 15, truth_samples: int = 4096, json: Path | None = None,
     out: Path | None = None, save: Path | None = None, against: Path | None = None,
 ) -> None:  # fmt: skip
     """Measure each method's time and error.
@@ -55,7 +55,6 @@ def scene_command(
             budget=budget,
             repeats=repeats,
             truth_samples=truth_samples,
-            flip=flip,
             progress=progress,
         )
         changes = compared(found, earlier) if earlier else None

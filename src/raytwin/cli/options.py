@@ -120,7 +120,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "size": _opt("Render at another size than the camera's.", "WxH", callback=_size, kind=str | None),
         "cache": _opt("Reuse stored renders and tag detections.", kind=bool),
         "flip": _opt(
-            "Add NVIDIA's perceptual metric FLIP (slow; extra `flip`).", None, "--flip", callback=_flip, kind=bool
+            "Add the perceptual metric FLIP (slow; extra `flip`).", None, "--flip", callback=_flip, kind=bool
         ),
         "light": _opt("light.toml to use instead of the scene's sun and sky.", "FILE", kind=Path | None),
         "allow": _opt(
@@ -138,22 +138,13 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "out": _opt("Folder for the report (out/SCENE).", "DIR", *OUT),
     },
     "diff": {
-        "a": _arg("Image to test: EXR, PFM, HDR, PNG, JPEG; several renders as a folder or 'x_*.exr'.", "A"),
+        "a": _arg("Image to test: EXR, PFM, PNG, JPEG; several renders as a folder or 'x_*.exr'.", "A"),
         "b": _arg("Reference, likewise; two folders are compared name by name.", "B"),
         "part": _opt("Part of the EXR: name or number.", "NAME", kind=str | None),
         "layer": _opt("Layer (diffuse for diffuse.R ...) or a single channel.", "NAME", kind=str | None),
         "tolerance": _opt("Largest error of 99.9 % of the noise-free values, relative to B.", kind=float),
         "false_alarm_rate": _opt("Share of correct noisy pairs that fail by chance.", kind=float),
         "noise": _opt("Whose variance to believe: both, reference (not A's), or none.", kind=str),
-        "fail": _opt("Largest error of a pixel (1e-6), as in idiff.", None, "--fail"),
-        "fail_relative": _opt("Or this share of its value (0).", None, "--failrelative", "--fail-relative"),
-        "fail_percent": _opt("Percentage of pixels that may exceed it (0).", None, "--failpercent", "--fail-percent"),
-        "hard_fail": _opt("Largest error of any pixel (no limit).", None, "--hardfail", "--hard-fail"),
-        "allow_failures": _opt("Pixels exempt from all limits (0).", None, "--allowfailures", "--allow-failures"),
-        "warn": _opt("Like --fail, but only warns.", None, "--warn"),
-        "warn_relative": _opt("Like --failrelative.", None, "--warnrelative", "--warn-relative"),
-        "warn_percent": _opt("Like --failpercent.", None, "--warnpercent", "--warn-percent"),
-        "hard_warn": _opt("Like --hardfail.", None, "--hardwarn", "--hard-warn"),
         "variance_a": _opt("Image with the variance of A's mean.", "FILE"),
         "variance_b": _opt("Image with the variance of B's mean.", "FILE"),
         "scene": _opt(

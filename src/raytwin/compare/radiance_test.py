@@ -241,7 +241,6 @@ class RadianceTest:
             pixel_fail_fraction=(made.failed_pixels + made.noise_free.outliers) / self.pixels,
             minimum_detectable_bias=finite(seen),
             minimum_detectable_tile_bias=finite(made.tile.detectable),
-            p_values=made.p_values if any(made.p_values) else None,
         )
         notes = what_could_be_seen(made.image.detectable, made.tile.detectable, made.inflation, self.rate)
         doubts: tuple[str, ...] = ()

@@ -12,11 +12,8 @@ from raytwin.report.charts.chart import Chart, Line, Point, by_family, family_ch
 from raytwin.report.charts.svg import INK, SOFT, Range
 from raytwin.report.numbers import seconds, short, shown
 
-CHARTED = {"relmse": "relmse", "rmse": "rmse", "p999_abs": "p999_abs", "flip": "flip_hdr"}
-"""A bench's key -> its metric."""
-
-AXES = {key: f"{m.title}, {m.unit or m.formula}" for key, m in ((key, METRICS[name]) for key, name in CHARTED.items())}
-"""A bench's key -> what its chart's axis says: a chart each, in this order."""
+AXES = {m.name: f"{m.title}, {m.unit or m.formula}" for m in (METRICS[n] for n in ("relmse", "rmse", "p999_abs"))}
+"""A metric -> what its chart's axis says: a chart each, in this order."""
 
 TRUTHS = {
     "lambert-center": "lambert, through pixel centres",
@@ -130,7 +127,6 @@ def row_tip(r: Measurement) -> str:
             f"memory {shown(r.peak_mib)} MiB",
             f"{r.samples} sample{'s' * (r.samples != 1)} a pixel",
             f"RMSE {shown(r.rmse)}, relMSE {shown(r.relmse)}, 99.9 % {shown(r.p999_abs)}",
-            *([f"FLIP {shown(r.flip)}"] if r.flip is not None else []),
         )
     )
 

@@ -7,7 +7,6 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from raytwin import viewer
-from raytwin.compare import flip_map
 from raytwin.compare.comparison import CAUSE, EXPECTED
 from raytwin.compare.heatmap import signed_error
 from raytwin.report import data_urls, numbers
@@ -44,7 +43,6 @@ def write_report(shown: "PairView | Result | Diff", path: str | os.PathLike[str]
         c=view.comparison,
         SAYS=SAYS,
         groups=list(numbers.rows(view.comparison, view.tolerance, view.pair.noisy)) if view.comparison else [],
-        p_values=histogram(view.comparison.statistics.p_values) if view.comparison else None,
         calibrated=calibrated(view),
         headline=headline,
         named=headline is not None and bool(CAUSE.match(headline[0])),
@@ -52,15 +50,6 @@ def write_report(shown: "PairView | Result | Diff", path: str | os.PathLike[str]
         shared=script,
         **(side_by_side(view) if view.alike else {"alone": alone(view)}),
     )
-
-
-def histogram(counts: Sequence[int] | None) -> dict[str, Any] | None:
-    """The columns' heights by that of the highest, and where level is; None where no tile has noise."""
-    if not counts:
-        return None
-    highest = max(counts)
-    level = sum(counts) / len(counts) / highest
-    return {"heights": [count / highest for count in counts], "level": level, "tiles": sum(counts)}
 
 
 def first_said(reasons: Sequence[Reason], passed: bool) -> tuple[Reason | None, list[Reason]]:
@@ -116,8 +105,6 @@ def packed_parts(view: PairView) -> list[dict[str, Any]]:
 
 def packed_and_panes(view: PairView) -> tuple[viewer.Packed, list[dict[str, Any]]]:
     """The viewer's planes, and its panes in reading order; what the images lack is left out."""
-    asked = view.comparison is not None and view.comparison.perceptual.flip_mean is not None
-    flipped = flip_map(view.test.mean, view.reference.mean) if asked else None
     names, (height, width) = view.names, view.reference.shape[:2]
     panes = [
         {"key": "test", "kind": "radiance", "title": names.test_title, "tab": names.test},
@@ -128,9 +115,7 @@ def packed_and_panes(view: PairView) -> tuple[viewer.Packed, list[dict[str, Any]
         panes.append({"key": "objects", "kind": "objects", "title": "Silhouettes", "tab": "silhouettes"})
     with ThreadPoolExecutor() as pool:
         drawn = pool.submit(photos, view)
-        packed = viewer.pack(
-            view.test, view.reference, flip=flipped, surfaces=view.surfaces is not None, means=view.rough
-        )
+        packed = viewer.pack(view.test, view.reference, surfaces=view.surfaces is not None, means=view.rough)
         panes += drawn.result()
     return packed, [pane | {"alt": f"{pane['title']} of {view.title}, {width} by {height} pixels"} for pane in panes]
 

@@ -42,7 +42,6 @@ class Against:
         )
         view = PairView(
             pair=pair,
-            judged=False,
             title=row["photo"],
             about=("against", "the true photo"),
             names=NAMES,

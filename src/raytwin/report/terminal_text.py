@@ -32,7 +32,6 @@ def diff_summary(found: "Diff") -> str:
 
     c = found.comparison
     lines = [f"{c.verdict.upper()}  {found.report.scene}{because(c)}", *(f"  {reason}" for reason in further(c))]
-    lines += [f"  warning: {text}" for text in found.warnings]
     if c.geometry.shift_px is not None:
         lines.append(f"  shift      {c.geometry.shift_px:.3g} px")
     known = [(METRICS[name], value) for name, value in found.metrics.items() if value is not None]
