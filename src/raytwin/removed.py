@@ -2,7 +2,12 @@
 
 from collections.abc import Sequence
 
-COMMANDS: dict[str, str] = {}
+COMMANDS: dict[str, str] = {
+    "board --import": "Use a board.toml: five lines in docs/howto/own-photos.md write one from a trusted pickle.",
+    "board --name": "Use a board.toml: one file per board.",
+    "board --unit": "Use a board.toml, whose lengths are metres.",
+    "board --y-down": "Use a board.toml, whose Y points up.",
+}
 """Words of the command line ("bench paper") -> what to use instead, a sentence. May end in an option ("diff --fail")."""
 
 NAMES: dict[str, str] = {}
