@@ -118,7 +118,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "seed": _opt("Seed of the twin's samples.", kind=int),
         "photo": _opt("Photo whose camera pose is used.", "NAME", kind=str | None),
         "size": _opt("Render at another size than the camera's.", "WxH", callback=_size, kind=str | None),
-        "cache": _opt("Reuse stored renders and tag detections.", kind=bool),
+        "cache": _opt("Reuse stored renders.", kind=bool),
         "flip": _opt(
             "Add NVIDIA's perceptual metric FLIP (slow; extra `flip`).", None, "--flip", callback=_flip, kind=bool
         ),
@@ -222,12 +222,12 @@ OPTIONS: dict[str, dict[str, Any]] = {
     },
     "calibrate": {
         "photos": _arg("Photos of the board, or their folder.", "PHOTOS..."),
-        "board": _opt("TOML file of the board; repeat for several boards.", "BOARD"),
+        "board": _opt("TOML file of the board.", "BOARD"),
         "model": _opt("Lens model: auto, none, k1, k1k2, k1k2p1p2, k1k2k3 or full5.", among=MODELS),
         "photo": _opt("Photo whose pose is written (the first).", "NAME"),
         "out": _opt("Write the camera, as TOML, and a page beside it.", "FILE", *OUT),
         "uncertainty": _opt("Draw each pixel's uncertainty.", "FILE.svg"),
-        "bend": _opt("Draw how the board bends; a second board goes to FILE_2.svg.", "FILE.svg"),
+        "bend": _opt("Draw how the board bends.", "FILE.svg"),
     },
     "light": {
         "photos": _arg("Photos of one board under one light, or their folder.", "PHOTO..."),

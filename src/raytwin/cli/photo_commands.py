@@ -14,7 +14,7 @@ MIRROR, ORANGE = (0.9, 0.9, 0.9), (0.75, 0.35, 0.08)
 
 
 def calibrate_command(
-    photos: list[Path], board: list[Path], model: str = "auto", photo: str | None = None, json: Path | None = None,
+    photos: list[Path], board: Path, model: str = "auto", photo: str | None = None, json: Path | None = None,
     out: Path | None = None, uncertainty: Path | None = None, bend: Path | None = None,
 ) -> None:  # fmt: skip
     """Calibrate a camera from photos of a board.
@@ -30,38 +30,36 @@ def calibrate_command(
     for option, picture in (("--uncertainty", uncertainty), ("--bend", bend)):
         if picture and picture.suffix.lower() != ".svg":
             raise InputError(option, "a name that ends in .svg", picture)
-    definitions = [boards.read_board(path) for path in board]
+    definition = boards.read_board(board)
     paths = [path for named in photos for path in files.list_photos(named)]
     with show_progress() as progress:
         check_one_of("--photo", photo or paths[0].name, (p.name for p in paths))
-        calibration = taken.calibrate(paths, definitions, model=model, progress=progress)
+        calibration = taken.calibrate(paths, definition, model=model, progress=progress)
         with progress.stage("page"):
             if out:
-                _write_camera(out, calibration, paths, definitions, photo)
+                _write_camera(out, calibration, paths, photo)
                 calibration_page.write_calibration(calibration, out.with_suffix(".html"), out.name)
             if uncertainty:
                 uncertainty_pictures.write_uncertainty(calibration, uncertainty)
             if bend:
-                uncertainty_pictures.write_bends(calibration, bend)
+                uncertainty_pictures.write_bend(calibration, bend)
     if json:
         files.write_json(json, calibration.numbers())
     say_wrapped(terminal_text.calibration_summary(calibration))
     print_seconds(progress)
 
 
-def _write_camera(out: Path, calibration, paths: list[Path], definitions: list, photo: str | None) -> None:
-    """camera.toml with the pose of `photo`, the first one's by default. Of several boards, the pose is that of the
-    first that the photo shows."""
+def _write_camera(out: Path, calibration, paths: list[Path], photo: str | None) -> None:
+    """camera.toml with the pose of `photo`, the first one's by default."""
     from raytwin.calib import photos as taken
 
-    shown = {view.photo: view.board for view in reversed(calibration.views)}
-    name = photo or calibration.views[0].photo
+    shown = [view.photo for view in calibration.views]
+    name, board = photo or shown[0], calibration.basis.board
     check_one_of("--photo", name, shown)
     path = next(p for p in paths if name in (p.name, str(p)))
-    pose = taken.pose_of_photo(calibration, path, definitions[shown[name]])
-    camera = taken.camera_at(calibration, pose.refined)
+    camera = taken.camera_of_photo(calibration, path, board)
     comment = f"Calibrated from {len(shown)} photos, rms {calibration.rms_px:.3f} px."
-    taken.write_camera_file(out, camera, calibration.basis.boards, comment)
+    taken.write_camera_file(out, camera, board, comment)
 
 
 def light_command(

@@ -106,7 +106,7 @@ def pose_drawing(calibration: Calibration, view_from: str) -> str:
 
 def outline(calibration: Calibration, view: View) -> np.ndarray:
     """Return the corners of the board's box of tags (4, 3), in the camera's frame, metres."""
-    board = calibration.basis.boards[view.board]
+    board = calibration.basis.board
     xy = np.array(list(board.centers().values()))
     (x0, y0), (x1, y1) = xy.min(axis=0) - board.tag_edge / 2, xy.max(axis=0) + board.tag_edge / 2
     corners = np.array([(x0, y0, 0), (x1, y0, 0), (x1, y1, 0), (x0, y1, 0)])

@@ -3,7 +3,6 @@
 import math
 import os
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -40,11 +39,9 @@ def write_uncertainty(calibration: Calibration, path: str | os.PathLike[str]) ->
     files.write_text(path, uncertainty_drawing(calibration))
 
 
-def write_bends(calibration: Calibration, path: str | os.PathLike[str]) -> None:
-    """Write `bend_drawing` of the first board to `path`, of the n-th to NAME_n.svg beside it."""
-    path = Path(path)
-    for i, _ in enumerate(calibration.basis.boards):
-        files.write_text(path.with_stem(f"{path.stem}_{i + 1}") if i else path, bend_drawing(calibration, i))
+def write_bend(calibration: Calibration, path: str | os.PathLike[str]) -> None:
+    """Write `bend_drawing` as SVG."""
+    files.write_text(path, bend_drawing(calibration))
 
 
 def frame_axes(calibration: Calibration) -> Axes:
@@ -108,9 +105,9 @@ def colour_bar(x: float, height: float, marks: Sequence[tuple[str, float]]) -> l
     return shapes
 
 
-def bend_drawing(calibration: Calibration, index: int) -> str:
-    """Draw the heights over its plane of the index-th board, as the photos tell them, between its tags' centres."""
-    board = calibration.basis.boards[index]
+def bend_drawing(calibration: Calibration) -> str:
+    """Draw the board's heights over its plane, as the photos tell them, between its tags' centres."""
+    board = calibration.basis.board
     centers = board.centers()
     xy = np.array(list(centers.values()))
     (x0, y0), (x1, y1) = xy.min(axis=0), xy.max(axis=0)
