@@ -84,7 +84,7 @@ def test_on_a_flat_board_the_fit_is_opencvs(real_tags, real_board):
     pixels = [np.array([t.center for t in v.tags], np.float32) for v in known]
     criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 1000, 1e-12)
     rms, K, dist, *_ = cv2.calibrateCamera(points, pixels, size, None, None, criteria=criteria)
-    found = fit(known, size, [board], ModelSpec("full5"))
+    found = fit(known, size, board, ModelSpec("full5"))
     assert rms * (1 - 2e-5) < found.rms_px < rms * (1 + 1e-7)
     assert np.abs(found.K - K).max() < 2e-4 * K[0, 0]
     assert np.allclose(found.dist, dist.ravel(), atol=0.01)
