@@ -103,7 +103,6 @@ def test_a_truncated_photo_is_refused_by_name(scenes, tmp_path):
         (("compare", "single", "--size=0x10"), "--size: expected"),
         (("compare", "single", "--size=640x480x3"), "--size: expected"),
         (("diff", "a.exr", "a.exr", "--warnpercent", "nan"), "--warnpercent: expected a number >= 0"),
-        (("calibrate", ".", "--board", "b.toml", "--uncertainty", "u.jpg"), "--uncertainty: expected a name that ends"),
         (("photograph", "--board", "b.toml", "-o", "out", "--focal", "0"), "--focal, --size: K: expected focal"),
     ],
 )

@@ -226,8 +226,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "model": _opt("Lens model: auto, none, k1, k1k2, k1k2p1p2, k1k2k3 or full5.", among=MODELS),
         "photo": _opt("Photo whose pose is written (the first).", "NAME"),
         "out": _opt("Write the camera, as TOML, and a page beside it.", "FILE", *OUT),
-        "uncertainty": _opt("Draw each pixel's uncertainty.", "FILE.svg"),
-        "bend": _opt("Draw how the board bends.", "FILE.svg"),
     },
     "light": {
         "photos": _arg("Photos of one board under one light, or their folder.", "PHOTO..."),

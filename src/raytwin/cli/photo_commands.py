@@ -15,7 +15,7 @@ MIRROR, ORANGE = (0.9, 0.9, 0.9), (0.75, 0.35, 0.08)
 
 def calibrate_command(
     photos: list[Path], board: Path, model: str = "auto", photo: str | None = None, json: Path | None = None,
-    out: Path | None = None, uncertainty: Path | None = None, bend: Path | None = None,
+    out: Path | None = None,
 ) -> None:  # fmt: skip
     """Calibrate a camera from photos of a board.
 
@@ -24,25 +24,18 @@ def calibrate_command(
     from raytwin import files
     from raytwin.calib import boards
     from raytwin.calib import photos as taken
-    from raytwin.report import calibration_page, terminal_text, uncertainty_pictures
+    from raytwin.report import calibration_page, terminal_text
 
-    check_outputs(files=(json, out, uncertainty, bend))
-    for option, picture in (("--uncertainty", uncertainty), ("--bend", bend)):
-        if picture and picture.suffix.lower() != ".svg":
-            raise InputError(option, "a name that ends in .svg", picture)
+    check_outputs(files=(json, out))
     definition = boards.read_board(board)
     paths = [path for named in photos for path in files.list_photos(named)]
     with show_progress() as progress:
         check_one_of("--photo", photo or paths[0].name, (p.name for p in paths))
         calibration = taken.calibrate(paths, definition, model=model, progress=progress)
-        with progress.stage("page"):
-            if out:
+        if out:
+            with progress.stage("page"):
                 _write_camera(out, calibration, paths, photo)
                 calibration_page.write_calibration(calibration, out.with_suffix(".html"), out.name)
-            if uncertainty:
-                uncertainty_pictures.write_uncertainty(calibration, uncertainty)
-            if bend:
-                uncertainty_pictures.write_bend(calibration, bend)
     if json:
         files.write_json(json, calibration.numbers())
     say_wrapped(terminal_text.calibration_summary(calibration))

@@ -5,10 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from raytwin.calib.photos import Calibration, model_table
-from raytwin.report.calibration_pictures import pose_drawing, residual_drawing
+from raytwin.report.calibration_pictures import residual_drawing, uncertainty_drawing
 from raytwin.report.page import write_page
 from raytwin.report.terminal_text import intrinsics
-from raytwin.report.uncertainty_pictures import bend_drawing, uncertainty_drawing
 
 
 def write_calibration(calibration: Calibration, path: str | os.PathLike[str], camera_file: str = "") -> None:
@@ -22,6 +21,7 @@ def write_calibration(calibration: Calibration, path: str | os.PathLike[str], ca
         calibrated=calibration_tables(calibration),
         camera_file=camera_file,
         pictures=calibration_pictures(calibration),
+        of_board=board_sentence(calibration),
     )
 
 
@@ -42,21 +42,21 @@ def calibration_pictures(calibration: Calibration) -> list[tuple[str, str, str]]
     """Return (title, SVG, what it tells); none of a calibration that was read back."""
     if calibration.evidence is None:
         return []
-    tilts = calibration.basis.tilts
-    found = [
+    return [
         ("How far off a pixel may be", uncertainty_drawing(calibration),
          f"At the board's distance, {calibration.basis.distance:.2g} m. Tags were seen in "
          f"{100 * calibration.basis.coverage:.0f} % of the frame; elsewhere the lens model alone speaks."),
         ("What each tag is off by", residual_drawing(calibration),
          "Lines that point every way are noise. Neighbours that point one way show what the lens model lacks."),
-        ("Where the board stood, from above", pose_drawing(calibration, "above"),
-         f"The board was tilted by {min(tilts):.0f} to {max(tilts):.0f} degrees. Photos that are all straight on leave "
-         "the focal length open. Red: the photo that fits worst."),
-        ("The same from the side", pose_drawing(calibration, "the side"),
-         "Photos from one side only leave the principal point open."),
     ]  # fmt: skip
-    board = calibration.board
+
+
+def board_sentence(calibration: Calibration) -> str:
+    """Return how the board was tilted and how it is bent; of a calibration that was read back, only the bend."""
+    said, board = [], calibration.board
+    if calibration.evidence is not None:
+        tilts = calibration.evidence.tilts
+        said.append(f"The board was tilted by {min(tilts):.0f} to {max(tilts):.0f} degrees.")
     if board.bend_mm:
-        words = f"{board.bend_mm:.2f} ± {board.bend_sigma_mm:.2f} mm from the lowest tag to the highest, fitted along"
-        found.append(("The board's bend", bend_drawing(calibration), words + " with the camera."))
-    return found
+        said.append(f"It is bent by {board.bend_mm:.2f} ± {board.bend_sigma_mm:.2f} mm, fitted along with the camera.")
+    return " ".join(said)
