@@ -259,10 +259,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "seed": _opt("Seed of poses, light paths and sensor noise."),
         "bend": _opt("Bend the sheet by this many millimetres.", "MM", min=0.0),
         "with_objects": _opt("Put the scene's objects there, too (for augment --against).", None, "--with-objects"),
-        "mirror": _opt("Put a mirror ball there: center and radius, metres.", "X,Y,Z,R"),
-        "ball": _opt("Put a matt orange ball there: center and radius, metres.", "X,Y,Z,R"),
-        "stand": _opt("Put an upright pin there: foot and height, metres.", "X,Y,H"),
-        "exposure": _opt("Linear pixel value of radiance 1; several, separated by commas, are used in turn."),
     },
     "board": {
         "out": _opt("PDF to write, with a TOML beside it.", "FILE", *OUT),

@@ -2,15 +2,12 @@
 
 from pathlib import Path
 
-from raytwin.cli.option_values import check_outputs, parse_ball, parse_numbers, parse_sphere, parse_stand
+from raytwin.cli.option_values import check_outputs, parse_ball, parse_numbers, parse_stand
 from raytwin.cli.options import Size
 from raytwin.cli.progress_bar import print_seconds, show_progress
 from raytwin.cli.terminal import say, say_wrapped
 from raytwin.errors import InputError, check_one_of
 from raytwin.workflows.settings import AugmentSettings
-
-MIRROR, ORANGE = (0.9, 0.9, 0.9), (0.75, 0.35, 0.08)
-"""Albedos of what `photograph` puts beside the board; the first is the mirror's reflectance."""
 
 
 def calibrate_command(
@@ -88,16 +85,12 @@ def light_command(
 def photograph_command(
     out: Path, board: Path, scene: Path | None = None, count: int = 14, size: Size = None,
     focal: float = 1560.0, dist: str = "0.08,-0.16", samples: int = 32, seed: int = 1, bend: float = 0.0,
-    with_objects: bool = False, mirror: str | None = None, ball: str | None = None, stand: str | None = None,
-    exposure: str = "1",
+    with_objects: bool = False,
 ) -> None:  # fmt: skip
     """Render photos of a board with Mitsuba, and the true camera."""
     from raytwin.workflows.photograph import photograph_board
 
     check_outputs(folders=(out,))
-    shown = parse_numbers(exposure, "--exposure")
-    if not shown or min(shown) <= 0:
-        raise InputError("--exposure", "numbers > 0", exposure)
     with show_progress() as progress:
         photograph_board(
             board,
@@ -111,10 +104,6 @@ def photograph_command(
             seed=seed,
             with_objects=with_objects,
             bend=bend / 1000,
-            mirror=parse_sphere(mirror, "--mirror", MIRROR) if mirror else None,
-            ball=parse_sphere(ball, "--ball", ORANGE) if ball else None,
-            stand=parse_stand(stand, "--stand") if stand else None,
-            exposures=shown,
             progress=progress,
         )
     print_seconds(progress)
