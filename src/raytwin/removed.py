@@ -3,16 +3,16 @@
 from collections.abc import Sequence
 
 COMMANDS: dict[str, str] = {
-    "board --import": "Use a board.toml: five lines in docs/howto/own-photos.md write one from a trusted pickle.",
+    "board --import": 'Use a board.toml: "Use your own photos" in the docs writes one from a trusted pickle.',
     "board --name": "Use a board.toml: one file per board.",
     "board --unit": "Use a board.toml, whose lengths are metres.",
+    "board --y-down": "Use a board.toml, whose Y points up.",
+    "calibrate --bend": "Use the number in mm that calibrate prints; --json has the board's heights.",
+    "calibrate --uncertainty": "Use -o camera.toml: the page beside it has the map of uncertainty.",
     "photograph --ball": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
     "photograph --exposure": "Scale the sun and the sky of the scene that --scene names.",
     "photograph --mirror": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
     "photograph --stand": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
-    "calibrate --bend": "Use the number in mm that calibrate prints; --json has the board's heights.",
-    "calibrate --uncertainty": "Use -o camera.toml: the page beside it has the map of uncertainty.",
-    "board --y-down": "Use a board.toml, whose Y points up.",
 }
 """Words of the command line ("bench paper") -> what to use instead, a sentence. May end in an option ("diff --fail")."""
 
