@@ -71,7 +71,7 @@ ENTRIES = (
     ),
     Entry(
         "calibration", "camera.html", "A calibration and how wrong it may be",
-        "Uncertainty over the frame, each tag's residual, where the board stood, and the lens models tried.",
+        "Uncertainty over the frame, each tag's residual, and the lens models tried.",
         ("calibrate {root}/scenes/desk/photos --board {root}/scenes/desk/board.toml -o camera.toml",),
     ),
     Entry(
@@ -111,7 +111,7 @@ ENTRIES = (
             "board --columns 5 --rows 7 --tag 30mm --pitch 38mm --paper letter -o board.pdf",
             "photograph --board board.toml --scene desk --count 6 --size 480x360 --samples 4 -o plain",
             "photograph --board board.toml --scene desk --count 6 --size 480x360 --samples 4 --with-objects -o true",
-            "calibrate plain --board board.toml -o camera.toml --uncertainty uncertainty.svg",
+            "calibrate plain --board board.toml -o camera.toml",
             "augment plain/photo_00.jpg --scene desk --board board.toml --camera camera.toml --against true -o out",
         ),
     ),

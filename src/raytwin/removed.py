@@ -2,28 +2,36 @@
 
 from collections.abc import Sequence
 
-COMMANDS: dict[str, str] = {}
-"""Words of the command line ("bench paper", "diff --fail") -> what to use instead, a sentence."""
 COMMANDS: dict[str, str] = {
+    "bench --flip": "Use diff --flip on two images.",
+    "board --import": 'Use a board.toml: "Use your own photos" in the docs writes one from a trusted pickle.',
+    "board --name": "Use a board.toml: one file per board.",
+    "board --unit": "Use a board.toml, whose lengths are metres.",
+    "board --y-down": "Use a board.toml, whose Y points up.",
+    "calibrate --bend": "Use the number in mm that calibrate prints; --json has the board's heights.",
+    "calibrate --uncertainty": "Use -o camera.toml: the page beside it has the map of uncertainty.",
+    "diff --allow-failures": "Use OpenImageIO's idiff -allowfailures.",
+    "diff --allowfailures": "Use OpenImageIO's idiff -allowfailures.",
     "diff --fail": "Use OpenImageIO's idiff -fail.",
-    "diff --failrelative": "Use OpenImageIO's idiff -failrelative.",
+    "diff --fail-percent": "Use OpenImageIO's idiff -failpercent.",
     "diff --fail-relative": "Use OpenImageIO's idiff -failrelative.",
     "diff --failpercent": "Use OpenImageIO's idiff -failpercent.",
-    "diff --fail-percent": "Use OpenImageIO's idiff -failpercent.",
-    "diff --hardfail": "Use OpenImageIO's idiff -hardfail.",
+    "diff --failrelative": "Use OpenImageIO's idiff -failrelative.",
     "diff --hard-fail": "Use OpenImageIO's idiff -hardfail.",
-    "diff --allowfailures": "Use OpenImageIO's idiff -allowfailures.",
-    "diff --allow-failures": "Use OpenImageIO's idiff -allowfailures.",
+    "diff --hard-warn": "Use OpenImageIO's idiff -hardwarn.",
+    "diff --hardfail": "Use OpenImageIO's idiff -hardfail.",
+    "diff --hardwarn": "Use OpenImageIO's idiff -hardwarn.",
     "diff --warn": "Use OpenImageIO's idiff -warn.",
-    "diff --warnrelative": "Use OpenImageIO's idiff -warnrelative.",
+    "diff --warn-percent": "Use OpenImageIO's idiff -warnpercent.",
     "diff --warn-relative": "Use OpenImageIO's idiff -warnrelative.",
     "diff --warnpercent": "Use OpenImageIO's idiff -warnpercent.",
-    "diff --warn-percent": "Use OpenImageIO's idiff -warnpercent.",
-    "diff --hardwarn": "Use OpenImageIO's idiff -hardwarn.",
-    "diff --hard-warn": "Use OpenImageIO's idiff -hardwarn.",
-    "bench --flip": "Use diff --flip on two images.",
+    "diff --warnrelative": "Use OpenImageIO's idiff -warnrelative.",
+    "photograph --ball": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
+    "photograph --exposure": "Scale the sun and the sky of the scene that --scene names.",
+    "photograph --mirror": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
+    "photograph --stand": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
 }
-"""Words of the command line ("bench paper") -> what to use instead, a sentence. May end in an option ("diff --fail")."""
+"""Words of the command line ("bench paper", "diff --fail") -> what to use instead, a sentence."""
 
 NAMES: dict[str, str] = {}
 """Name of `raytwin` -> what to use instead, a sentence."""

@@ -31,7 +31,7 @@ from raytwin.report.bench_page import (
     write_bench_page,
 )
 from raytwin.report.charts.chart import HEIGHT, LEFT, LINE, TOP, WIDTH, log_range, svg_text
-from raytwin.report.charts.svg import even_ticks, log_ticks
+from raytwin.report.charts.svg import log_ticks
 from raytwin.report.numbers import shown
 
 SIZES = ((400, 300), (800, 600), (1600, 1200))
@@ -255,9 +255,3 @@ def test_an_axis_has_three_to_nine_ticks_wherever_its_points_lie():
     for low in np.geomspace(1e-9, 1e3, 271):
         for factor in (1.0, 1.3, 3.0, 50.0, 1e6):
             assert 3 <= len(log_ticks(log_range((low, factor * low), 0.1))) <= 9
-
-
-def test_even_ticks_are_three_to_eight_round_numbers():
-    assert even_ticks((0.3, -0.1)) == pytest.approx([-0.1, 0.0, 0.1, 0.2, 0.3])
-    for low, span in itertools.product((-3.7, 0.0, 120.0), np.geomspace(1e-3, 1e3, 61)):
-        assert 3 <= len(even_ticks((low, low + span))) <= 8

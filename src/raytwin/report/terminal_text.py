@@ -47,18 +47,15 @@ def calibration_summary(calibration: "Calibration") -> str:
     from raytwin.calib.photos import model_table
 
     s, (width, height) = calibration.sigma, calibration.image_size
-    lines = [f"{len(calibration.photos)} photos of {width} x {height}, model {calibration.model}"]
+    lines = [f"{len(calibration.views)} photos of {width} x {height}, model {calibration.model}"]
     lines += [f"  {n:<3} {v:12.5g}" + (f" +- {s[n]:.2g}" if n in s else "") for n, v in intrinsics(calibration).items()]
     lines.append(f"  rms {calibration.rms_px:.3f} px")
     lines += [
         f"  {'*' if t.taken else ' '} {t.model:<15} held out {t.held_out_px:.3f} px: {t.why}"
         for t in model_table(calibration)
     ]
-    lines += [
-        f"  board {i} bent by {b.bend_mm:.2g} +- {b.bend_sigma_mm:.1g} mm"
-        for i, b in enumerate(calibration.boards, start=1)
-        if b.bend_mm
-    ]
+    if (board := calibration.board).bend_mm:
+        lines.append(f"  board bent by {board.bend_mm:.2g} +- {board.bend_sigma_mm:.1g} mm")
     lines.append("  photo                            tags   rms px   pull")
     lines += [f"  {v.photo[-32:]:<32} {v.tags:>4}   {v.rms_px:6.3f}   {v.influence:4.2f}" for v in calibration.views]
     lines += [f"  warning ({w.code}): {w.text}" for w in calibration.warnings]
