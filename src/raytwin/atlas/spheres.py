@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from math import sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,7 +35,8 @@ def errors(rays: Rays, solvers: Iterable[str] = ("textbook", "robust")) -> dict[
     found: dict[str, Error] = {}
     for solver in solvers:
         for kind in (np.float32, np.float64):
-            o, d, c, r = (np.asarray(a, kind) for a in rays[:4])
+            given: list[Any] = [np.asarray(a, kind) for a in rays[:4]]
+            o, d, c, r = given
             t = intersect_sphere(tuple(o.T), tuple(d.T), Sphere(tuple(c.T), r), solver)
             found[f"{solver}, {np.dtype(kind)}"] = worst(np.asarray(t, float), truth, rays.unit)
     rounded = [np.asarray(a, np.float32).astype(float) for a in rays[:4]]
