@@ -26,6 +26,8 @@ COMMANDS: dict[str, str] = {
     "diff --warn-relative": "Use OpenImageIO's idiff -warnrelative.",
     "diff --warnpercent": "Use OpenImageIO's idiff -warnpercent.",
     "diff --warnrelative": "Use OpenImageIO's idiff -warnrelative.",
+    "needs --out": "Use --json FILE for the answer and `raytwin ladder SCENE` for a picture of each light level.",
+    "needs -o": "Use --json FILE for the answer and `raytwin ladder SCENE` for a picture of each light level.",
     "photograph --ball": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
     "photograph --exposure": "Scale the sun and the sky of the scene that --scene names.",
     "photograph --mirror": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
@@ -33,7 +35,9 @@ COMMANDS: dict[str, str] = {
 }
 """Words of the command line ("bench paper", "diff --fail") -> what to use instead, a sentence."""
 
-NAMES: dict[str, str] = {}
+NAMES: dict[str, str] = {
+    "chart": "Use pandas.DataFrame(result.table()).plot(x=..., y=...), which draws with matplotlib.",
+}
 """Name of `raytwin` -> what to use instead, a sentence."""
 
 

@@ -118,7 +118,7 @@ NEEDS = {
     "compare": ("twin", "llvm"), "explore": ("live", "twin", "llvm"), "ladder": ("twin", "llvm"), "light": ("photos",),
     "needs": ("twin", "llvm"), "photograph": ("photos", "twin", "llvm"), "reference": ("twin", "llvm"),
     "matrix": ("twin", "llvm"), "shrink": ("twin", "llvm"),
-    "stability": ("photos", "twin", "llvm"),
+    "stability": ("photos",),
 }  # fmt: skip
 """The extras that a command needs whatever it is given: named all at once where one of them is missing."""
 
