@@ -2,7 +2,10 @@
 
 from collections.abc import Sequence
 
-COMMANDS: dict[str, str] = {}
+COMMANDS: dict[str, str] = {
+    "bench calibration": "Use `python -m measure.calibration_cost`, in tests/ of the repository.",
+    "bench paper": "Use `python -m measure.paper`, in tests/ of the repository.",
+}
 """Words of the command line ("bench paper") -> what to use instead, a sentence. May end in an option ("diff --fail")."""
 
 NAMES: dict[str, str] = {}

@@ -327,12 +327,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "truth_samples": _opt("At most this many samples per pixel of the reference."),
         "save": _opt("Save this run for a later --against.", "FILE"),
         "against": _opt("Compare with a run saved on this machine.", "FILE"),
-        "photo_count": _opt("Number of photos.", "N"),
-        "photo_size": _opt("Size of the photos and of the frames.", "WxH"),
         "out": _opt("Folder for page and charts (in out/).", "DIR", *OUT),
     },
-    "bench.calibration": {"scene": _arg("Scene whose board is photographed.", "[SCENE]", among=_scenes)},
-    "bench.paper": {"scene": _arg("Scene whose board is photographed.", "[SCENE]", among=_scenes)},
     "stability": {
         "experiments": _arg("Names from --list; all by default.", "[EXPERIMENT]..."),
         "listed": _opt("List all experiments.", None, "--list"),
