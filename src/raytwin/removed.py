@@ -5,6 +5,8 @@ from collections.abc import Sequence
 COMMANDS: dict[str, str] = {
     "bench calibration": "Use `python -m measure.calibration_cost`, in tests/ of the repository.",
     "bench paper": "Use `python -m measure.paper`, in tests/ of the repository.",
+    "grade --shard": "Use --jobs N on one machine, or --dask ADDRESS on several.",
+    "reference make --shard": "Use --jobs N on one machine, or --dask ADDRESS on several.",
 }
 """Words of the command line ("bench paper") -> what to use instead, a sentence. May end in an option ("diff --fail")."""
 

@@ -13,7 +13,7 @@ import submitted_tracers as tracers
 from class_handed_in import HANDED_IN, RUBRIC, STRANGE_NAME
 
 from raytwin import files, references
-from raytwin.grade.class_run import collect, jobs_of, run
+from raytwin.grade.class_run import jobs_of, run
 from raytwin.grade.follow_through import source_of
 from raytwin.grade.result import Marked, Part, Result
 from raytwin.grade.rubric import Exercise, Rubric, read_rubric
@@ -181,7 +181,6 @@ def test_near_identical_wrong_pictures_are_found_and_right_ones_are_none(graded)
 def test_a_second_run_grades_nothing_and_finds_the_same(graded, monkeypatch):
     monkeypatch.setattr("raytwin.grade.class_run.grade_submission", None)
     assert run(graded.jobs, graded.out, Workers()) == list(graded.results.values())
-    assert collect(graded.jobs, graded.out) == list(graded.results.values())
 
 
 def test_a_result_that_is_half_written_is_made_again(graded, tmp_path):

@@ -131,7 +131,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "junit": _opt("Write the verdict as JUnit XML.", "FILE"),
         "jobs": _opt("Number of local processes.", "N", "--jobs", "-j"),
         "dask": _opt("Dask scheduler (extra `cluster`); its workers share the disk.", "ADDRESS"),
-        "shard": _opt("Do only the K-th of N shares: one task of a Slurm array.", "K/N"),
     },
     "compare": {
         "scene": _arg(ANY_SCENE, among=_scenes, callback=_known_scene),
