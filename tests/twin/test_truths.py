@@ -9,7 +9,7 @@ from math import inf
 import numpy as np
 import pytest
 from closed_forms import CLOSED, FIRST
-from truths import Shown, agrees, from_element, grey, in_wedge, parallel, perpendicular, shown, view_of
+from truths import Shown, agrees, grey, in_wedge, parallel, perpendicular, shown, view_of
 
 from raytwin.scene import Rectangle, Scene, Sky, Sphere
 from raytwin.twin import render
@@ -36,17 +36,6 @@ def test_the_light_is_what_the_closed_form_says(variant, name):
     found = mean_of(row.scene, variant, "sky" if row.depth == 2 else "path", max_depth=row.depth)
     assert found.error < 1e-3 * np.sqrt(MANY["llvm_ad_rgb"] / MANY[variant])
     assert agrees(found, row.expected, row.bias)
-
-
-@pytest.mark.parametrize(
-    ("h", "c", "F"),
-    [
-        (2, 1, 0.25), (2, 0.5, 0.125), (2, 0, 0.0288344428112), (2, -0.25, 0.00619138643466),
-        (1.5, 0.3, 0.155199137089), (1.5, 0, 0.0741100731061), (4, 0.1, 0.00726762714777), (1.01, 0, 0.410931538210),
-    ],
-)  # fmt: skip
-def test_howells_formula_gives_the_written_numbers(h, c, F):
-    assert from_element(h, c) == pytest.approx(F, rel=1e-9)
 
 
 def test_the_wedges_and_the_rectangles_formulas_give_the_written_numbers():
