@@ -120,12 +120,6 @@ def test_a_wrong_name_is_refused_before_anything_heavy_is_imported(arguments):
     assert "did you mean" in run.stderr
 
 
-def test_help_loads_nothing_heavy():
-    heavy = ("mitsuba", "drjit", "cv2", "PIL", "numpy")
-    code = f"import sys, raytwin.cli; print([m for m in {heavy} if m in sys.modules])"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
-
-
 def every_command() -> dict[str, click.Command]:
     """Each command and group of commands by its words, "" for raytwin itself."""
     found: dict[str, click.Command] = {"": get_command(app)}

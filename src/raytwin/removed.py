@@ -4,6 +4,8 @@ from collections.abc import Sequence
 
 COMMANDS: dict[str, str] = {
     "bench --flip": "Use diff --flip on two images.",
+    "bench calibration": "Use `python -m measure.calibration_cost`, in tests/ of the repository.",
+    "bench paper": "Use `python -m measure.paper`, in tests/ of the repository.",
     "board --import": 'Use a board.toml: "Use your own photos" in the docs writes one from a trusted pickle.',
     "board --name": "Use a board.toml: one file per board.",
     "board --unit": "Use a board.toml, whose lengths are metres.",
@@ -26,12 +28,14 @@ COMMANDS: dict[str, str] = {
     "diff --warn-relative": "Use OpenImageIO's idiff -warnrelative.",
     "diff --warnpercent": "Use OpenImageIO's idiff -warnpercent.",
     "diff --warnrelative": "Use OpenImageIO's idiff -warnrelative.",
+    "grade --shard": "Use --jobs N on one machine, or --dask ADDRESS on several.",
     "needs --out": "Use --json FILE for the answer and `raytwin ladder SCENE` for a picture of each light level.",
     "needs -o": "Use --json FILE for the answer and `raytwin ladder SCENE` for a picture of each light level.",
     "photograph --ball": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
     "photograph --exposure": "Scale the sun and the sky of the scene that --scene names.",
     "photograph --mirror": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
     "photograph --stand": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
+    "reference make --shard": "Use --jobs N on one machine, or --dask ADDRESS on several.",
 }
 """Words of the command line ("bench paper", "diff --fail") -> what to use instead, a sentence."""
 

@@ -11,7 +11,6 @@ import pytest
 from raytwin.bench import (
     RENDERERS,
     Bench,
-    Calibrated,
     Converged,
     Deviation,
     Growth,
@@ -21,7 +20,7 @@ from raytwin.bench import (
     against,
 )
 from raytwin.bench.regression import Changes, MethodChange, better_or_worse
-from raytwin.report.bench_charts import calibration_charts, error_chart, growth_charts
+from raytwin.report.bench_charts import error_chart, growth_charts
 from raytwin.report.bench_page import (
     bench_summary,
     change_lines,
@@ -71,13 +70,9 @@ def every_method(sizes: tuple[tuple[int, int], ...] = SIZES) -> Bench:
         Growth(m, n, 400, 300, 1e-3 * n**0.5, 0.0, 0.1)
         for m in ("numpy32-shadow-conic", "drjit32-shadow-conic") for n in (1, 10, 100, 1000)
     )  # fmt: skip
-    calibration = tuple(
-        Calibrated(setting, s, 15, 20 * s**1.5 * f, 0.3 / s**0.5)
-        for setting, f in (("one pass", 1.0), ("refined", 1.3)) for s in (1.0, 0.5, 0.25)
-    )  # fmt: skip
     left = (LeftOut("cuda32-shadow-conic", 400, 300, "no <CUDA> here"),)
     return Bench("made up", {"processor": "one", "cores": "2"}, {"numpy": "2"}, 60.0, 59.0, tuple(rows), truths,
-                 tuple(errors), growth, calibration, left, tuple(repeats))  # fmt: skip
+                 tuple(errors), growth, left, tuple(repeats))  # fmt: skip
 
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -99,7 +94,7 @@ def labels(chart) -> list[tuple[float, float, float, str]]:
 
 
 def test_no_label_lies_over_another_or_beyond_the_frame(made):
-    for chart in (*error_charts(made), *growth_charts(made), *calibration_charts("made", made.calibration)):
+    for chart in (*error_charts(made), *growth_charts(made)):
         found = labels(chart)
         for a, b in itertools.combinations(found, 2):
             assert a[1] <= b[0] or b[1] <= a[0] or abs(a[2] - b[2]) > LINE - 2, (chart.key, a[3], b[3])
@@ -126,9 +121,7 @@ def test_guides_have_the_slope_that_is_said(made):
             assert np.diff(np.log(g.ys)) / np.diff(np.log(g.xs)) == pytest.approx(slope)
 
 
-def test_growth_says_its_exponents_and_a_calibrations_line_is_named_at_its_whole_photos(made):
-    (calibration,) = calibration_charts("made", made.calibration)
-    assert {text for *_, text in labels(calibration)} >= {"one pass: 1", "refined: 1", "0.5", "0.25"}
+def test_growth_says_its_exponents(made):
     by_pixels, by_spheres = growth_charts(made)
     assert (by_pixels.key, by_spheres.key) == ("pixels", "spheres")
     assert [text for *_, text in labels(by_spheres)] == [
@@ -139,7 +132,7 @@ def test_growth_says_its_exponents_and_a_calibrations_line_is_named_at_its_whole
 def test_the_folder_has_every_number_and_each_chart(made, tmp_path):
     write_bench_all(made, tmp_path / "out", against(made, made))
     names = {p.name for p in (tmp_path / "out").iterdir()}
-    keys = {"pixels", "spheres", "calibration", *(f"{w}x{h}-{t}-relmse" for w, h in SIZES for t in FLOOR)}
+    keys = {"pixels", "spheres", *(f"{w}x{h}-{t}-relmse" for w, h in SIZES for t in FLOOR)}
     assert names == {"bench.html", "bench.json"} | {f"{k}.svg" for k in keys}
     svg = (tmp_path / "out" / "spheres.svg").read_text(encoding="utf-8")
     assert "numpy32-shadow-conic" in svg  # text stays text

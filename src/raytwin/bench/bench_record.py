@@ -78,29 +78,6 @@ class Growth(Row, frozen=True):
     compile_seconds: float
 
 
-class Calibrated(Row, frozen=True):
-    """One way to calibrate: the detector's `setting`, the scale of what it searches (1: the photos as taken).
-
-    `seconds_median`: for all the photos, decoding and the fit included. `heldout_px`: the rms error on photos that the
-    fit has not seen, in pixels of the photos as taken, against the true centres of the tags where they are known, else
-    against what is detected at full size: one ruler for all settings. `source`: which photos; `tags`: how many
-    the fit kept; `focal_percent`: the focal length's true error, where the truth is known.
-    """
-
-    setting: str
-    scale: float
-    photos: int
-    seconds_median: float
-    heldout_px: float
-    source: str = ""
-    seconds_iqr: float = 0.0
-    tags: int = 0
-    model: str = ""
-    focal_percent: float | None = None
-    width: int = 0
-    height: int = 0
-
-
 class Equal(Row, frozen=True):
     """Where a family of methods falls to one relMSE against its own rung's truth: seconds a frame, samples a pixel.
 
@@ -148,7 +125,6 @@ class Bench(Row, InNotebook, frozen=True):
     truths: tuple[Converged, ...] = ()
     errors: tuple[Deviation, ...] = ()
     growth: tuple[Growth, ...] = ()
-    calibration: tuple[Calibrated, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     repeats: tuple[Repeats, ...] = ()
     equal: tuple[Equal, ...] = ()

@@ -35,7 +35,6 @@ PREPARE_SHARE, TRUTH_SHARE = 0.6, 0.3
 
 OUT_OF_TIME = "no time"
 """How the reason begins where a larger budget would help."""
-Ready = Measured[Renderer, Image]
 Parts = dict[str, list[Any]]
 """What a run has measured so far, by Bench's fields."""
 CALLS = 4
@@ -178,7 +177,7 @@ def time_methods(
     repeats: int,
     progress: Progress,
     clock: Clock = time.perf_counter,
-) -> tuple[list[Ready], list[LeftOut]]:
+) -> tuple[list[Measured], list[LeftOut]]:
     """Prepare each method and call it once, then time them in turn; return those timed, and why the others are not.
 
     One of each family comes before the second of any, those of few samples first, so that time that is too short leaves
@@ -189,7 +188,7 @@ def time_methods(
     cheapest_first = sorted(methods, key=lambda m: m.samples)
     families = [m.family for m in cheapest_first]
     in_turn = sorted(cheapest_first, key=lambda m: families[: cheapest_first.index(m)].count(m.family))
-    ready: list[Ready] = []
+    ready: list[Measured] = []
     reasons: dict[str, str] = {}
     absent: dict[str, str] = {}
     owed = 0.0
@@ -238,7 +237,7 @@ def expected_seconds(method: Renderer, scene: Scene, clock: Clock) -> tuple[floa
 
 
 def summarize(
-    done: list[Ready], truths: dict[str, Converged], size: tuple[int, int]
+    done: list[Measured], truths: dict[str, Converged], size: tuple[int, int]
 ) -> tuple[list[Measurement], list[Deviation]]:
     """Rows against each method's own truth, and the errors against every truth, each with its frontier."""
     times = {m.method.name: median_iqr(m.seconds) for m in done}

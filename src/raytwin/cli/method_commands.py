@@ -65,7 +65,7 @@ def needs_command(
 def matrix_command(
     settings: CompareSettings, scenes: list[Path] | None = None, subjects: list[str] | None = None,
     listed: Path | None = None, references: Path | None = None, history: Path | None = None,
-    jobs: int = 1, dask: str = "", shard: str = "", again: bool = False, json: Path | None = None,
+    jobs: int = 1, dask: str = "", again: bool = False, json: Path | None = None,
     junit: Path | None = None, out: Path = Path("out/matrix"), allow: list[str] | None = None,
 ) -> None:  # fmt: skip
     """Compare several renderers with the twin on several scenes.
@@ -79,7 +79,7 @@ def matrix_command(
     from raytwin.workflows import matrix, matrix_history
 
     check_outputs(folders=(out,), files=(history, json, junit))
-    workers = parse_workers(jobs, dask, shard)
+    workers = parse_workers(jobs, dask)
     asked, named = [str(s) for s in scenes or ()], list(subjects or ())
     if listed is not None:
         more, others, chosen = matrix.read_list(listed)
@@ -97,18 +97,14 @@ def matrix_command(
     for cell in cells:
         why = "" if cell.verdict == "pass" else f": {cell.cause or cell.reason}"
         say_wrapped(f"{cell.verdict.upper():<10} {cell.scene}: {cell.subject}{why}")
-    done = store.collect(found)
-    if len(done) < len(found):
-        say(f"{len(done)} of {len(found)} done; run it again without --shard once all are, for the page")
-        raise typer.Exit(worst_code(cell.exit_code for cell in cells))
-    past = matrix_history.pasts(matrix_history.add_to_history(history, done)) if history is not None else {}
-    matrix_page.write_matrix(done, out, past)
+    past = matrix_history.pasts(matrix_history.add_to_history(history, cells)) if history is not None else {}
+    matrix_page.write_matrix(cells, out, past)
     if json is not None:
         json.write_text((out / "matrix.json").read_text(encoding="utf-8"), encoding="utf-8")
     if junit is not None:
-        write_junit(map(matrix_page.case_of, done), junit, "raytwin matrix")
-    say(f"{len(done)} comparisons; report: {out / 'index.html'}")
-    raise typer.Exit(worst_code(cell.exit_code for cell in done))
+        write_junit(map(matrix_page.case_of, cells), junit, "raytwin matrix")
+    say(f"{len(cells)} comparisons; report: {out / 'index.html'}")
+    raise typer.Exit(worst_code(cell.exit_code for cell in cells))
 
 
 def shrink_command(

@@ -131,7 +131,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "junit": _opt("Write the verdict as JUnit XML.", "FILE"),
         "jobs": _opt("Number of local processes.", "N", "--jobs", "-j"),
         "dask": _opt("Dask scheduler (extra `cluster`); its workers share the disk.", "ADDRESS"),
-        "shard": _opt("Do only the K-th of N shares: one task of a Slurm array.", "K/N"),
     },
     "compare": {
         "scene": _arg(ANY_SCENE, among=_scenes, callback=_known_scene),
@@ -307,12 +306,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "truth_samples": _opt("At most this many samples per pixel of the reference."),
         "save": _opt("Save this run for a later --against.", "FILE"),
         "against": _opt("Compare with a run saved on this machine.", "FILE"),
-        "photo_count": _opt("Number of photos.", "N"),
-        "photo_size": _opt("Size of the photos and of the frames.", "WxH"),
         "out": _opt("Folder for page and charts (in out/).", "DIR", *OUT),
     },
-    "bench.calibration": {"scene": _arg("Scene whose board is photographed.", "[SCENE]", among=_scenes)},
-    "bench.paper": {"scene": _arg("Scene whose board is photographed.", "[SCENE]", among=_scenes)},
     "stability": {
         "experiments": _arg("Names from --list; all by default.", "[EXPERIMENT]..."),
         "listed": _opt("List all experiments.", None, "--list"),

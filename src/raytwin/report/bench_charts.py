@@ -1,4 +1,4 @@
-"""What the bench's charts hold: error against seconds, growth, calibration."""
+"""What the bench's charts hold: error against seconds, growth."""
 
 import math
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from raytwin.bench import GROWTH, RENDERERS, Bench, Calibrated, Measurement, fit_power, on_frontier, staircase
+from raytwin.bench import GROWTH, RENDERERS, Bench, Measurement, fit_power, on_frontier, staircase
 from raytwin.compare import METRICS
 from raytwin.report.charts.chart import Chart, Line, Point, by_family, family_chart
 from raytwin.report.charts.svg import INK, SOFT, Range
@@ -158,11 +158,6 @@ Series = dict[str, list[tuple[float, float]]]
 """Renderer -> (size of the task, seconds)."""
 
 
-def side_charts(bench: Bench) -> list[Chart]:
-    """Growth and calibration, what of them was measured."""
-    return growth_charts(bench) + calibration_charts(f"{bench.scene}: ", bench.calibration)
-
-
 def growth_charts(bench: Bench) -> list[Chart]:
     """Seconds against pixels (from three sizes on) and against spheres, each with its fitted exponent."""
     size = f"{bench.growth[0].width} x {bench.growth[0].height} pixels" if bench.growth else ""
@@ -209,35 +204,6 @@ def growth_chart(key: str, title: str, x_label: str, series: Series) -> Chart | 
     return replace(drawn, x_range=(low, high * (high / low) ** 0.45))  # the labels stand to the right
 
 
-# ------------------------------------------------------------------------------------------ calibration
-
-
-def calibration_charts(title: str, rows: Sequence[Calibrated]) -> list[Chart]:
-    """Return held-out error against seconds, a chart per set of photos: a line per setting, a point per scale.
-
-    `title`: what stands before the chart's own.
-    """
-    charts = []
-    for i, source in enumerate(dict.fromkeys(r.source for r in rows)):
-        of = sorted((r for r in rows if r.source == source), key=lambda r: (r.setting, -r.scale))
-        size = f" of {of[0].width} x {of[0].height}" if of[0].width else ""
-        what = " ".join(filter(None, (str(max(r.photos for r in of)), source, "photos"))) + size
-        marks = [
-            Mark(r.setting, f"{r.scale:g}", f"{r.setting}, scale {r.scale:g}", r.seconds_median, r.heldout_px)
-            for r in of
-        ]
-        made = marks_chart(
-            f"calibration{f'-{i + 1}' if i else ''}",
-            f"{title}calibration from {what}",
-            "seconds (median)",
-            "held-out rms error, pixels of the photos as taken",
-            marks,
-            note="numbers at the points: the scale of what is searched",
-        )
-        charts.append(made)
-    return charts
-
-
 # ------------------------------------------------------------------------------------------ any seconds and errors
 
 
@@ -252,9 +218,7 @@ class Mark:
     error: float
 
 
-def marks_chart(
-    key: str, title: str, x_label: str, y_label: str, marks: Sequence[Mark], floor: float = 0.0, note: str = ""
-) -> Chart:
+def marks_chart(key: str, title: str, x_label: str, y_label: str, marks: Sequence[Mark], floor: float) -> Chart:
     """Return error against seconds: each family a line in its own colour, named at its first point.
 
     What is at or below `floor` is hollow and drawn there.
@@ -270,4 +234,4 @@ def marks_chart(
         points.append(
             Point(m.seconds, y, m.name, m.family, palette[m.family], "circle", m.error <= floor, strong, tip, label)
         )
-    return family_chart(key, title, x_label, y_label, points, floor or None, (note,))
+    return family_chart(key, title, x_label, y_label, points, floor or None)

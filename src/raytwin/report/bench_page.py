@@ -7,7 +7,7 @@ from pathlib import Path
 
 from raytwin.bench import RENDERERS, Bench, Changes, Converged, MethodChange, write_bench
 from raytwin.errors import InputError
-from raytwin.report.bench_charts import AXES, COLOURS, TRUTHS, error_chart, megapixels, side_charts, sizes_of
+from raytwin.report.bench_charts import AXES, COLOURS, TRUTHS, error_chart, growth_charts, megapixels, sizes_of
 from raytwin.report.charts.chart import Chart, chart_html, write_charts
 from raytwin.report.numbers import seconds, shown
 from raytwin.report.page import write_page
@@ -24,7 +24,7 @@ def write_bench_all(bench: Bench, folder: str | os.PathLike[str], changes: Chang
     folder = made_folder(folder)
     write_bench(bench, folder / "bench.json")
     write_bench_page(bench, folder / "bench.html", changes)
-    write_charts([c for c in error_charts(bench) if c.key.endswith("/relmse")] + side_charts(bench), folder)
+    write_charts([c for c in error_charts(bench) if c.key.endswith("/relmse")] + growth_charts(bench), folder)
 
 
 def made_folder(folder: str | os.PathLike[str]) -> Path:
@@ -48,7 +48,7 @@ def write_bench_page(bench: Bench, path: str | os.PathLike[str], changes: Change
         b=bench,
         changes=changes,
         charts=[(c, chart_html(c), frontier_rows(c)) for c in charts],
-        growth=[(c, chart_html(c)) for c in side_charts(bench)],
+        growth=[(c, chart_html(c)) for c in growth_charts(bench)],
         sizes=[(f"{w}x{h}", f"{w} × {h}, {megapixels((w, h))}") for w, h in sizes_of(bench)],
         truths=[(t, TRUTHS.get(t, t)) for t in dict.fromkeys(t.name for t in bench.truths)],
         metrics=[(m, words) for m, words in AXES.items() if any(c.key.endswith(f"/{m}") for c in charts)],
@@ -91,7 +91,7 @@ def kinds(bench: Bench) -> list[tuple[str, str]]:
 
 def bench_summary(bench: Bench, changes: Changes | None = None) -> str:
     """What is on each frontier, what was left out, and what has changed."""
-    count = len(bench.rows) + len(bench.growth) + len(bench.calibration)
+    count = len(bench.rows) + len(bench.growth)
     lines = [f"{bench.scene}: {count} measurements in {seconds(bench.seconds)}"]
     for truth in (t for t in bench.truths if t.name in IN_TERMINAL):
         lines += frontier_lines(bench, truth)
@@ -101,10 +101,6 @@ def bench_summary(bench: Bench, changes: Changes | None = None) -> str:
             lines.append(f"  to relMSE {e.relmse:g} against {e.truth}, {e.width} x {e.height}:")
         beyond = "" if e.measured else ", beyond what was measured"
         lines.append(f"    {e.family:<30} {seconds(e.seconds):>10}   {e.seconds / first.seconds:5.3g} x{beyond}")
-    lines += [
-        f"  {c.source}: {c.setting}, scale {c.scale:g}: {seconds(c.seconds_median)}, held out {shown(c.heldout_px)} px"
-        for c in bench.calibration
-    ]
     if bench.left_out:
         lines.append(f"  left out: {len(bench.left_out)}, named with their reasons in bench.html")
     return "\n".join([*lines, *(change_lines(changes) if changes else ())])

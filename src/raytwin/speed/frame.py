@@ -55,17 +55,12 @@ def trace(
     return Image(mean, surface=surface)
 
 
-def background(
-    scene: Scene, rung: str = "shadow", out: Float32[np.ndarray, "h w 3"] | None = None
-) -> Float32[np.ndarray, "h w 3"]:
+def background(scene: Scene, rung: str = "shadow") -> Float32[np.ndarray, "h w 3"]:
     """What the camera sees where it meets nothing, through the pixels' centres: (H, W, 3) float32, the sky's radiance,
     or 0 where a rung or the lens has none.
-
-    `out` is filled, where given, and returned.
     """
     w, h = scene.camera.image_size
-    if out is None:
-        out = np.empty((h, w, 3), np.float32)
+    out = np.empty((h, w, 3), np.float32)
     mapped = RUNGS[rung].background and scene.environment is not None
     row = np.empty((w, 3), np.float32)
     row[:] = scene.sky.radiance if RUNGS[rung].background and not mapped else 0.0
