@@ -129,9 +129,9 @@ def test_its_json_has_exactly_the_promised_keys(tmp_path):
         tmp_path / "c.json", calibrate_detections(dict(list(tags.items())[:5]), SIZE, SMALL, "k1").numbers()
     )
     data = json.loads((tmp_path / "c.json").read_text())
-    assert list(data) == ["image_size", "model", "K", "dist", "sigma", "rms_px", "views", "board", "warnings"]
+    assert list(data) == ["image_size", "model", "K", "dist", "sigma", "rms_px", "views", "warnings", "boards"]
     assert list(data["views"][0]) == ["photo", "tags", "rms_px", "R_cam_board", "t_cam_board", "influence"]
-    assert list(data["board"]) == ["heights", "bend_mm", "bend_sigma_mm"]
+    assert list(data["boards"][0]) == ["heights", "bend_mm", "bend_sigma_mm"]
     assert list(data["warnings"][0]) == ["code", "text"]
     assert data["image_size"] == [1008, 756]
 

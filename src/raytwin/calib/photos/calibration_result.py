@@ -67,7 +67,7 @@ class Evidence(Record, frozen=True):
 
 
 class Calibration(Record, frozen=True):
-    """The camera and how well it is known; its fields, `evidence` aside, are the keys of the JSON.
+    """The camera and how well it is known; its fields, but for `evidence`, are the keys of the JSON.
 
     `K` in pixels (OpenCV's: (0, 0) is a pixel's centre); `dist` is a prefix of k1, k2, p1, p2, k3; `sigma` holds one
     standard deviation of fx, fy, cx, cy and of each coefficient that was fitted; `rms_px` is over all tags used.
@@ -85,8 +85,9 @@ class Calibration(Record, frozen=True):
     evidence: Evidence | None = None
 
     def numbers(self) -> dict[str, Any]:
-        """What the JSON holds."""
-        return {k: v for k, v in msgspec.structs.asdict(self).items() if k != "evidence"}
+        """What the JSON holds; `boards` is a list, as it was when there could be several."""
+        fields = {k: v for k, v in msgspec.structs.asdict(self).items() if k not in ("evidence", "board")}
+        return fields | {"boards": [self.board]}
 
     def to_dict(self) -> dict[str, Any]:
         """Return what the JSON holds as plain values."""
