@@ -232,6 +232,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "board": _opt("TOML file of the board (the scene's).", "BOARD", kind=Path | None),
         "against": _opt("True photos of the same names: report the error by region.", "DIR", kind=Path | None),
         "shadows": _opt("Cast shadows on what the photo shows.", kind=bool),
+        "boxes": _opt("Outline each sphere's trim box.", None, "--boxes", kind=bool),
         "exposure": _opt(
             "The photo's linear value of radiance 1 (1; with --light, from its paper).", min=0.0, kind=float | None
         ),

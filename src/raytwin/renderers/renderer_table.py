@@ -5,7 +5,15 @@ from fnmatch import fnmatchcase
 
 from raytwin.errors import InputError
 from raytwin.renderers.renderer import Renderer
-from raytwin.renderers.subject_renderers import Filled, PathTraced, PythonLoop, Speculated, Supersampled, Traced
+from raytwin.renderers.subject_renderers import (
+    Filled,
+    PathTraced,
+    PythonLoop,
+    SmoothedSpeculation,
+    Speculated,
+    Supersampled,
+    Traced,
+)
 from raytwin.renderers.twin_renderers import Plain, Twin
 
 COUNTS, FEW = (1, 4, 16, 64, 256, 1024), (1, 4, 16)
@@ -31,6 +39,7 @@ RENDERERS: dict[str, Renderer] = {
         *(PathTraced(rung, engine, n) for engine in ("drjit32", "cuda32") for rung in ("sky", "path") for n in COUNTS),
         # The paper's speculation, and ours.
         *(Speculated(engine="numpy32", way=way, n=n) for way in ("paper", "careful") for n in (1, 2, 4, 8, 16)),
+        *(SmoothedSpeculation(engine="numpy32", n=n) for n in (2, 4, 8)),
         # The twin, as `raytwin compare` renders it.
         *(Twin("shadow", variant) for variant in (LLVM, SCALAR, CUDA)),
         *(Twin(rung, variant, n) for variant, counts in COUNTED for rung in ("sky", "path") for n in counts),

@@ -156,6 +156,20 @@ class Speculated(_ByEngine):
 
 
 @dataclass(frozen=True)
+class SmoothedSpeculation(Speculated):
+    """The paper's speculation, whose guesses are then smoothed by non-local means."""
+
+    NAME, FAMILY = "{0.engine}-{0.rung}-{0.way}{0.n}-nlm", "speculation, non-local means"
+    way: str = "paper"
+
+    def prepare(self, scene: Scene) -> Call:
+        from raytwin.calib.denoise import non_local_means  # with OpenCV
+
+        guess = super().prepare(scene)
+        return lambda seed: Image(non_local_means(guess(seed).mean))
+
+
+@dataclass(frozen=True)
 class PythonLoop(Renderer):
     """The paper's way: a Python loop over the pixels."""
 

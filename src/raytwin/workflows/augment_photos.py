@@ -9,7 +9,7 @@ import numpy as np
 
 from raytwin import files, twin
 from raytwin.calib import boards, photos
-from raytwin.calib.augment import augment, draw_pyramid, errors_by_region, of_three_channels, to_rec709
+from raytwin.calib.augment import augment, draw_boxes, draw_pyramid, errors_by_region, of_three_channels, to_rec709
 from raytwin.calib.find_camera import find_camera
 from raytwin.calib.lighting.light_file import photo_exposure, read_light
 from raytwin.errors import InputError
@@ -84,6 +84,8 @@ def augment_photos(
         drawn = result.pixels
         for pyramid in scene.pyramids:
             drawn = draw_pyramid(drawn, stand, pyramid, space)
+        if chosen.boxes:
+            drawn = draw_boxes(drawn, here)
         row: dict[str, Any] = {"photo": path.name, "pose_rms_px": pose.rms_px}
         if chosen.against is not None:
             truth = files.read_photo(Path(chosen.against) / path.name)

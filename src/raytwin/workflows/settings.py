@@ -103,7 +103,8 @@ class AugmentSettings:
     calibrated. Each photo's pose comes from its own tags of `board` (the scene's, if none is named). `against`: a
     folder of true photos of the same names, the objects really there. `shadows` fall on what the photo shows.
     `exposure`: the photo's linear value of radiance 1, by default 1. `light`: a light.toml in the place of the scene's
-    sun and sky; then each photo's exposure is by default what its white paper shows.
+    sun and sky; then each photo's exposure is by default what its white paper shows. `boxes`: also draw the box of
+    pixels that each sphere's work is trimmed to.
     """
 
     camera: str | Path | None = None
@@ -112,6 +113,7 @@ class AugmentSettings:
     shadows: bool = True
     exposure: float | None = None
     light: str | Path | None = None
+    boxes: bool = False
 
     def __post_init__(self) -> None:
         if self.exposure is not None and not self.exposure >= 0:

@@ -158,6 +158,21 @@ def test_the_pyramid_is_drawn(taken, scenes, tmp_path):
     assert 0.005 < changed.mean() < 0.3
 
 
+def test_trim_boxes_are_outlined_about_the_drawn_spheres(taken, scenes, tmp_path):
+    photo, drawn = taken / "without" / "photo_00.jpg", {}
+    for boxes in (False, True):
+        options = {"camera": taken / "camera.toml", "boxes": boxes, "shadows": False}
+        augment_photos([photo], scenes / "desk", tmp_path / str(boxes), **options)
+        drawn[boxes] = files.read_photo(tmp_path / str(boxes) / "photo_00.jpg").astype(int)
+    # JPEG smears an outline into its blocks of 8, and no farther.
+    outlined = np.argwhere(np.abs(drawn[True] - drawn[False]).max(axis=-1) > 40)
+    spheres = np.argwhere(np.abs(drawn[False] - files.read_photo(photo).astype(int)).max(axis=-1) > 40)
+    assert (outlined.min(axis=0) <= spheres.min(axis=0) + 2).all()
+    assert (outlined.max(axis=0) >= spheres.max(axis=0) - 2).all()
+    assert (np.abs(outlined.min(axis=0) - spheres.min(axis=0)) < 16).all()
+    assert len(outlined) < 0.05 * drawn[True][..., 0].size
+
+
 def test_the_photos_own_folder_is_never_written_to(taken, scenes):
     photo = taken / "without" / "photo_00.jpg"
     before = photo.read_bytes()
