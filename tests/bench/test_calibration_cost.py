@@ -3,11 +3,12 @@
 import time
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from raytwin.bench import read_bench
+from raytwin.bench import Bench
 from raytwin.bench.calibration_cost import (
     BOARD,
     SETTINGS,
@@ -107,7 +108,7 @@ def test_one_command_measures_every_setting_with_its_seconds_and_both_errors_and
     run = CliRunner().invoke(app, ["bench", "calibration", *photos_of, "-o", str(tmp_path)])
     assert run.exit_code == 0, run.output
     assert (tmp_path / "calibration.svg").exists()
-    found = read_bench(tmp_path / "bench.json")
+    found = msgspec.json.decode((tmp_path / "bench.json").read_bytes(), type=Bench)
     assert found.budget == 3600
     left = {row.method for row in found.left_out}
     rows = {f"{r.setting}, scale {r.scale:g}": r for r in found.calibration}

@@ -3,10 +3,7 @@
 import os
 from typing import Any
 
-import msgspec
-
 from raytwin import files
-from raytwin.errors import InputError
 from raytwin.notebook import InNotebook
 from raytwin.scene.record_base import Row
 
@@ -68,18 +65,6 @@ class Deviation(Row, frozen=True):
     on_frontier: bool
 
 
-class Growth(Row, frozen=True):
-    """Seconds of a method with so many small spheres in the picture."""
-
-    method: str
-    spheres: int
-    width: int
-    height: int
-    seconds_median: float
-    seconds_iqr: float
-    compile_seconds: float
-
-
 class Calibrated(Row, frozen=True):
     """One way to calibrate: the detector's `setting`, the scale of what it searches (1: the photos as taken).
 
@@ -103,22 +88,6 @@ class Calibrated(Row, frozen=True):
     height: int = 0
 
 
-class Equal(Row, frozen=True):
-    """Where a family of methods falls to one relMSE against its own rung's truth: seconds a frame, samples a pixel.
-
-    Interpolated between two measured sample counts if `measured`, else extrapolated beyond the last one.
-    """
-
-    family: str
-    truth: str
-    width: int
-    height: int
-    relmse: float
-    seconds: float
-    samples: float
-    measured: bool = True
-
-
 class LeftOut(Row, frozen=True):
     """A method that was asked for and not measured, and why."""
 
@@ -128,18 +97,8 @@ class LeftOut(Row, frozen=True):
     why: str
 
 
-class Repeats(Row, frozen=True):
-    """Every timed call, in seconds, and the RMSE of its image where that was taken."""
-
-    method: str
-    width: int
-    height: int
-    seconds: tuple[float, ...]
-    rmse: tuple[float, ...]
-
-
 class Bench(Row, InNotebook, frozen=True):
-    """A whole run. `repeats` is what two runs are compared by; `--json` leaves it out."""
+    """A whole run."""
 
     scene: str
     machine: dict[str, str]
@@ -149,11 +108,8 @@ class Bench(Row, InNotebook, frozen=True):
     rows: tuple[Measurement, ...]
     truths: tuple[Converged, ...] = ()
     errors: tuple[Deviation, ...] = ()
-    growth: tuple[Growth, ...] = ()
     calibration: tuple[Calibrated, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
-    repeats: tuple[Repeats, ...] = ()
-    equal: tuple[Equal, ...] = ()
 
     def table(self) -> list[dict[str, Any]]:
         """Return a row per method and size: what `pandas.DataFrame` takes."""
@@ -163,16 +119,6 @@ class Bench(Row, InNotebook, frozen=True):
         return f"<raytwin.bench of {self.scene}: {len(self.rows)} measurements, {len(self.left_out)} left out>"
 
 
-def write_bench(bench: Bench, path: str | os.PathLike[str], repeats: bool = True) -> None:
+def write_bench(bench: Bench, path: str | os.PathLike[str]) -> None:
     """As JSON; NaN and infinity, which JSON lacks, become null."""
-    files.write_json(path, bench if repeats else msgspec.structs.replace(bench, repeats=()))
-
-
-def read_bench(path: str | os.PathLike[str]) -> Bench:
-    """What `write_bench` wrote. Raises InputError with the file and the field that is wrong."""
-    path = files.check_file(path, "a file that `raytwin bench --save` wrote")
-    try:
-        data = msgspec.json.decode(path.read_bytes())
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(path, "JSON that `raytwin bench --save` wrote", error) from None
-    return files.to_record(path, data, Bench)
+    files.write_json(path, bench)

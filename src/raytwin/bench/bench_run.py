@@ -14,11 +14,9 @@ from typing import Any
 import numpy as np
 
 from raytwin import files, twin
-from raytwin.bench.bench_record import Bench, Converged, Deviation, Growth, LeftOut, Measurement, Repeats
+from raytwin.bench.bench_record import Bench, Converged, Deviation, LeftOut, Measurement
 from raytwin.bench.bench_reference import WHOLE, converge, measure, truth_of
-from raytwin.bench.equal_error import equal_error
 from raytwin.bench.frontier import median_iqr, on_frontier
-from raytwin.bench.sphere_field import crowded
 from raytwin.bench.timing import Clock, Errors, Look, Measured, guess, repeat, warm
 from raytwin.calib.find_camera import find_camera
 from raytwin.errors import InputError
@@ -41,28 +39,12 @@ Parts = dict[str, list[Any]]
 CALLS = 4
 """Calls of a method that must fit what is left of the time: one to warm up, three to time."""
 
-GROWTH = (
-    "loop-shadow-conic",
-    "numpy32-shadow-none",
-    "numpy32-shadow-conic",
-    "numpy32-lambert-conic",
-    "drjit32-shadow-none",
-    "drjit32-shadow-conic",
-    "drjit32-lambert-conic",
-    "twin-llvm-shadow",
-    "mitsuba-llvm-direct-1",
-    "cuda32-shadow-conic",
-    "mitsuba-cuda-direct-1",
-)
-"""The methods whose cost is charted against pixels and spheres."""
-
 
 def bench(
     path: str | Path | Scene | SceneFile,
     *,
     methods: Sequence[str | Renderer | Callable[..., Any]] = ("*",),
     sizes: Sequence[float] = (0.2,),
-    spheres: Sequence[int] = (),
     budget: float = 300.0,
     repeats: int = 15,
     truth_samples: int = 4096,
@@ -72,16 +54,14 @@ def bench(
     """Measure each method's time and error on a scene (`path`: its folder, name, or a Scene), at each of `sizes`
     (megapixels).
 
-    `methods`: patterns of names (`raytwin bench list`), and functions of a scene of your own: see `method`.
-    `spheres`: also time the methods of GROWTH
-    with so many small spheres in the picture, at the first size. `budget`: seconds for all, preparing and truths too;
-    methods that do not fit are named in `left_out`, and InputError says so if none does. `repeats`: most timed calls of
-    each. `truth_samples`: most samples a pixel of each truth. `flip`: add FLIP, which is slow. `table()` of what is
-    returned has a row per method and size: seconds, errors, and whether it is on the frontier. `progress(stage, done,
-    total)` is called as work goes on.
+    `methods`: patterns of names (`raytwin bench list`), and functions of a scene of your own: see `method`. `budget`:
+    seconds for all, preparing and truths too; methods that do not fit are named in `left_out`, and InputError says so
+    if none does. `repeats`: most timed calls of each. `truth_samples`: most samples a pixel of each truth. `flip`: add
+    FLIP, which is slow. `table()` of what is returned has a row per method and size: seconds, errors, and whether it is
+    on the frontier. `progress(stage, done, total)` is called as work goes on.
     """
     for where, numbers, most in (
-        ("--budget", (budget,), math.inf), ("--sizes", sizes or (0,), 1000), ("--spheres", spheres, 100_000),
+        ("--budget", (budget,), math.inf), ("--sizes", sizes or (0,), 1000),
         ("--repeats", (repeats,), math.inf), ("--truth-samples", (truth_samples,), math.inf),
     ):  # fmt: skip
         check_numbers(where, numbers, most)
@@ -90,23 +70,15 @@ def bench(
     deadline = start + budget
     twin.activate()
     scene = find_camera(files.read_scene(path), progress=progress)[0]
-    growing = [m for m in chosen if m.name in GROWTH] if spheres else []
-    parts = len(sizes) + (1 if growing else 0)
     found: Parts = defaultdict(list)
     for i, megapixels in enumerate(sizes):
         view = scene.with_camera(sized(scene.camera, megapixels))
-        measure_size(found, view, chosen, portion(deadline, parts - i), repeats, truth_samples, flip, progress)
-    if growing:
-        view = scene.with_camera(sized(scene.camera, sizes[0]))
-        for i, count in enumerate(sorted(spheres)):
-            until = portion(deadline, len(spheres) - i)
-            measure_growth(found, crowded(view, count), count, growing, until, repeats, progress)
-    if not found["rows"] and not found["growth"]:
+        measure_size(found, view, chosen, portion(deadline, len(sizes) - i), repeats, truth_samples, flip, progress)
+    if not found["rows"]:
         raise _nothing(found["left_out"], budget, time.perf_counter() - start)
     return Bench(
         scene=scene.name, machine=machine(), versions=versions(), budget=float(budget),
-        seconds=time.perf_counter() - start, equal=equal_error(found["rows"], found["truths"]),
-        **{name: tuple(part) for name, part in found.items()},
+        seconds=time.perf_counter() - start, **{name: tuple(part) for name, part in found.items()},
     )  # fmt: skip
 
 
@@ -160,10 +132,6 @@ def measure_size(
     found["errors"] += errors
     found["truths"] += truths.values()
     found["left_out"] += left
-    found["repeats"] += [
-        Repeats(m.method.name, *size, tuple(m.seconds), tuple(number(e[truth_of(m.method)]["rmse"]) for e in m.errors))
-        for m in done
-    ]
 
 
 def comparable(truth: str) -> bool:
@@ -278,17 +246,6 @@ def number(value: float | None) -> float:
     if value is None:
         raise ValueError("an error that was not measured")
     return value
-
-
-def measure_growth(
-    found: Parts, scene: Scene, count: int, methods: Sequence[Renderer], deadline: float, repeats: int,
-    progress: Progress,
-) -> None:  # fmt: skip
-    """The methods' seconds on a picture of `count` spheres."""
-    size = scene.camera.image_size
-    done, left = time_methods(scene, methods, lambda method, image: {}, deadline, repeats, progress)
-    found["growth"] += [Growth(m.method.name, count, *size, *median_iqr(m.seconds), m.compile_seconds) for m in done]
-    found["left_out"] += [LeftOut(f"{o.method} with {count} spheres", *size, o.why) for o in left]
 
 
 # ------------------------------------------------------------------------------------------ sizes, machine

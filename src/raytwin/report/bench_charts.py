@@ -1,4 +1,4 @@
-"""What the bench's charts hold: error against seconds, growth, calibration."""
+"""What the bench's charts hold: error against seconds, seconds against pixels, calibration."""
 
 import math
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from raytwin.bench import GROWTH, RENDERERS, Bench, Calibrated, Measurement, fit_power, on_frontier, staircase
+from raytwin.bench import RENDERERS, Bench, Calibrated, Measurement, fit_power, on_frontier, staircase
 from raytwin.compare import METRICS
 from raytwin.report.charts.chart import Chart, Line, Point, by_family, family_chart
 from raytwin.report.charts.svg import INK, SOFT, Range
@@ -156,44 +156,30 @@ def guides(x_range: Range, y_range: Range, slope: float) -> list[Line]:
     return lines
 
 
-# ------------------------------------------------------------------------------------------ growth
+# ------------------------------------------------------------------------------------------ seconds against pixels
 
-Series = dict[str, list[tuple[float, float]]]
-"""Renderer -> (size of the task, seconds)."""
+CHARTED_METHODS = 12
+"""Methods in the chart of seconds against pixels: the quickest at the largest size."""
+FEWEST_SIZES = 3
+"""Sizes from which on seconds are charted against pixels."""
 
 
 def side_charts(bench: Bench) -> list[Chart]:
-    """Growth and calibration, what of them was measured."""
-    return growth_charts(bench) + calibration_charts(f"{bench.scene}: ", bench.calibration)
+    """Seconds against pixels, and calibration, what of them was measured."""
+    pixels = pixels_chart(bench)
+    return [*([pixels] if pixels else []), *calibration_charts(f"{bench.scene}: ", bench.calibration)]
 
 
-def growth_charts(bench: Bench) -> list[Chart]:
-    """Seconds against pixels (from three sizes on) and against spheres, each with its fitted exponent."""
-    size = f"{bench.growth[0].width} x {bench.growth[0].height} pixels" if bench.growth else ""
-    by_spheres: Series = {}
-    for g in bench.growth:
-        by_spheres.setdefault(g.method, []).append((g.spheres, g.seconds_median))
-    made = [
-        growth_chart("pixels", f"{bench.scene}: seconds against pixels", "megapixels", seconds_by_pixels(bench)),
-        growth_chart("spheres", f"seconds against small spheres, {size}", "spheres", by_spheres),
-    ]
-    return [chart for chart in made if chart is not None]
-
-
-def seconds_by_pixels(bench: Bench) -> Series:
-    """Return the dozen methods of GROWTH that are quickest at the largest size measured."""
-    series: Series = {}
-    if len(sizes_of(bench)) > 2:
-        for r in bench.rows:
-            series.setdefault(r.method, []).append((r.width * r.height / 1e6, r.seconds_median))
-    if shared := [name for name in series if name in GROWTH]:
-        series = {name: series[name] for name in shared}
-    return dict(sorted(series.items(), key=lambda item: item[1][-1][1])[:12])
-
-
-def growth_chart(key: str, title: str, x_label: str, series: Series) -> Chart | None:
+def pixels_chart(bench: Bench) -> Chart | None:
+    """Return seconds against pixels with each method's fitted exponent; None below FEWEST_SIZES sizes."""
+    if len(sizes_of(bench)) < FEWEST_SIZES:
+        return None
+    series: dict[str, list[tuple[float, float]]] = {}
+    for r in bench.rows:
+        series.setdefault(r.method, []).append((r.width * r.height / 1e6, r.seconds_median))
+    quickest = sorted(series.items(), key=lambda item: item[1][-1][1])[:CHARTED_METHODS]
     points, lines = [], []
-    for (name, found), colour in zip(series.items(), PALETTE * 9, strict=False):
+    for (name, found), colour in zip(quickest, PALETTE * 9, strict=False):
         if len(found) < 2:
             continue
         label = name
@@ -202,13 +188,15 @@ def growth_chart(key: str, title: str, x_label: str, series: Series) -> Chart | 
             ends = fit.used[0], fit.used[-1]
             lines.append(Line(ends, tuple(fit.factor * x**fit.exponent for x in ends), colour, 1.2, "dashed"))
         points += [
-            Point(x, s, name, name, colour, tip=f"{name}\n{short(x)} {x_label}, {seconds(s)}") for x, s in sorted(found)
+            Point(x, s, name, name, colour, tip=f"{name}\n{short(x)} megapixels, {seconds(s)}")
+            for x, s in sorted(found)
         ]
         points[-1] = replace(points[-1], label=label)
     if not points:
         return None
+    title = f"{bench.scene}: seconds against pixels"
     note = "dashed and in numbers: the exponent fitted to the upper half of the points, with its standard error"
-    drawn = family_chart(key, title, x_label, "seconds (median)", points, None, (note,), lines, 0.08)
+    drawn = family_chart("pixels", title, "megapixels", "seconds (median)", points, None, (note,), lines, 0.08)
     low, high = drawn.x_range
     return replace(drawn, x_range=(low, high * (high / low) ** 0.45))  # the labels stand to the right
 
