@@ -19,12 +19,12 @@ from raytwin.bench.bench_reference import WHOLE, converge, measure, truth_of
 from raytwin.bench.frontier import median_iqr, on_frontier
 from raytwin.bench.timing import Clock, Errors, Look, Measured, guess, repeat, warm
 from raytwin.calib.find_camera import find_camera
+from raytwin.contract.subject import method as as_method
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.progress import Progress, silent
 from raytwin.renderers.renderer import Call, Renderer
 from raytwin.renderers.renderer_table import choose
-from raytwin.renderers.user_renderers import method as as_method
 from raytwin.scene import Camera, Scene, SceneFile
 from raytwin.workflows.versions import versions
 
