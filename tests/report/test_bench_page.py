@@ -1,6 +1,7 @@
 """The bench's page and pictures, from a made-up run: complete, offline, labels apart, alive in a browser."""
 
 import itertools
+import json
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -10,7 +11,7 @@ from msgspec.structs import replace as replace_row
 
 from raytwin.bench import RENDERERS, Bench, Calibrated, Converged, Deviation, LeftOut, Measurement
 from raytwin.report.bench_charts import calibration_charts, error_chart, pixels_chart
-from raytwin.report.bench_page import error_charts, frontier_rows, write_bench_all, write_bench_page
+from raytwin.report.bench_page import bench_summary, error_charts, frontier_rows, write_bench_all, write_bench_page
 from raytwin.report.charts.chart import HEIGHT, LEFT, LINE, TOP, WIDTH, log_range, svg_text
 from raytwin.report.charts.svg import even_ticks, log_ticks
 from raytwin.report.numbers import shown
@@ -39,7 +40,7 @@ def every_method(sizes: tuple[tuple[int, int], ...] = SIZES) -> Bench:
             truth = "shadow-center" if exact else "path-area"
             rows.append(
                 Measurement(m.name, m.library, f"float{m.precision}", m.rung, m.trim, m.step, m.samples, w, h, seconds,
-                    0.1 * seconds, 0.2, 12.5, e, e * e, 3 * e, None, FLOOR[truth], False)
+                    0.1 * seconds, 0.2, 12.5, e, e * e, 3 * e, None, FLOOR[truth], False, "pass", "they agree")
             )  # fmt: skip
             for t, value in (("path-area", whole), *((("shadow-center", own),) if exact else ())):
                 errors.append(Deviation(m.name, w, h, t, value, value**2, 3 * value, None, False))
@@ -115,7 +116,7 @@ def test_seconds_against_pixels_have_their_exponents_and_a_calibrations_line_is_
 
 
 def test_the_folder_has_every_number_and_each_chart(made, tmp_path):
-    write_bench_all(made, tmp_path / "out")
+    write_bench_all([made], tmp_path / "out")
     names = {p.name for p in (tmp_path / "out").iterdir()}
     keys = {"pixels", "calibration", *(f"{w}x{h}-{t}-relmse" for w, h in SIZES for t in FLOOR)}
     assert names == {"bench.html", "bench.json"} | {f"{k}.svg" for k in keys}
@@ -127,12 +128,12 @@ def test_the_folder_has_every_number_and_each_chart(made, tmp_path):
 
 
 def test_the_choice_of_truth_and_metric_shows_another_chart(made, tmp_path, browse):
-    write_bench_page(made, tmp_path / "bench.html")
+    write_bench_page([made], tmp_path / "bench.html")
     script = r"""
       const shown = () => [...document.querySelectorAll("[data-chart]")].filter((e) => !e.hidden);
       result.first = shown().map((e) => e.dataset.chart);
       const pick = (name, value) => {
-        const select = document.getElementById(`choose-${name}`);
+        const select = document.querySelector(`[data-choice="${name}"]`);
         select.value = value; select.dispatchEvent(new Event("change"));
       };
       pick("size", "1600x1200"); pick("truth", "shadow-center"); pick("metric", "rmse");
@@ -195,6 +196,56 @@ def test_a_chart_has_every_point_at_its_place_in_its_colour_and_escapes_every_te
         assert x == pytest.approx(LEFT + WIDTH * (np.log(p.x) - x0) / (x1 - x0), abs=1)
         assert y == pytest.approx(TOP + HEIGHT * (1 - (np.log(p.y) - y0) / (y1 - y0)), abs=1)
     assert chart.title in [e.text for e in shapes(chart, "text")]
+
+
+@pytest.fixture
+def judged(made) -> list[Bench]:
+    """Two scenes, of which the first has a subject that fails, and one that was not measured."""
+    few = every_method(SIZES[:1])
+    rows = tuple(
+        replace_row(r, verdict="fail", reason="too <dark>") if r.method == "numpy32-shadow-conic" else r
+        for r in few.rows
+    )  # fmt: skip
+    crash = LeftOut("mine.py:crash", *SIZES[0], "IndexError: seven")
+    subjects = "numpy32-shadow-conic", "mine.py:crash"
+    wrong = replace_row(few, rows=rows, subjects=subjects, left_out=(*few.left_out, crash))
+    return [replace_row(few, scene="calm", subjects=subjects[:1]), replace_row(wrong, scene="wild")]
+
+
+def test_the_subjects_alone_decide_the_exit_code_and_the_terminal_says_their_verdicts_first(judged):
+    calm, wild = judged
+    assert (calm.exit_code, wild.exit_code) == (0, 1)
+    assert replace_row(wild, subjects=()).exit_code == 0
+    assert replace_row(wild, subjects=("mine.py:crash",)).exit_code == 2
+    lines = bench_summary(wild).splitlines()
+    assert lines[1].startswith("FAIL  wild, 400 x 300: numpy32-shadow-conic: ")
+    assert lines[1].endswith(": too <dark>")
+    assert lines[2] == "UNDECIDED  wild, 400 x 300: mine.py:crash: not measured: IndexError: seven"
+    assert bench_summary(calm).splitlines()[1].startswith("PASS  calm")
+
+
+def test_one_page_has_every_scenes_frontier_and_verdicts(judged, tmp_path, browse):
+    write_bench_all(judged, tmp_path)
+    assert [one["scene"] for one in json.loads((tmp_path / "bench.json").read_text())] == ["calm", "wild"]
+    assert {p.name for p in tmp_path.iterdir()} == {"bench.html", "bench.json", "calm", "wild"}
+    assert (tmp_path / "wild" / "400x300-path-area-relmse.svg").exists()
+    script = r"""
+      const sections = [...document.querySelectorAll("[data-choices]")];
+      const shown = () => sections.map((s) => s.querySelector(".chart:not([hidden])").dataset.chart);
+      result.first = shown();
+      const select = sections[1].querySelector('[data-choice="truth"]');
+      select.value = "path-area"; select.dispatchEvent(new Event("change"));
+      result.then = shown();
+      result.titles = sections.map((s) => s.querySelector("h2").textContent);
+      result.verdicts = [...document.querySelectorAll(".verdicts tbody tr")].map((row) => row.innerText);"""
+    read, console = browse(tmp_path / "bench.html", "", script)
+    assert console == []
+    assert read["first"] == 2 * ["400x300/shadow-center/relmse"]
+    assert read["then"] == ["400x300/shadow-center/relmse", "400x300/path-area/relmse"]
+    assert read["titles"] == ["calm: error against seconds", "wild: error against seconds"]
+    calm, wild = read["verdicts"]
+    assert "✓ pass" in calm
+    assert all(said in wild for said in ("✗ fail", "too <dark>", "not measured", "IndexError: seven"))
 
 
 @pytest.mark.parametrize(("ends", "expected"), [((0.5, 300.0), [1, 10, 100]), ((1.1, 4.6), [1.5, 2, 3])])

@@ -12,6 +12,6 @@ from raytwin.bench.bench_record import (
     Measurement,
     write_bench,
 )
-from raytwin.bench.bench_run import bench
+from raytwin.bench.bench_run import bench, bench_scenes
 from raytwin.bench.frontier import fit_power, on_frontier, staircase
 from raytwin.renderers.renderer_table import RENDERERS, choose

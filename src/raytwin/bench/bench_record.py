@@ -1,9 +1,11 @@
 """What the bench writes and reads back: plain records, one JSON file."""
 
 import os
+from collections.abc import Sequence
 from typing import Any
 
 from raytwin import files
+from raytwin.compare import Verdict
 from raytwin.notebook import InNotebook
 from raytwin.scene.record_base import Row
 
@@ -16,7 +18,8 @@ class Measurement(Row, frozen=True):
 
     `seconds_median`, `seconds_iqr` of the warm calls; `compile_seconds`: what only the first calls cost; `peak_mib`:
     the most memory beyond what the process held before the call; `truth_floor`: the truth's own RMSE, below which
-    `rmse` tells nothing. null: not measured.
+    `rmse` tells nothing. null: not measured. `verdict` of the first image beside the twin of the same rung; `reason`:
+    its first reason, in words.
     """
 
     method: str
@@ -38,6 +41,8 @@ class Measurement(Row, frozen=True):
     flip: float | None
     truth_floor: float
     on_frontier: bool
+    verdict: Verdict
+    reason: str
 
 
 class Converged(Row, frozen=True):
@@ -98,7 +103,7 @@ class LeftOut(Row, frozen=True):
 
 
 class Bench(Row, InNotebook, frozen=True):
-    """A whole run."""
+    """A whole run. `subjects`: the names of the methods that were given themselves, not by a pattern."""
 
     scene: str
     machine: dict[str, str]
@@ -110,6 +115,16 @@ class Bench(Row, InNotebook, frozen=True):
     errors: tuple[Deviation, ...] = ()
     calibration: tuple[Calibrated, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
+    subjects: tuple[str, ...] = ()
+
+    @property
+    def exit_code(self) -> int:
+        """Of the subjects alone: 1 if one fails, else 2 if one is undecided or was not measured, else 0."""
+        verdicts = [row.verdict for row in self.rows if row.method in self.subjects]
+        if "fail" in verdicts:
+            return 1
+        measured = {row.method for row in self.rows}
+        return 2 if "undecided" in verdicts or not measured.issuperset(self.subjects) else 0
 
     def table(self) -> list[dict[str, Any]]:
         """Return a row per method and size: what `pandas.DataFrame` takes."""
@@ -119,6 +134,6 @@ class Bench(Row, InNotebook, frozen=True):
         return f"<raytwin.bench of {self.scene}: {len(self.rows)} measurements, {len(self.left_out)} left out>"
 
 
-def write_bench(bench: Bench, path: str | os.PathLike[str]) -> None:
-    """As JSON; NaN and infinity, which JSON lacks, become null."""
-    files.write_json(path, bench)
+def write_bench(benches: Sequence[Bench], path: str | os.PathLike[str]) -> None:
+    """As JSON: one scene's result, or a list of several; NaN and infinity, which JSON lacks, become null."""
+    files.write_json(path, benches[0] if len(benches) == 1 else list(benches))

@@ -6,10 +6,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import typer
+
 from raytwin.cli.option_values import check_outputs, parse_numbers, parse_size
 from raytwin.cli.options import group, register
 from raytwin.cli.progress_bar import show_progress
-from raytwin.cli.terminal import say, say_wrapped
+from raytwin.cli.terminal import say, say_wrapped, worst_code
 from raytwin.errors import InputError, check_one_of
 from raytwin.rungs import RUNGS
 
@@ -24,15 +26,16 @@ app = group("scene")
 
 
 def scene_command(
-    scene: Path, methods: str = "*", subject: list[str] | None = None, rung: str = "shadow",
+    scenes: list[Path], methods: str = "*", subject: list[str] | None = None, rung: str = "shadow",
     sizes: str = "0.2", budget: float = 300, repeats: int = 15, truth_samples: int = 4096, flip: bool = False,
     json: Path | None = None, out: Path | None = None,
 ) -> None:  # fmt: skip
-    """Measure each method's time and error.
+    """Measure time and error of each method, and judge each picture.
 
-    The folder gets bench.html, bench.json and charts.
+    The folder gets bench.html, bench.json and charts. Exit code 1: a --subject fails; 2: none fails, but one is
+    undecided or could not be measured.
     """
-    from raytwin.bench import bench, write_bench
+    from raytwin.bench import bench_scenes, write_bench
     from raytwin.contract.subject import find_subject
     from raytwin.report import bench_page
 
@@ -40,8 +43,8 @@ def scene_command(
     check_outputs(folders=(out or Path("out"),), files=(json,))
     megapixels = parse_numbers(sizes, "--sizes")
     with show_progress() as progress:
-        found = bench(
-            scene,
+        found = bench_scenes(
+            scenes,
             methods=[*split(methods), *(find_subject(what, rung) for what in subject or ())],
             sizes=megapixels,
             budget=budget,
@@ -50,13 +53,15 @@ def scene_command(
             flip=flip,
             progress=progress,
         )
-        folder = out or Path("out") / f"bench-{found.scene}"
+        folder = out or Path("out") / (f"bench-{found[0].scene}" if len(found) == 1 else "bench")
         with progress.stage("page"):
             bench_page.write_bench_all(found, folder)
     if json:
         write_bench(found, json)
-    say_wrapped(bench_page.bench_summary(found))
+    for of_scene in found:
+        say_wrapped(bench_page.bench_summary(of_scene))
     say(f"report: {folder / 'bench.html'}")
+    raise typer.Exit(worst_code(of_scene.exit_code for of_scene in found))
 
 
 @dataclass(frozen=True)
@@ -82,10 +87,11 @@ def calibration_command(run: CalibrationRun, json: Path | None = None, out: Path
     from raytwin.bench import calibration_cost
     from raytwin.report import bench_page
 
+    def write(found: Any, folder: Path) -> None:
+        bench_page.write_bench_all((found,), folder)
+
     make = calibration_cost.bench_calibration
-    _measured(
-        run, make, bench_page.write_bench_all, bench_page.bench_summary, json, out, "bench-calibration/bench.html"
-    )
+    _measured(run, make, write, bench_page.bench_summary, json, out, "bench-calibration/bench.html")
 
 
 def paper_command(run: CalibrationRun, json: Path | None = None, out: Path | None = None) -> None:

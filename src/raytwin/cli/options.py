@@ -29,6 +29,10 @@ def _known_scene(path: Path | None) -> Path | None:
     return path
 
 
+def _known_scenes(paths: list[Path]) -> list[Path]:
+    return [path for path in paths if _known_scene(path)]
+
+
 def _allow(names: list[str] | None) -> list[str] | None:
     """Put the names where every reader of a Mitsuba file sees them, and every process that is started."""
     if names:
@@ -318,10 +322,13 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "grade.gradescope-zip": {"rubric": _arg("The rubric, TOML."), "out": _opt("Zip to write.", "FILE", *OUT)},
     "bench": {
         "methods": _opt("Patterns of method names, which `raytwin bench list` prints.", "GLOB,...", "--methods"),
-        "subject": _opt("Renderer of your own to measure too, as in compare; repeatable.", "WHAT", "--subject"),
+        "scenes": _arg("Scenes: folders, scene.toml or names.", "SCENE", among=_scenes, callback=_known_scenes),
+        "subject": _opt(
+            "Renderer to judge and measure, as in compare; repeatable. Decides the exit code.", "WHAT", "--subject"
+        ),
         "rung": _opt("Light level of --subject.", among=LEVELS),
         "sizes": _opt("Picture sizes in megapixels.", "MP,..."),
-        "budget": _opt("Total time; methods that do not fit are listed.", "SECONDS"),
+        "budget": _opt("Time for all scenes; methods that do not fit are listed.", "SECONDS"),
         "repeats": _opt("At most this many timed calls per method."),
         "truth_samples": _opt("At most this many samples per pixel of the reference."),
         "photo_count": _opt("Number of photos.", "N"),

@@ -34,6 +34,9 @@ COLOURS = {
 }  # fmt: skip
 """By the family's first word."""
 
+OWN_COLOUR = "#111827"
+"""Of renderers that are no methods of the table."""
+
 PALETTE = "#0f8b8d", "#e07b00", "#8e44ad", "#c02f4a", "#3b82c4", "#a16207", "#2e9e44", "#111827", "#d455a5", "#5a6575"
 """Colours of lines that are no family of methods: one each, in turn."""
 
@@ -43,11 +46,16 @@ GUIDE = "#b9c0ca"
 
 
 def family_of(method: str) -> str:
-    return RENDERERS[method].family if method in RENDERERS else method.split("-")[0]
+    return RENDERERS[method].family if method in RENDERERS else method
 
 
-def colour_of(family: str) -> str:
-    return next((c for start, c in COLOURS.items() if family.startswith(start)), SOFT)
+def colour_of(method: str) -> str:
+    family = family_of(method)
+    return (
+        next((c for start, c in COLOURS.items() if family.startswith(start)), SOFT)
+        if method in RENDERERS
+        else OWN_COLOUR
+    )
 
 
 def sizes_of(bench: Bench) -> list[tuple[int, int]]:
@@ -76,12 +84,12 @@ def error_chart(bench: Bench, size: tuple[int, int], truth: str, metric: str) ->
             y,
             r.method,
             family_of(r.method),
-            colour_of(family_of(r.method)),
+            colour_of(r.method),
             MARKERS.get(r.rung, "circle"),
             value <= floor,
             strong,
             row_tip(r),
-            r.method if strong else "",
+            r.method if strong or r.method in bench.subjects else "",
             strong,
         )
         for (r, value), y, strong in rows
@@ -129,6 +137,7 @@ def row_tip(r: Measurement) -> str:
             f"first calls {seconds(r.compile_seconds)} more",
             f"memory {shown(r.peak_mib)} MiB",
             f"{r.samples} sample{'s' * (r.samples != 1)} a pixel",
+            f"{r.verdict} beside the twin",
             f"RMSE {shown(r.rmse)}, relMSE {shown(r.relmse)}, 99.9 % {shown(r.p999_abs)}",
             *([f"FLIP {shown(r.flip)}"] if r.flip is not None else []),
         )

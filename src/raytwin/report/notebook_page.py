@@ -105,7 +105,7 @@ def _bench(found: Any) -> str:
     from raytwin.report.bench_page import error_charts
 
     charts = [chart_html(chart) for chart in error_charts(found) if chart.key.endswith("/relmse")]
-    columns = ("method", "rung", "width", "height", "seconds_median", "rmse", "on_frontier")
+    columns = ("method", "rung", "width", "height", "seconds_median", "rmse", "verdict", "on_frontier")
     return _shown(columns, found.table(), charts=charts)
 
 
