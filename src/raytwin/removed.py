@@ -5,6 +5,7 @@ from collections.abc import Sequence
 COMMANDS: dict[str, str] = {
     "bench --against": "Use pytest-benchmark (pip install 'raytwin[bench]'), as docs/howto/measure-speed.md shows.",
     "bench --save": "Use pytest-benchmark (pip install 'raytwin[bench]'), as docs/howto/measure-speed.md shows.",
+    "matrix": "Use `raytwin bench SCENE... --subject A --subject B`, or pytest as docs/howto/pytest.md shows.",
     "bench --spheres": "Use pytest-benchmark (pip install 'raytwin[bench]') with scenes of so many spheres.",
 }
 """Words of the command line ("bench paper") -> what to use instead, a sentence. May end in an option ("diff --fail")."""

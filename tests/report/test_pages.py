@@ -40,14 +40,11 @@ from raytwin.report.calibration_page import write_calibration
 from raytwin.report.compare_page import write_report
 from raytwin.report.data_urls import png_url
 from raytwin.report.ladder_page import write_ladder
-from raytwin.report.matrix_page import write_matrix
 from raytwin.report.recommend_page import write_needs
 from raytwin.report.view import view_of
 from raytwin.scene import Camera
 from raytwin.workflows.diff_files import compare as compare_files
 from raytwin.workflows.estimate_light import LightEstimate
-from raytwin.workflows.matrix import Cell
-from raytwin.workflows.matrix_history import Past
 
 pytestmark = pytest.mark.slow
 
@@ -149,22 +146,6 @@ def needs(folder: Path, make_result, scenes) -> list[Path]:
     return [folder / "needs.html"]
 
 
-def matrix(folder: Path, make_result, scenes) -> list[Path]:
-    """Two scenes by two subjects: a pass, a failure, a crash, and one undecided that hovers near its limit."""
-    cells = [
-        Cell("a", EVIL, "tracer", "shadow", "pass", rmse=1e-7, seconds=0.01, report="cells/a.html", margin=0.1),
-        Cell(
-            "b", EVIL, EVIL, "shadow", "fail", EVIL, EVIL, 0.1, seconds=0.2, thumbnail=png_url(files.to_bytes(noise()))
-        ),
-        Cell("c", "floor", "tracer", "path", "error", EVIL),
-        Cell("d", "floor", EVIL, "path", "undecided", EVIL, rmse=0.02, seconds=0.3, twin_seconds=1.0, margin=0.9),
-    ]
-    past = {("floor", EVIL, "path"): Past(3, ("pass", "undecided", "pass"), "verdicts changed", 0.4, 0.9)}
-    write_matrix(cells, folder, past, EVIL)
-    (folder / "cells" / "a.html").write_text("<!DOCTYPE html>", encoding="utf-8")
-    return [folder / "index.html"]
-
-
 def light(folder: Path, make_result, scenes) -> list[Path]:
     """A photo in which nothing was outlined, and a map with a sun in it."""
     camera = Camera(SIZE[::-1], ((30.0, 0.0, 18.0), (0.0, 30.0, 12.0), (0.0, 0.0, 1.0)), FROM_ABOVE, (0.0, 0.0, 1.0))
@@ -214,7 +195,6 @@ KINDS: dict[str, Write] = {
     "ladder": ladder,
     "calibrate": calibration,
     "needs": needs,
-    "matrix": matrix,
     "light": light,
     "grade": graded_class,
 }

@@ -119,7 +119,7 @@ class Bench(Row, InNotebook, frozen=True):
 
     @property
     def exit_code(self) -> int:
-        """Of the subjects alone: 1 if one fails, else 2 if one is undecided or was not measured, else 0."""
+        """1 if a subject fails, else 2 if one is undecided or was not measured, else 0: nothing else decides."""
         verdicts = [row.verdict for row in self.rows if row.method in self.subjects]
         if "fail" in verdicts:
             return 1

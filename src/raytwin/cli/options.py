@@ -14,7 +14,7 @@ from raytwin.cli.examples import EXAMPLES
 from raytwin.cli.option_values import parse_size
 from raytwin.cli.terminal import say
 from raytwin.rungs import SAMPLINGS
-from raytwin.workflows.settings import OF_MANY, CompareSettings
+from raytwin.workflows.settings import CompareSettings
 
 Size = tuple[int, int] | None
 """Width and height in pixels, as `--size` gives them."""
@@ -85,10 +85,8 @@ SOLVERS = "robust", "stable", "paper", "textbook"
 MODELS = "auto", "none", "k1", "k1k2", "k1k2p1p2", "k1k2k3", "full5"
 ANY_SCENE = "A scene's folder, its scene.toml or its name; or a Mitsuba file (XML)."
 METRICS = "rmse", "relmse", "mae", "max_abs", "p999_abs", "p999_rel"
-ONE_PAIR_ALONE = {
-    field.name: None for field in dataclasses.fields(CompareSettings) if field.name not in ("subject", *OF_MANY)
-}
-"""Settings of `compare` that `matrix` and `shrink` do not have."""
+OF_SHRINK = "subject", "rung", "samples", "seed", "size", "light"
+"""Settings of `compare` that `shrink` has, too."""
 
 OPTIONS: dict[str, dict[str, Any]] = {
     "": {
@@ -181,24 +179,13 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "metric": _opt(f"{', '.join(METRICS[:-1])} or {METRICS[-1]}.", among=METRICS),
         "out": _opt("Write a page with each light level as a picture.", "DIR", *OUT),
     },
-    "matrix": {
-        "scenes": _arg("Scenes: folders, names, Mitsuba files (XML).", among=_scenes),
-        "subjects": _opt("Renderer, as in compare, or NAME=RENDERER; repeatable.", "WHAT", "--subject"),
-        "subject": None,
-        "listed": _opt("TOML file with scenes, subjects and settings.", "FILE", "--from"),
-        "references": _opt("Compare with stored references instead of the twin.", "DIR"),
-        "history": _opt("Add a line per comparison to this file, and show which drift or near their limit.", "FILE"),
-        "again": _opt("Repeat finished comparisons.", None, "--again"),
-        "out": _opt("Folder for page and results.", "DIR", *OUT),
-        **ONE_PAIR_ALONE,
-    },
     "shrink": {
         "scene": _arg(ANY_SCENE, among=_scenes, callback=_known_scene),
         "subject": _opt("Renderer that fails: a method, FILE.py:FUNCTION, or a command with {scene} and {out}.", "WHAT",
                         kind=str | None),
         "time_limit": _opt("Try no further step after this time.", "SECONDS"),
         "out": _opt("Folder for the small scene (out/shrink-SCENE).", "DIR", *OUT),
-        **ONE_PAIR_ALONE,
+        **{field.name: None for field in dataclasses.fields(CompareSettings) if field.name not in OF_SHRINK},
     },
     "explore": {
         "subject": _opt("Renderer to show; see `raytwin compare --subject`.", "WHAT"),

@@ -35,7 +35,7 @@ COLOURS = {
 """By the family's first word."""
 
 OWN_COLOUR = "#111827"
-"""Of renderers that are no methods of the table."""
+"""Colour of renderers that are no methods of the table."""
 
 PALETTE = "#0f8b8d", "#e07b00", "#8e44ad", "#c02f4a", "#3b82c4", "#a16207", "#2e9e44", "#111827", "#d455a5", "#5a6575"
 """Colours of lines that are no family of methods: one each, in turn."""
