@@ -55,12 +55,12 @@ def bench(
     """Measure each method's time and error on a scene (`path`: its folder, name, or a Scene), at each of `sizes`
     (megapixels), and judge its picture beside the twin's.
 
-    `methods`: patterns of names (`raytwin bench list`), and renderers of your own: functions of a scene, and what
-    `method` returns. `budget`: seconds for all, preparing and truths too; methods that do not fit are named in
-    `left_out`, and InputError says so if none does. Your own come first. `repeats`: most timed calls of each.
-    `truth_samples`: most samples a pixel of each truth. `flip`: add FLIP, which is slow. `table()` of what is returned
-    has a row per method and size: seconds, errors, verdict, and whether it is on the frontier.
-    `progress(stage, done, total)` is called as work goes on.
+    `methods`: patterns of names (`raytwin bench list`), and renderers of your own, which come first: functions of a
+    scene, and what `method` returns. `budget`: seconds for all, preparing and truths too; methods that do not fit are
+    named in `left_out`, and InputError says so if none does. `repeats`: most timed calls of each. `truth_samples`: most
+    samples a pixel of each truth. `flip`: add FLIP, which is slow. `table()` of what is returned has a row per method
+    and size: seconds, errors, verdict, and whether it is on the frontier. `progress(stage, done, total)` is called as
+    work goes on.
     """
     (found,) = bench_scenes(
         (path,), methods=methods, sizes=sizes, budget=budget, repeats=repeats, truth_samples=truth_samples, flip=flip,
