@@ -18,7 +18,6 @@ from urllib.parse import unquote, urlsplit
 import fault_gallery
 import figures
 import gallery
-import prose
 
 ROOT = Path(__file__).resolve().parent.parent
 SITE = ROOT / "site"
@@ -98,7 +97,6 @@ def main() -> int:
         f"site: {len(list(options.site.rglob('*.html')))} pages, {size / 1e6:.1f} MB; "
         f"gallery {made - began:.0f} s, pages {time.perf_counter() - made:.0f} s"
     )
-    print(prose.summary())
     wrong = faults(options.site) + (
         [f"site: {size / 1e6:.1f} MB, allowed {MOST_BYTES / 1e6:.0f} MB"] if size > MOST_BYTES else []
     )

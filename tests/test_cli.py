@@ -69,28 +69,22 @@ def test_it_works_without_any_llvm(scenes, tmp_path):
     assert found["radiance"]["p999_abs"] <= 1e-5
 
 
-def test_calibrate_takes_photos_one_by_one_and_several_boards(scenes, tmp_path):
-    """The board cut in two: each half has a pose of its own, turned alike; the camera stands where asked."""
-    halves = []
-    for part, (first, rows) in enumerate(((0, 4), (20, 3))):
-        halves += ["--board", tmp_path / f"{part}.toml"]
-        text = (scenes / "desk" / "board.toml").read_text().replace("rows = 7", f"rows = {rows}")
-        (tmp_path / f"{part}.toml").write_text(text.replace("first_id = 0", f"first_id = {first}"))
+def test_calibrate_takes_photos_one_by_one(scenes, tmp_path):
+    """The camera stands where asked."""
     photos = [scenes / "desk" / "photos" / f"photo_{i:02d}.jpg" for i in range(8)]
     outputs = "--json", tmp_path / "c.json", "-o", tmp_path / "c.toml"
-    run = raytwin("calibrate", *photos, *halves, *outputs, "--photo", photos[3].name)
+    run = raytwin("calibrate", *photos, "--board", scenes / "desk" / "board.toml", *outputs, "--photo", photos[3].name)
     assert run.returncode == 0, run.stderr
     found = json.loads((tmp_path / "c.json").read_text())
-    assert list(found) == ["image_size", "model", "K", "dist", "sigma", "rms_px", "views", "boards", "warnings"]
-    assert list(found["views"][0]) == ["photo", "tags", "rms_px", "R_cam_board", "t_cam_board", "influence", "board"]
+    assert list(found) == ["image_size", "model", "K", "dist", "sigma", "rms_px", "views", "board", "warnings"]
+    assert list(found["views"][0]) == ["photo", "tags", "rms_px", "R_cam_board", "t_cam_board", "influence"]
     assert {v["photo"] for v in found["views"]} == {p.name for p in photos}
-    a, b = (next(v for v in found["views"] if v["photo"] == photos[3].name and v["board"] == i) for i in (0, 1))
-    assert np.allclose(a["R_cam_board"], b["R_cam_board"], atol=5e-3)
+    view = next(v for v in found["views"] if v["photo"] == photos[3].name)
     camera = files.read_camera(tmp_path / "c.toml")
     assert camera.image_size == (2016, 1512)
     assert camera.fx == pytest.approx(1560, rel=0.01)
-    assert np.allclose(camera.R_cam_board, a["R_cam_board"], atol=5e-3)
-    assert np.allclose(camera.t_cam_board, a["t_cam_board"], atol=5e-3)
+    assert np.allclose(camera.R_cam_board, view["R_cam_board"], atol=5e-3)
+    assert np.allclose(camera.t_cam_board, view["t_cam_board"], atol=5e-3)
     assert "photo_03.jpg" in run.stdout
 
 
@@ -105,17 +99,13 @@ def test_a_truncated_photo_is_refused_by_name(scenes, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("diff", "a.exr", "a.exr", "--allowfailures", "-1"), "--allowfailures: expected a number >= 0"),
         (("compare", "single", "--size=0x10"), "--size: expected"),
         (("compare", "single", "--size=640x480x3"), "--size: expected"),
-        (("diff", "a.exr", "a.exr", "--warnpercent", "nan"), "--warnpercent: expected a number >= 0"),
-        (("calibrate", ".", "--board", "b.toml", "--uncertainty", "u.jpg"), "--uncertainty: expected a name that ends"),
         (("photograph", "--board", "b.toml", "-o", "out", "--focal", "0"), "--focal, --size: K: expected focal"),
     ],
 )
 def test_the_option_that_is_wrong_is_named_as_it_was_typed(tmp_path, monkeypatch, arguments, said):
     monkeypatch.chdir(tmp_path)
-    files.write_image(tmp_path / "a.exr", Image(np.ones((4, 4, 3), np.float32)))
     write_board(tmp_path / "b.toml", Board("tag36h11", 0.03, Grid(3, 3, 0.04)))
     refused(raytwin(*arguments), said)
 
@@ -128,12 +118,6 @@ def test_a_wrong_name_is_refused_before_anything_heavy_is_imported(arguments):
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (run.returncode, run.stdout) == (2, "[]\n"), run.stderr
     assert "did you mean" in run.stderr
-
-
-def test_help_loads_nothing_heavy():
-    heavy = ("mitsuba", "drjit", "cv2", "PIL", "numpy")
-    code = f"import sys, raytwin.cli; print([m for m in {heavy} if m in sys.modules])"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
 def every_command() -> dict[str, click.Command]:

@@ -43,9 +43,27 @@ def test_what_is_not_finite_stays_and_unknown_samples_stay_unknown():
     assert pool.image.samples == 0
 
 
-def test_equal_renders_are_free_of_noise_and_one_render_is_not_known_to_be():
-    one = Image(np.ones(SHAPE), samples=0)
+def test_equal_renders_are_free_of_noise_if_they_say_so_and_one_render_is_not_known_to_be():
+    one = Image(np.ones(SHAPE), samples=1)
     assert not pool_of(one).noise_free
     assert pool_of(one).image.variance is None
     assert pool_of(one, one).noise_free
     assert not pool_of(one, one, Image(np.full(SHAPE, 1 + 1e-7), samples=0)).noise_free
+
+
+def test_a_repeated_render_counts_once_where_renders_differ_in_many_values():
+    rng = np.random.default_rng(3)
+    a, b = (Image(rng.random(SHAPE), samples=0) for _ in range(2))
+    assert pool_of(a, a).image.variance is None
+    for pool in (pool_of(a, a, b, a), pool_of(a, b, b, b), pool_of(a, b, a, b)):
+        assert (pool.images, len(pool.repeats)) == (2, 2)
+        np.testing.assert_array_equal(pool.image.mean, pool_of(a, b).image.mean)
+
+
+def test_a_repeated_render_counts_as_often_as_it_comes_where_renders_differ_in_few_values():
+    a, b = (Image(np.full(SHAPE, 0.5), samples=0) for _ in range(2))
+    b.mean[0, 0] = 1
+    for renders in ((a, a, b), (a, b, b), (b, a, a, a)):
+        pool = pool_of(*renders)
+        assert (pool.images, pool.repeats) == (len(renders), [])
+        np.testing.assert_allclose(pool.image.mean, np.mean([r.mean for r in renders], axis=0), rtol=1e-6)

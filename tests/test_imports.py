@@ -3,13 +3,9 @@
 import doctest
 import functools
 import importlib
-import inspect
-import pkgutil
-import pydoc
 import re
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -28,15 +24,10 @@ HEAVY = (
     "PIL",
     "OpenEXR",
     "jinja2",
-    "flip_evaluator",
+    "OpenImageIO",
     "scipy",
     "reportlab",
 )
-
-STAGES = {
-    "back_project", "undistort", "intersect_sphere", "intersect_rectangle", "World", "Hit", "lambert",
-    "sun_visible", "trace", "RADIANCE", "SOLVERS", "STAGES",
-}  # fmt: skip
 
 
 @functools.cache
@@ -51,15 +42,6 @@ def loaded_by(statement: str) -> set[str]:
 def test_the_lower_floors_load_no_heavy_library():
     lower = "import raytwin.errors, raytwin.scene, raytwin.image, raytwin.files, raytwin.tracer"
     assert not loaded_by(lower) & set(HEAVY)
-
-
-def test_only_what_broke_has_an_upper_bound():
-    """A cap like numpy<3 keeps raytwin out of environments where it would work."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    extras = {name: asked for name, asked in project["optional-dependencies"].items() if name != "docs"}
-    every = [*project["dependencies"], *(one for asked in extras.values() for one in asked)]
-    capped = [one.partition(">=")[0] for one in every if "<" in one.partition(";")[0]]
-    assert capped == ["karellen-llvm-core"]
 
 
 def test_importing_any_module_runs_nothing_and_writes_nothing(tmp_path):
@@ -112,24 +94,6 @@ def test_the_tracer_is_numpy_and_records_and_nothing_else():
     }
 
 
-def test_the_tracers_stages_are_exported():
-    assert set(importlib.import_module("raytwin.tracer").__all__) >= STAGES
-
-
-def test_a_files_name_is_its_address():
-    source = Path(__file__).resolve().parents[1] / "src" / "raytwin"
-    names = [f.name for f in source.rglob("*.py") if f.name not in ("__init__.py", "__main__.py")]
-    assert sorted({name for name in names if names.count(name) > 1}) == []
-
-
-@pytest.mark.parametrize("package", ["calib.boards", "calib.photos", "calib.augment"])
-def test_no_exported_name_hides_a_submodule_of_its_package(package):
-    module = importlib.import_module(f"raytwin.{package}")
-    submodules = {name for _, name, _ in pkgutil.iter_modules(module.__path__)}
-    hidden = {n for n in submodules & vars(module).keys() if not inspect.ismodule(getattr(module, n))}
-    assert not hidden
-
-
 # ------------------------------------------------------------------------------------------ the public API
 
 
@@ -139,34 +103,13 @@ def test_importing_raytwin_loads_the_standard_library_alone():
     assert not [m for m in loaded_by("import raytwin") if m.startswith("raytwin.")]
 
 
-def test_the_public_names_are_what_they_say_wherever_they_live():
+def test_a_function_that_has_a_packages_name_is_that_package():
     import raytwin
 
-    assert set(dir(raytwin)) >= set(raytwin.__all__)
-    assert raytwin.__all__ == sorted(raytwin.__all__)
-    for name in raytwin.__all__:
-        thing = raytwin._found(name)
-        assert callable(thing)
-        assert thing.__doc__, name
-        own = raytwin._HOME[name].partition(":")[2]
-        assert thing.__name__ == (own or name)
-        # A function must not hide the module of its name, but be it.
-        assert (ROOT / "src" / "raytwin" / name).exists() == (name in raytwin.PACKAGES)
-        assert not (ROOT / "src" / "raytwin" / f"{name}.py").exists()
     assert callable(raytwin.compare)
     assert raytwin.compare.METRICS is importlib.import_module("raytwin.compare").METRICS
     with pytest.raises(AttributeError, match="nonsense"):
         raytwin.nonsense  # noqa: B018
-
-
-def test_the_help_of_raytwin_begins_with_the_flow():
-    import raytwin
-
-    text = pydoc.plain(pydoc.render_doc(raytwin))
-    for step in ("calibrate -> Camera", "read_scene", "trace", "render", "compare_images -> Comparison"):
-        assert step in text[:1500]
-    for name in raytwin.__all__:
-        assert re.search(rf"\b{name}\b", text)
 
 
 EXAMPLES = sorted(p for p in (ROOT / "src").rglob("*.py") if ">>> " in p.read_text(encoding="utf-8"))

@@ -157,7 +157,7 @@ def test_every_extra_that_is_missing_is_named_at_once_in_one_line(run):
         "reference check single": "twin,llvm",
         "explore single": "live,twin,llvm",
         "calibrate . --board board.toml": "photos",
-        "stability": "photos,twin,llvm",
+        "stability": "photos",
         "walk --notebook": "notebook",
     }
     *told, (code, doctor) = json.loads(run("chain", json.dumps([c.split() for c in (*needs, "doctor")])).stdout)

@@ -111,7 +111,6 @@ def test_pipes_and_devices_are_refused_where_files_are_read(tmp_path, pair):
         ("compare", "single", "--subject", tmp_path / "pipe"),
         ("grade", tmp_path / "pipe", "-r", RUBRIC),
         ("bench", "single", "--against", tmp_path / "pipe"),
-        ("board", "--import", tmp_path / "pipe", "-o", tmp_path / "x.toml"),
         ("calibrate", tmp_path, "--board", tmp_path / "pipe"),
     ):
         refused(raytwin(*command), "pipe")

@@ -61,9 +61,9 @@ def test_natural_vignetting_falls_with_the_fourth_power_of_the_cosine():
     assert linear[0, 0] == pytest.approx(0.5 / (corner @ corner) ** 2, rel=0.02)
 
 
-def test_white_is_the_radiance_that_fills_a_pixel_and_more_is_clipped():
-    radiance = np.array([1.9, 2.0, 9.0], np.float32).reshape(1, 3, 1) * np.ones((1, 1, 3), np.float32)
-    pixels = expose(radiance, np.random.default_rng(1), CAMERA, white=2.0, vignetting=0, full_well=1e9, read_noise=0)
+def test_radiance_1_fills_a_pixel_and_more_is_clipped():
+    radiance = np.array([0.95, 1.0, 4.5], np.float32).reshape(1, 3, 1) * np.ones((1, 1, 3), np.float32)
+    pixels = expose(radiance, np.random.default_rng(1), CAMERA, vignetting=0, full_well=1e9, read_noise=0)
     assert pixels[0, 0, 0] < 255
     assert (pixels[0, 1:] == 255).all()
 

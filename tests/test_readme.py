@@ -1,4 +1,4 @@
-"""README and docs/: commands run as written, links lead somewhere, code works, sentences are short.
+"""README and docs/: commands run as written, links lead somewhere, code works.
 
 Shell blocks marked `sh` are run, those marked `bash` are only parsed (a cluster, a page that waits). A block after
 `<!-- file: NAME -->` is written to that file first.
@@ -31,11 +31,9 @@ DOCS = ROOT / "docs"
 RUN = [README, *(DOCS / folder for folder in ("start", "tutorials", "howto", "explanation", "reference", "course"))]
 """Pages whose commands are run, in a folder of each page's own."""
 READ_FIRST = [README, *sorted((DOCS / "start").glob("*.md")), *sorted((DOCS / "tutorials").glob("*.md"))]
-"""What a newcomer reads: short sentences, and what commands are said to print, they print."""
+"""What a newcomer reads: what commands are said to print, they print."""
 GENERATED = {"gallery.md", "faults.md", "changelog.md", "reference/commands.md", "reference/api.md"}
 """What docs/hooks.py writes when the site is built, which checks links to these."""
-LONGEST_SENTENCE = 35
-"""Words, in what a newcomer reads first."""
 SET_UP = ("python3 -m venv", ".venv/bin/pip install", ".venv/bin/python ", ".venv/bin/ruff", "source ")
 
 
@@ -74,33 +72,6 @@ def is_there(path: Path) -> bool:
 def test_every_page_has_its_place_in_the_sites_navigation():
     listed = set(re.findall(r"[\w/-]+\.md", (ROOT / "mkdocs.yml").read_text(encoding="utf-8")))
     assert listed == {p.relative_to(DOCS).as_posix() for p in DOCS.rglob("*.md")} | GENERATED
-
-
-def test_the_readme_is_short_enough_to_be_read():
-    assert len(README.read_text(encoding="utf-8").splitlines()) <= 120
-
-
-def sentences(text: str) -> list[list[str]]:
-    """The words of each sentence; code, tables and pictures left out, a list's rows apart."""
-    text = re.sub(
-        r"^ *```.*?^ *```$|^\|.*?$|^#.*?$|<!--.*?-->|!\[.*?\]\(.*?\)", "\n\n", text, flags=re.DOTALL | re.MULTILINE
-    )
-    text = re.sub(r"\]\(.*?\)", "]", re.sub(r"`[^`]*`", "code", text))
-    parts = re.split(r"(?<=[.:?!])[*\"]*\s|\n\s*\n|\n\s*(?:[-*]|\d+\.) ", text)
-    return [words for part in parts if (words := re.findall(r"[\w'’%-]+", part))]
-
-
-def test_the_words_of_a_sentence_are_counted_as_a_reader_counts_them():
-    text = "One `raytwin x. y` two, [three](a.md).\nFour:\n\n- five six\n- seven.\n\n"
-    text += "| a | table |\n\n```sh\nno words\n```\n"
-    assert [len(words) for words in sentences(text)] == [4, 1, 2, 1]
-
-
-@pytest.mark.parametrize("text", READ_FIRST, ids=lambda p: p.name)
-def test_no_sentence_that_a_newcomer_reads_is_long(text):
-    found = sentences(text.read_text(encoding="utf-8"))
-    assert len(found) > 5
-    assert [" ".join(words) for words in found if len(words) > LONGEST_SENTENCE] == []
 
 
 def test_one_block_of_the_readme_is_marked_as_the_test_command():

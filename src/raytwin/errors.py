@@ -9,8 +9,10 @@ class InputError(Exception):
 
     `where` names the file and the field (`scenes/desk/scene.toml: spheres[1].radius`), `expected` what would
     have been right, with its unit, and `got` what was found. The command line prints it in one line, without a
-    traceback, and exits with 2. Characters that cannot be printed on one line become spaces.
+    traceback, and exits with `exit_code`. Characters that cannot be printed on one line become spaces.
     """
+
+    exit_code = 2
 
     def __init__(self, where: object, expected: str, got: object) -> None:
         self.where, self.expected, self.got = (_line(str(text)) for text in (where, expected, got))
@@ -40,6 +42,12 @@ def _line(text: str) -> str:
 
 class MachineError(InputError):
     """The machine lacks something that was asked for (no CUDA, no LLVM, no Mitsuba): also exit code 2."""
+
+
+class SubjectEnded(InputError):
+    """The subject's process ended before it answered: a failure of the subject, exit code 1."""
+
+    exit_code = 1
 
 
 EXTRAS = {

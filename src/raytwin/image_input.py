@@ -16,6 +16,7 @@ from raytwin.image_pool import ImagePool
 RENDERS = 8
 """How often a function is called: these many renders give their variance to within a factor of two or so."""
 ENDINGS = (".exr", ".pfm", ".hdr", ".png", ".jpg", ".jpeg")
+"""What files of a folder are taken for images; `.hdr` is refused in words instead of left out."""
 FEWEST = 4
 """Fewer renders know too little of their variance: with 2, a third of all correct images would fail."""
 
@@ -36,8 +37,8 @@ class LoadedImage(NamedTuple):
 def as_image(thing: Any, variance: Any = None, renders: int = RENDERS) -> LoadedImage:
     """`thing` as an Image: see the module's first line.
 
-    An Image; a path (EXR, PFM, HDR, PNG, JPEG); a function `render(seed)` that returns any of these, called with the
-    seeds 0, 1, ... `renders` - 1 (twice, where the two are equal); an array (H, W, 3) or a Mitsuba Bitmap, with
+    An Image; a path (EXR, PFM, PNG, JPEG); a function `render(seed)` that returns any of these, called with the
+    seeds 0, 1, ... `renders` - 1 (four times, where these are equal); an array (H, W, 3) or a Mitsuba Bitmap, with
     `variance` *of its mean*, an array or a file;
     a list of these or an array (k, H, W, 3): k >= 4 independent renders, whose spread gives their mean's variance.
     """
@@ -56,9 +57,8 @@ def read_side(
 ) -> LoadedImage:
     """A file, or several renders: a folder of images, or a pattern such as `render_*.exr`.
 
-    `variance` is an image file or an array that holds the variance of the mean, `samples` the samples a pixel of each
-    file, where the file has none: with them, the moments that Mitsuba's `moment` integrator wrote are
-    a variance.
+    `variance` is an image file or an array that holds the variance of the mean, `samples` the samples per pixel of each
+    file, where the file has none.
     """
     paths = renders_at(where)
     if len(paths) > 1 or where.is_dir():
@@ -70,9 +70,6 @@ def read_side(
     image = replace(taken.image, samples=taken.image.samples or samples)
     if variance is not None:
         image = replace(image, variance=_variance(variance))
-    elif image.variance is None and image.samples > 1 and part is None and layer is None:
-        moments = files.read_moments(paths[0])
-        image = image if moments is None else replace(image, variance=moments / np.float32(image.samples - 1))
     return taken._replace(image=image)
 
 
@@ -98,11 +95,10 @@ def _is_many(thing: Any) -> bool:
 def _called(render: Callable[[int], Any], renders: int) -> LoadedImage:
     if renders < FEWEST:
         raise InputError("renders", f"at least {FEWEST}", renders)
-    made = [_single(render(seed)) for seed in range(2)]
-    if np.array_equal(made[0].image.mean, made[1].image.mean, equal_nan=made[0].image.mean.dtype.kind == "f"):
-        note = "the renders of seeds 0 and 1 are equal: taken as free of noise"
-        return made[0]._replace(image=replace(made[0].image, samples=1), notes=(*made[0].notes, note))
-    return _repeated([*made, *(_single(render(seed)) for seed in range(2, renders))])
+    made = [_single(render(seed)) for seed in range(FEWEST)]
+    if all(np.array_equal(made[0].image.mean, g.image.mean, equal_nan=g.image.mean.dtype.kind == "f") for g in made):
+        return _repeated(made)
+    return _repeated([*made, *(_single(render(seed)) for seed in range(FEWEST, renders))])
 
 
 def _repeated(made: list[LoadedImage]) -> LoadedImage:
@@ -114,9 +110,17 @@ def _repeated(made: list[LoadedImage]) -> LoadedImage:
     pool = ImagePool()
     for g in made:
         pool.add(one_batch(g.image))
+    notes = made[0].notes
+    if pool.repeats:
+        earlier, later = pool.repeats[0]
+        others = f", and {len(pool.repeats) - 1} more repeat" if len(pool.repeats) > 1 else ""
+        note = f"renders {earlier} and {later} (counted from 0, as seeds are) are equal{others}: is the seed used?"
+        if 1 < pool.images < FEWEST:
+            raise InputError("repeated renders", f"at least {FEWEST} that differ", f"{pool.images}: {note}")
+        notes = (*notes, note)
     samples = [g.image.samples for g in made]
-    image = replace(pool.image, samples=sum(samples) if all(samples) else 0)
-    return made[0]._replace(image=image, measured=True)
+    image = replace(pool.image, samples=sum(samples) if all(samples) and not pool.repeats else 0)
+    return made[0]._replace(image=image, notes=notes, measured=True)
 
 
 def one_batch(image: Image) -> Image:

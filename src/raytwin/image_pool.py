@@ -1,10 +1,14 @@
 """Independent renders of one picture, pooled as they come: their mean, and the variance of that mean."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from hashlib import blake2b
 
 import numpy as np
 
 from raytwin.image import Image, Surface
+
+MANY = 64
+"""Values in which two renders differ: those that differ in so many are equal by chance with exp(-MANY / 2) at most."""
 
 
 @dataclass(eq=False)
@@ -17,6 +21,10 @@ class ImagePool:
         variance of M = S / ((Σ b - 1) N)
 
     an unbiased estimate whatever the sizes (Chan, Golub and LeVeque 1983). Only two arrays are stored.
+
+    A render that has noise, and the very pixels of an earlier one, is a repeat, and left out: `repeats` holds pairs,
+    earlier and later, counted from 0. But where renders differ in fewer than MANY values, events are rare, and equal
+    renders are to be expected. While all are equal nobody knows: the first counts, until one differs.
     """
 
     weight: int = 0
@@ -24,11 +32,35 @@ class ImagePool:
     images: int = 0
     samples: int = 0
     surface: Surface | None = None
+    repeats: list[tuple[int, int]] = field(default_factory=list)
+    repeats_in_a_row: int = 0
+    _given: dict[bytes, int] = field(default_factory=dict)
+    _last: Image | None = None
+    _differing: int = 0
     _mean: np.ndarray | None = None
     _scatter: np.ndarray | None = None
 
     def add(self, image: Image) -> None:
-        """Add a render with samples that no other one has."""
+        """Add a render, unless it repeats an earlier one."""
+        if _has_noise(image):
+            number = self._given.setdefault(_digest(image), self.images + len(self.repeats))
+            if number < self.images + len(self.repeats):
+                if self.images == 1 or self._differing >= MANY * (self.images - 1):
+                    self.repeats.append((number, self.images + len(self.repeats)))
+                    self.repeats_in_a_row += 1
+                    return
+            elif self._last is not None:
+                differing = int(np.count_nonzero(np.asarray(image.mean) != self._last.mean))
+                self._differing += differing
+                if differing < MANY:
+                    for _ in self.repeats:
+                        self._add(self._last)
+                    self.repeats.clear()
+            self._last = image
+        self.repeats_in_a_row = 0
+        self._add(image)
+
+    def _add(self, image: Image) -> None:
         n, b = max(image.samples, 1), 1
         mean = np.asarray(image.mean, np.float64)
         if self._mean is None:
@@ -53,7 +85,7 @@ class ImagePool:
 
     @property
     def noise_free(self) -> bool:
-        """All renders are equal, and there are two at least."""
+        """All renders are equal and say that they have no noise, and there are two at least."""
         return self.images > 1 and self._scatter is not None and not self._scatter.any()
 
     @property
@@ -66,3 +98,14 @@ class ImagePool:
             return Image(mean, None, self.samples, self.surface, 1)
         variance = (self._scatter / ((self.batches - 1) * self.weight)).astype(np.float32)
         return Image(mean, variance, self.samples, self.surface, self.batches)
+
+
+def _has_noise(image: Image) -> bool:
+    """Whether it may have noise: it states some, or does not state that one sample was enough."""
+    if image.variance is not None:
+        return bool(image.variance.any())
+    return image.samples != 1 or image.batches == 1
+
+
+def _digest(image: Image) -> bytes:
+    return blake2b(np.ascontiguousarray(image.mean).data).digest()

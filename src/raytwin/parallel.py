@@ -1,7 +1,6 @@
-"""The same function over many things: here, in local processes, on a Dask cluster, or a share of a Slurm array."""
+"""Apply one function to many things: here, in local processes, or on a Dask cluster."""
 
 import multiprocessing
-import re
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -26,15 +25,10 @@ CONNECT = 5
 
 @dataclass(frozen=True)
 class Workers:
-    """`jobs` local processes (1: this one), or the Dask scheduler at `dask`; `shard` (k, n): the k-th of n."""
+    """`jobs` local processes (1: this one), or the Dask scheduler at `dask`."""
 
     jobs: int = 1
     dask: str = ""
-    shard: tuple[int, int] = (1, 1)
-
-    def share(self, things: Sequence[T]) -> list[T]:
-        """Every n-th thing: neighbours, which cost alike, go to different shards."""
-        return list(things[self.shard[0] - 1 :: self.shard[1]])
 
 
 class Done(NamedTuple):
@@ -45,33 +39,29 @@ class Done(NamedTuple):
     error: Exception | None = None
 
 
-def parse_workers(jobs: int, dask: str, shard: str) -> Workers:
+def parse_workers(jobs: int, dask: str) -> Workers:
     """
-    >>> parse_workers(1, "", "3/40")
-    Workers(jobs=1, dask='', shard=(3, 40))
+    >>> parse_workers(4, "")
+    Workers(jobs=4, dask='')
     """
-    match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", shard or "1/1")
-    if not match or not 1 <= int(match[1]) <= int(match[2]):
-        raise InputError("--shard", "K/N with 1 <= K <= N, as 3/40", shard)
     if jobs < 1:
         raise InputError("--jobs", "a number of processes >= 1", jobs)
     if dask and jobs > 1:
         raise InputError("--dask", "a cluster or local processes (--jobs), not both", f"--jobs {jobs}")
-    return Workers(jobs, dask, (int(match[1]), int(match[2])))
+    return Workers(jobs, dask)
 
 
 def map_parallel(function: Callable[[T], Any], things: Sequence[T], workers: Workers) -> Iterator[Done]:
-    """What the function gives for each thing of the share, as it is done. An error costs its own thing only.
+    """What the function gives for each thing, as it is done. An error costs its own thing only.
 
     Function and things are pickled where other processes take them.
     """
-    chosen = workers.share(things)
     if workers.dask:
-        yield from _on_cluster(function, chosen, workers.dask)
-    elif workers.jobs == 1 or len(chosen) < 2:
-        yield from (_here(function, thing) for thing in chosen)
+        yield from _on_cluster(function, things, workers.dask)
+    elif workers.jobs == 1 or len(things) < 2:
+        yield from (_here(function, thing) for thing in things)
     else:
-        yield from _in_processes(function, chosen, workers.jobs)
+        yield from _in_processes(function, things, workers.jobs)
 
 
 @dataclass(frozen=True)
@@ -92,10 +82,6 @@ class Stored(Generic[R]):
         with files.replacing(self.folder / f"{key}.json") as temporary:
             temporary.write_bytes(made)
 
-    def collect(self, jobs: Sequence[Any]) -> list[R]:
-        """The results of these jobs that are there."""
-        return [found for job in jobs if (found := self.read(job.key)) is not None]
-
     def run(
         self,
         function: Callable[[Any], R],
@@ -109,26 +95,24 @@ class Stored(Generic[R]):
         progress: Callable[[str, int, int], None] = lambda stage, done, total: None,
         stage: str = "jobs",
     ) -> list[R]:
-        """Return the results of the share, in the jobs' order: those that are there, unless `again` or to `redo`.
+        """Return the results in the jobs' order: those that are there, unless `again` or to `redo`.
 
         `failed` is what becomes of an error; `each` is called with every new result as it comes. Workers write what
         they make, but for a cluster's, whose disk may be another one: the caller does.
         """
-        mine = workers.share(jobs)
-        found = {} if again else {job.key: self.read(job.key) for job in mine}
+        found = {} if again else {job.key: self.read(job.key) for job in jobs}
         done = {key: result for key, result in found.items() if result is not None and not redo(result)}
-        todo = [job for job in mine if job.key not in done]
-        progress(stage, len(done), len(mine))
-        here = Workers(workers.jobs, workers.dask)  # the share is taken
-        for one in map_parallel(_Storing(function, None if workers.dask else self), todo, here):
+        todo = [job for job in jobs if job.key not in done]
+        progress(stage, len(done), len(jobs))
+        for one in map_parallel(_Storing(function, None if workers.dask else self), todo, workers):
             result = one.result if one.error is None else failed(one.thing, one.error)
             if workers.dask or one.error is not None:
                 self.write(one.thing.key, msgspec.json.encode(result))
             done[one.thing.key] = result
             if each is not None:
                 each(result)
-            progress(stage, len(done), len(mine))
-        return [done[job.key] for job in mine]
+            progress(stage, len(done), len(jobs))
+        return [done[job.key] for job in jobs]
 
 
 @dataclass(frozen=True)

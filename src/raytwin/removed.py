@@ -4,13 +4,48 @@ from collections.abc import Sequence
 
 COMMANDS: dict[str, str] = {
     "bench --against": "Use pytest-benchmark (pip install 'raytwin[bench]'), as docs/howto/measure-speed.md shows.",
+    "bench --flip": "Use diff --flip on two images.",
     "bench --save": "Use pytest-benchmark (pip install 'raytwin[bench]'), as docs/howto/measure-speed.md shows.",
-    "matrix": "Use `raytwin bench SCENE... --subject A --subject B`, or pytest as docs/howto/pytest.md shows.",
     "bench --spheres": "Use pytest-benchmark (pip install 'raytwin[bench]') with scenes of so many spheres.",
+    "bench calibration": "Use `python -m measure.calibration_cost`, in tests/ of the repository.",
+    "bench paper": "Use `python -m measure.paper`, in tests/ of the repository.",
+    "board --import": 'Use a board.toml: "Use your own photos" in the docs writes one from a trusted pickle.',
+    "board --name": "Use a board.toml: one file per board.",
+    "board --unit": "Use a board.toml, whose lengths are metres.",
+    "board --y-down": "Use a board.toml, whose Y points up.",
+    "calibrate --bend": "Use the number in mm that calibrate prints; --json has the board's heights.",
+    "calibrate --uncertainty": "Use -o camera.toml: the page beside it has the map of uncertainty.",
+    "diff --allow-failures": "Use OpenImageIO's idiff -allowfailures.",
+    "diff --allowfailures": "Use OpenImageIO's idiff -allowfailures.",
+    "diff --fail": "Use OpenImageIO's idiff -fail.",
+    "diff --fail-percent": "Use OpenImageIO's idiff -failpercent.",
+    "diff --fail-relative": "Use OpenImageIO's idiff -failrelative.",
+    "diff --failpercent": "Use OpenImageIO's idiff -failpercent.",
+    "diff --failrelative": "Use OpenImageIO's idiff -failrelative.",
+    "diff --hard-fail": "Use OpenImageIO's idiff -hardfail.",
+    "diff --hard-warn": "Use OpenImageIO's idiff -hardwarn.",
+    "diff --hardfail": "Use OpenImageIO's idiff -hardfail.",
+    "diff --hardwarn": "Use OpenImageIO's idiff -hardwarn.",
+    "diff --warn": "Use OpenImageIO's idiff -warn.",
+    "diff --warn-percent": "Use OpenImageIO's idiff -warnpercent.",
+    "diff --warn-relative": "Use OpenImageIO's idiff -warnrelative.",
+    "diff --warnpercent": "Use OpenImageIO's idiff -warnpercent.",
+    "diff --warnrelative": "Use OpenImageIO's idiff -warnrelative.",
+    "grade --shard": "Use --jobs N on one machine, or --dask ADDRESS on several.",
+    "matrix": "Use `raytwin bench SCENE... --subject A --subject B`, or pytest as docs/howto/pytest.md shows.",
+    "needs --out": "Use --json FILE for the answer and `raytwin ladder SCENE` for a picture of each light level.",
+    "needs -o": "Use --json FILE for the answer and `raytwin ladder SCENE` for a picture of each light level.",
+    "photograph --ball": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
+    "photograph --exposure": "Scale the sun and the sky of the scene that --scene names.",
+    "photograph --mirror": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
+    "photograph --stand": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
+    "reference make --shard": "Use --jobs N on one machine, or --dask ADDRESS on several.",
 }
-"""Words of the command line ("bench paper") -> what to use instead, a sentence. May end in an option ("diff --fail")."""
+"""Words of the command line ("bench paper", "diff --fail") -> what to use instead, a sentence."""
 
-NAMES: dict[str, str] = {}
+NAMES: dict[str, str] = {
+    "chart": "Use pandas.DataFrame(result.table()).plot(x=..., y=...), which draws with matplotlib.",
+}
 """Name of `raytwin` -> what to use instead, a sentence."""
 
 

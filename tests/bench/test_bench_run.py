@@ -11,7 +11,7 @@ from program import raytwin, refused
 
 from raytwin import bench, files, twin
 from raytwin.bench import bench_run as run
-from raytwin.bench.bench_reference import converge, measure, truth_of
+from raytwin.bench.bench_reference import converge, truth_of
 from raytwin.bench.bench_run import sized, thumbnail
 from raytwin.bench.timing import with_peak
 from raytwin.compare import METRICS
@@ -24,12 +24,11 @@ from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.renderer_table import RENDERERS, choose
 from raytwin.renderers.subject_renderers import Filled, Speculated
 from raytwin.renderers.twin_renderers import Plain, Twin
-from raytwin.report.bench_charts import CHARTED as SHOWN
 from raytwin.speed import trace
 
 KEYS = [
     "method", "engine", "precision", "rung", "trim", "speculation", "samples", "width", "height", "seconds_median",
-    "seconds_iqr", "compile_seconds", "peak_mib", "rmse", "relmse", "p999_abs", "flip", "truth_floor", "on_frontier",
+    "seconds_iqr", "compile_seconds", "peak_mib", "rmse", "relmse", "p999_abs", "truth_floor", "on_frontier",
     "verdict", "reason",
 ]  # fmt: skip
 
@@ -146,13 +145,6 @@ def test_the_floor_is_float32s_rounding_through_the_centre_and_noise_where_time_
     _, about = converge(view("overlap"), "path-area", 1 << 20, 0.0)
     assert about.samples == 2
     assert about.floor["rmse"] > 1e-3
-
-
-def test_flip_is_left_out_unless_asked_for():
-    a = np.full((16, 16, 3), 0.5, np.float32)
-    assert measure(a, a)["flip"] is None
-    assert measure(a, a, flip=True)["flip"] == pytest.approx(0, abs=1e-6)
-    assert set(measure(a, a)) == set(SHOWN)
 
 
 def test_the_memory_of_a_call_is_seen():

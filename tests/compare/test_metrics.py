@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from raytwin.compare import METRICS
+from raytwin.compare import METRICS, measure
 from raytwin.compare.metrics import CHUNK, nth_largest
 from raytwin.errors import InputError
 
@@ -64,6 +64,42 @@ def test_a_perfect_image_has_infinite_psnr_and_a_black_reference_no_mean_ratio()
     assert math.isnan(of("mean_ratio", R, 0 * R))
 
 
+def test_flip_is_0_of_equal_images_and_grows_with_an_error():
+    rng = np.random.default_rng(5)
+    r = rng.random((32, 32, 3), np.float32)
+    assert of("flip_hdr", r, r.copy()) == 0
+    found = [of("flip_hdr", r * np.float32(gain), r) for gain in (1, 0.9, 0.7, 0.4, 0)]
+    assert found == sorted(found)
+    assert 0 < found[1] < found[-1] < 1
+
+
+def test_flip_of_black_beside_white_follows_from_the_papers_equations():
+    """Radiance 100 is white at every exposure: lightness 100 apart, where green and blue, the farthest, are 203.3."""
+    far, distance = 203.3**0.7, 100**0.7
+    expected = 0.95 + 0.05 * (distance - 0.4 * far) / (0.6 * far)
+    for t, r in ((0 * R, 0 * R + 100), (0 * R + 100, 0 * R)):
+        assert of("flip_hdr", t, r) == pytest.approx(expected, abs=1e-4)
+
+
+def test_flip_sees_five_exposures_from_minus_2_to_2_stops():
+    import OpenImageIO as oiio
+
+    made = []
+    wrapped = oiio.ImageBufAlgo.FLIP_diff
+
+    def keep(*images, **options):
+        made.append(wrapped(*images, **options))
+        return made[0]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(oiio.ImageBufAlgo, "FLIP_diff", keep)
+        of("flip_hdr", R, 2 * R)
+    told = {attribute.name: attribute.value for attribute in made[0].spec().extra_attribs}
+    assert told["FLIP:startExposure"] == pytest.approx(-2, abs=1e-5)
+    assert told["FLIP:stopExposure"] == pytest.approx(2, abs=2e-5)
+    assert told["FLIP:numExposures"] == 5
+
+
 def test_flip_exposures_are_pinned_so_that_a_bright_pixel_elsewhere_changes_little():
     rng = np.random.default_rng(5)
     r = rng.random((32, 32, 3), np.float32)
@@ -73,16 +109,29 @@ def test_flip_exposures_are_pinned_so_that_a_bright_pixel_elsewhere_changes_litt
     assert of("flip_hdr", t, r) == pytest.approx(before, rel=0.05)
 
 
-def test_flip_refuses_nan_and_wrong_shapes_instead_of_exiting():
+def test_flip_refuses_nan_and_wrong_shapes():
     bad = R.copy()
     bad[0, 0, 0] = np.nan
     with pytest.raises(InputError, match="FLIP"):
         of("flip_hdr", bad, R)
     with pytest.raises(InputError, match="FLIP"):
-        of("flip_ldr", R[:5], R)
+        of("flip_hdr", R[:5], R)
     for wrong in (np.ones((8, 8, 4), np.float32), np.ones((8, 8), np.float32)):
         with pytest.raises(InputError, match="FLIP"):
-            of("flip_ldr", wrong, wrong)
+            of("flip_hdr", wrong, wrong)
+
+
+def test_metrics_are_those_of_the_finite_values_and_null_without_any():
+    ones = np.ones((10, 10, 3), np.float32)
+    spoilt = ones.copy()
+    spoilt[0, 0, 0] = 1.1
+    spoilt[5, 5] = np.nan
+    names = ("mae", "max_abs", "flip_hdr")
+    numbers = measure(spoilt, ones, iter(names))
+    assert numbers == {"mae": pytest.approx(0.1 / 297, rel=1e-5), "max_abs": pytest.approx(0.1), "flip_hdr": None}
+    assert measure(np.full_like(ones, np.nan), ones, names) == dict.fromkeys(names)
+    assert measure(ones[:5], ones, names) == dict.fromkeys(names)
+    assert measure(ones, ones, ["psnr"]) == {"psnr": None}  # infinite
 
 
 def test_the_nth_largest_is_that_of_sorting_whatever_the_sample_says():

@@ -1,6 +1,7 @@
 """Light that is a sum of rare events: a small lamp in a dark sky, found by few of the reference's directions."""
 
 import numpy as np
+import pytest
 
 from raytwin.compare import compare
 from raytwin.compare.noise import rare_light
@@ -15,12 +16,12 @@ def lit(height: int = 72, width: int = 96) -> np.ndarray:
     return (0.02 * np.exp(-np.hypot(x - width / 2, y - height / 2) / 12) * (y > height / 4))[..., None]
 
 
-def drawn(rng: np.random.Generator, truth: np.ndarray) -> Image:
+def drawn(rng: np.random.Generator, truth: np.ndarray, samples: int = SAMPLES) -> Image:
     """By directions that meet the lamp, of radiance 1, or miss it."""
-    met = rng.binomial(SAMPLES, truth) / SAMPLES
+    met = rng.binomial(samples, truth) / samples
     colour = np.array([1.0, 0.8, 0.6])
-    variance = met * (1 - met) / (SAMPLES - 1) * colour**2
-    return Image((met * colour).astype(np.float32), variance.astype(np.float32), SAMPLES, None, SAMPLES)
+    variance = met * (1 - met) / (samples - 1) * colour**2
+    return Image((met * colour).astype(np.float32), variance.astype(np.float32), samples, None, samples)
 
 
 def well_known(rng: np.random.Generator, truth: np.ndarray) -> Image:
@@ -37,6 +38,20 @@ def test_a_correct_render_does_not_fail_beside_one_that_meets_the_lamp_seldom():
         known, seldom = well_known(rng, truth), drawn(rng, truth)
         for pair in ((known, seldom), (seldom, known)):
             assert compare(*pair).verdict != "fail"
+
+
+@pytest.mark.parametrize("samples", [7, 8, 12])
+def test_few_samples_of_rare_light_do_not_fail_beside_the_exact_image(samples):
+    """0 of 12; if a single event does not count as rare, half of those of 8 samples fail."""
+    rng = np.random.default_rng(12)
+    y, x = np.mgrid[:48, :64]
+    chance = 0.03 * (np.hypot(x - 32, y - 24) < 10)[..., None]
+    exact = Image((3 * chance * np.ones(3)).astype(np.float32))
+    for _ in range(12):
+        met = 3.0 * (rng.random((samples, *chance.shape)) < chance) * np.ones(3)
+        variance = met.var(axis=0, ddof=1) / samples
+        seldom = Image(met.mean(axis=0).astype(np.float32), variance.astype(np.float32), samples, None, samples)
+        assert compare(seldom, exact).verdict != "fail"
 
 
 def test_the_reason_names_the_render_whose_light_is_rare():

@@ -39,7 +39,7 @@ def pairs():
         "fireflies": (render(rng, TRUTH, p=1e-3, size=30.0), b),
         "8 bits": (bits, b),
     }
-    return {name: (*pair, half_code(bits.mean, 255) if name == "8 bits" else None) for name, pair in made.items()}
+    return {name: (*pair, half_code(bits.mean) if name == "8 bits" else None) for name, pair in made.items()}
 
 
 PAIRS = pairs()

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from measure.noise_models import FILTERS, exact, filtered, picture, render, untold
+from scipy.ndimage import uniform_filter
 
 from raytwin.compare import compare
 from raytwin.compare.noise import residual
@@ -141,3 +142,60 @@ def test_patterns_along_rows_columns_and_diagonals_repeat(factor):
     test = wrong(1 + 0.1 * factor).mean
     base = TRUTH.astype(np.float32)
     assert patterned(test, base, residual(test, base).square)
+
+
+TOLD = {
+    "the error's square": lambda error: np.square(error),
+    "its neighbourhood's": lambda error: uniform_filter(np.square(error), (5, 5, 1)),
+    "four times as much": lambda error: 4 * uniform_filter(np.square(error), (8, 8, 1)),
+    "the same everywhere": lambda error: np.full(error.shape, np.square(error).mean()),
+}
+PERIODIC = {
+    "columns": lambda period: X % period < period / 2,
+    "rows": lambda period: Y % period < period / 2,
+    "rising diagonals": lambda period: (X + Y) % period < period / 2,
+    "falling diagonals": lambda period: (X - Y) % period < period / 2,
+    "checkers": lambda period: (X // period + Y // period) % 2 == 0,
+    "dots": lambda period: (X % period < 1) & (Y % period < 1),
+    "columns at random": lambda period: np.random.default_rng(period).random(X.shape[1])[X] < 0.5,
+}
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    amplitude=st.floats(0.02, 1),
+    pattern=st.sampled_from(sorted(PERIODIC)),
+    period=st.integers(2, 8),
+    told=st.sampled_from(sorted(TOLD)),
+    samples=st.sampled_from([0, 64]),
+)
+def test_no_variance_excuses_a_pattern(amplitude, pattern, period, told, samples):
+    chosen = PERIODIC[pattern](period).astype(float)
+    factor = 1 + amplitude * (chosen - chosen.mean()) / max(chosen.mean(), 1 - chosen.mean())
+    test = wrong(factor).mean
+    variance = TOLD[told](test - TRUTH).astype(np.float32)
+    assert compare(Image(test, variance, samples), exact(TRUTH), detectable_bias=10).verdict != "pass"
+
+
+def test_every_second_column_black_fails_whatever_variance_its_file_states():
+    test = wrong(2.0 * (X % 2)).mean
+    made = compare(Image(test, np.square(TRUTH).astype(np.float32), 16), exact(TRUTH), detectable_bias=10)
+    assert made.verdict == "fail"
+    assert said(made, "the errors repeat from place to place")
+
+
+@pytest.mark.parametrize("size", [(8, 8), (16, 16), (24, 32), (48, 64)])
+@pytest.mark.parametrize("channels", [1, 3])
+def test_independent_noise_of_any_distribution_does_not_repeat(size, channels):
+    """None of 320; of the correlations of Gaussian errors one in 10^8 is 6 standard deviations from 0."""
+    rng = np.random.default_rng(10)
+    draws = (
+        lambda: rng.exponential(1, (*size, channels)),
+        lambda: rng.normal(1, 0.3, (*size, channels)),
+        lambda: 50.0 * (rng.random((*size, channels)) < 0.02),
+        lambda: rng.lognormal(0, 1.5, (*size, channels)),
+    )
+    for draw in draws * 10:
+        test = np.broadcast_to(draw(), (*size, 3)).astype(np.float32)
+        reference = np.full((*size, 3), test.mean(), np.float32)
+        assert not patterned(test, reference, residual(test, reference).square)

@@ -151,13 +151,23 @@ def test_without_a_wish_a_budget_that_ends_early_passes_where_a_tenth_would_have
     assert made.reasons[-1] == "all 8 samples per pixel were taken"
 
 
-def test_renders_are_arrays_too_and_equal_ones_are_taken_as_free_of_noise():
+def test_renders_are_arrays_too_and_equal_ones_pass_where_they_agree_and_are_undecided_else():
     truth = SMALL.astype(np.float32)
-    reference = Image(truth)
-    for test, verdict in ((truth, "pass"), (truth * np.float32(1.001), "fail")):
-        check = SequentialComparison(reference)
-        assert check.add(test) is None
-        assert check.add(test).verdict == verdict
+    check = SequentialComparison(Image(truth))
+    assert check.add(truth) is None
+    assert check.add(truth).verdict == "pass"
+    check = SequentialComparison(Image(truth))
+    assert [check.add(truth * np.float32(1.001)) for _ in range(7)] == [None] * 7
+    assert check.add(truth * np.float32(1.001)).verdict == "undecided"
+    assert "seeds 0, 1, 2, 3, 4, 5, 6 and 7 gave the same image" in check.comparison.reasons[0]
+
+
+def test_equal_renders_that_state_no_noise_are_decided_at_once():
+    truth = SMALL.astype(np.float32)
+    for gain, verdict in ((1, "pass"), (1.001, "fail")):
+        check = SequentialComparison(Image(truth))
+        assert check.add(Image(truth * np.float32(gain))) is None
+        assert check.add(Image(truth * np.float32(gain))).verdict == verdict
         assert "free of noise" in check.comparison.reasons[-1]
 
 
@@ -176,3 +186,51 @@ def test_what_is_no_render_fails_at_the_first_look_or_is_named():
     for options in ({"false_alarm_rate": 0}, {"detectable_bias": 0.0}, {"detectable_tile_bias": -1}):
         with pytest.raises(InputError, match=next(iter(options))):
             SequentialComparison(check.image("reference"), **options)
+
+
+def seeded(truth, seed_of):
+    """A correct renderer of 1 sample per pixel, whose random numbers are those of `seed_of(seed)`."""
+
+    def one(seed):
+        return truth * np.random.default_rng([17, seed_of(seed)]).exponential(1, truth.shape)
+
+    return one
+
+
+@pytest.mark.parametrize("seed_of", [lambda seed: max(seed, 1), lambda seed: seed // 2], ids=["0 and 1", "each twice"])
+def test_a_renderer_whose_first_seeds_give_the_same_image_is_judged_by_the_others(seed_of):
+    one, check = seeded(SMALL, seed_of), SequentialComparison(Image(SMALL.astype(np.float32)))
+    for seed in range(2000):
+        if check.add(one(seed)):
+            break
+    made = check.conclude()
+    assert made.verdict == "pass"
+    assert "seeds 0" in made.reasons[-1]
+    assert check.samples == len({seed_of(s) for s in range(seed + 1)})
+
+
+@pytest.mark.parametrize("seeds", [1, 2, 3])
+def test_a_renderer_that_ignores_its_seed_is_undecided_and_told(seeds):
+    one, check = seeded(SMALL, lambda seed: seed % seeds), SequentialComparison(Image(SMALL.astype(np.float32)))
+    made = next(made for seed in range(100) if (made := check.add(one(seed))))
+    assert (made.verdict, made.exit_code) == ("undecided", 2)
+    assert made.reasons[0].startswith("undecided: seeds 0, ")
+    assert "does your program use {seed}?" in made.reasons[0]
+
+
+def test_equal_renders_with_invalid_values_fail():
+    broken, check = SMALL.astype(np.float32), SequentialComparison(Image(SMALL.astype(np.float32)))
+    broken[3, 4] = np.nan
+    made = next(made for _ in range(100) if (made := check.add(broken)))
+    assert made.verdict == "fail"
+
+
+def test_renders_that_are_equal_since_events_are_rare_all_count():
+    """Half of the renders have no event: to leave them out would double the mean."""
+    rng, check = np.random.default_rng(13), SequentialComparison(Image(SMALL.astype(np.float32)))
+    renders = [SMALL + np.where(rng.random(SMALL.shape) < 1 / SMALL.size, 3.0, 0.0) for _ in range(40)]
+    for one in renders:
+        check.add(one)
+    assert len({one.tobytes() for one in renders}) < 40
+    assert check.samples == 40
+    np.testing.assert_allclose(check.image("test").mean, np.mean(renders, axis=0), rtol=1e-6)

@@ -101,13 +101,6 @@ def test_a_slip_in_the_textbook_is_the_cause_that_its_picture_names():
     assert next(f.sentence for f in FAULTS if f.name == "root-missing") in found.sentence
 
 
-@STAGES
-def test_sentences_are_whole_and_their_mistakes_have_names(stage):
-    for variant in stage.variants:
-        assert 10 < len(variant.sentence) < 320
-        assert not variant.sentence.endswith(".")
-
-
 def test_two_mistakes_at_once_are_both_named():
     stage = CONTRACT["shade"]
     chosen = [v for v in stage.variants if v.name in ("abs-cosine", "sky-twice")]
@@ -249,16 +242,3 @@ def test_check_raises_when_told_to_and_only_where_it_fails():
         raytwin.check("shade", lambda *args: args[0][:, 0], raises=True)
     with pytest.raises(InputError, match=r"got shad \(did you mean shade\?\)"):
         raytwin.check("shad", BY_HAND["shade"])
-
-
-def test_a_notebook_shows_a_page_that_nothing_of_the_students_escapes():
-    def angry(*args):
-        raise ValueError("<script>alert(1)</script>")
-
-    page = raytwin.check("shade", angry)._repr_html_()
-    assert "<script>" not in page
-    assert "&lt;script&gt;" in page
-    far = next(v for v in CONTRACT["intersect_sphere"].variants if v.name == "far-root")
-    page = raytwin.check("intersect_sphere", far.change(None))._repr_html_()
-    for told in (far.sentence.split(":")[0], "expected", "got", "rays that start inside", "✗", "✓"):
-        assert told in page

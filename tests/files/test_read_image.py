@@ -44,19 +44,6 @@ def test_a_pfms_scale_multiplies(tmp_path):
     assert files.read_image(tmp_path / "x.pfm").mean.ravel().tolist() == [7.5] * 3
 
 
-# ------------------------------------------------------------------------------------------ sRGB
-
-
-@pytest.mark.parametrize("channels", [1, 4])
-def test_sixteen_bits_of_a_png_are_kept(tmp_path, channels):
-    codes = np.random.default_rng(5).integers(0, 65536, (9, 11, channels), dtype=np.uint16)
-    cv2.imwrite(str(tmp_path / "x.png"), codes)
-    found = files.read_image(tmp_path / "x.png").mean
-    expected = files.srgb_decode(codes[..., 2::-1] / 65535 if channels > 1 else np.repeat(codes, 3, -1) / 65535)
-    np.testing.assert_allclose(found, expected, atol=1e-6)
-    assert (found.dtype, found.shape) == (np.float32, (9, 11, 3))
-
-
 # ------------------------------------------------------------------------------------------ EXR
 
 
@@ -113,16 +100,10 @@ def test_the_kind_is_told_by_the_content_and_not_by_the_name(tmp_path, sound):
 def test_what_is_no_image_is_named(tmp_path, sound):
     gray = sound["big_endian_grey.pfm"]
     wrong = {
-        b"": "expected an image: EXR, PFM, HDR, PNG or JPEG, got a file of another kind",
+        b"": "expected an image: EXR, PFM, PNG or JPEG, got a file of another kind",
         gray[:-1]: "expected 2772 bytes of pixels for 33 x 21, got 2771",
         gray + b"0": "expected 2772 bytes of pixels for 33 x 21, got 2773",
         gray.replace(b"\n1.0", b"\n0.0"): "expected a PFM's scale other than 0",
-        sound["runs.hdr"][:-1]: "got a damaged one",
-        sound["flat.hdr"][:-1]: "got a damaged one (692 of 693 pixels",
-        sound["flat.hdr"][:-4] + b"\1\1\1\1": "the repeats of an old file",
-        sound["flat.hdr"].replace(b"-Y", b"+Y"): "ending with -Y height +X width",
-        sound["runs.hdr"].replace(b"rgbe", b"xyze"): "expected FORMAT=32-bit_rle_rgbe, got 32-bit_rle_xyze",
-        sound["runs.hdr"].replace(b"SURE=2", b"SURE=0"): "expected EXPOSURE, a number > 0, got 0.0",
         sound["lines_ZIP.exr"][:-1]: "got a damaged one (without its part x)",
     }
     for data, message in wrong.items():
@@ -166,8 +147,11 @@ def test_subsampled_and_deep_exrs_are_refused_in_words(tmp_path):
         files.read_image(tmp_path / "x.exr")
 
 
-def test_a_files_own_bytes_never_break_the_line(tmp_path, sound):
-    (tmp_path / "x.hdr").write_bytes(sound["runs.hdr"].replace(b"_rgbe", b"_\x1b[31m\r"))
-    with pytest.raises(InputError) as caught:
+def test_radiance_hdr_and_pngs_of_16_bits_are_refused_with_the_command_that_converts_them(tmp_path, a):
+    cv2.imwrite(str(tmp_path / "x.hdr"), a)
+    with pytest.raises(InputError, match=r"expected an EXR, got a Radiance HDR \(convert it: oiiotool a.hdr -o a.exr"):
         files.read_image(tmp_path / "x.hdr")
-    assert str(caught.value).isprintable()
+    for channels in (1, 3, 4):
+        cv2.imwrite(str(tmp_path / "x.png"), np.full((9, 11, channels), 256, np.uint16))
+        with pytest.raises(InputError, match=r"expected a PNG of 8 bits per channel, got 16 .*oiiotool a.png"):
+            files.read_image(tmp_path / "x.png")

@@ -51,11 +51,7 @@ def test_a_thing_that_kills_its_local_process_costs_itself_alone():
     assert str(found[3].error) == "3: expected a process that lives, got one that is killed"
 
 
-def test_shards_share_all_things_out_and_an_error_costs_its_own_thing_alone():
-    things = list(range(17))
-    shares = [Workers(shard=(k, 5)).share(things) for k in range(1, 6)]
-    assert sorted(x for share in shares for x in share) == things
-    assert max(map(len, shares)) - min(map(len, shares)) == 1
+def test_an_error_costs_its_own_thing_alone():
     done = {
         d.thing: d.result if d.error is None else str(d.error)
         for d in map_parallel(tracers.square, [2, -1, 3], Workers())
@@ -126,7 +122,7 @@ def test_a_worker_that_is_killed_in_the_middle_costs_nothing(cluster):
     assert threading.active_count() < 100
 
 
-def test_a_cluster_and_shards_make_the_references_that_one_process_makes(cluster, tmp_path):
+def test_a_cluster_makes_the_references_that_one_process_makes(cluster, tmp_path):
     from raytwin.cli.reference_commands import _cases, _changes
 
     settings = ReferenceSettings(size=(24, 18))
@@ -138,7 +134,6 @@ def test_a_cluster_and_shards_make_the_references_that_one_process_makes(cluster
     here = made(Workers())
     assert len(here) == 2
     assert made(Workers(dask=cluster.scheduler_address)) == here
-    assert made(Workers(shard=(1, 2))) | made(Workers(shard=(2, 2))) == here
 
 
 def test_workers_render_with_the_callers_variant_whatever_they_have_chosen_before(cluster, tmp_path):

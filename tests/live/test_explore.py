@@ -27,7 +27,6 @@ from raytwin import files
 from raytwin.errors import InputError
 from raytwin.live import Server, opening_page
 from raytwin.live.light_path import light_path
-from raytwin.live.patience import MOST_ABANDONED, Patience
 from raytwin.live.progressive import Session
 from raytwin.live.server import Worker
 from raytwin.live.view_state import ViewRequest, from_json, from_link, scene_toml, wanted_of
@@ -233,32 +232,6 @@ def test_an_error_that_ends_threads_is_told_and_the_worker_goes_on(slow, capsys)
         assert messages[-1]["kind"] == "refused"
         worker.answer(messages[-1]["sent"], send)
     assert "ValueError: mine" in capsys.readouterr().err
-
-
-def test_a_call_that_does_not_return_is_left_and_its_like_are_refused():
-    patience, go = Patience(0.05), threading.Event()
-    for _ in range(MOST_ABANDONED):
-        with pytest.raises(InputError, match=r"^mine: expected an image within 0.05 s"):
-            patience.call("mine", go.wait)
-    with pytest.raises(InputError, match="3 calls that still run"):
-        patience.call("mine", int)
-    assert patience.running
-    go.set()
-    wait_for(lambda: not patience.running)
-    assert patience.call("mine", int, "7") == 7
-
-
-def test_what_a_subject_raises_is_told_whatever_it_is(base):
-    class EndingError(BaseException):
-        """What ends a thread without a word."""
-
-    def ends(scene):
-        raise EndingError("enough")
-
-    with pytest.raises(InputError, match=r"mine: expected an image .*EndingError: enough"):
-        next(Session(base, UserRenderer("shadow", "mine", ends)).passes(wanted_of(base, "numpy64")))
-    with pytest.raises(ValueError, match="mine"):
-        Patience().call("mine", lambda: float("mine"))
 
 
 def test_passes_go_on_with_twice_the_samples_until_all_are_there(base):

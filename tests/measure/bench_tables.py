@@ -1,6 +1,6 @@
 """Print tables of what `raytwin bench` and `raytwin stability` wrote; with `--record` store them for docs/measured.
 
-python -m measure.bench_tables FILE...    in tests/; each a bench.json, paper.json or atlas.json
+python -m measure.bench_tables FILE...    in tests/; each a bench.json or atlas.json
 
 Seconds are given as ratios of methods that were timed in turn, which another machine or another load changes little.
 """
@@ -16,8 +16,6 @@ from measure import record
 from raytwin.atlas import EXPERIMENTS, Atlas, Curve, Found
 from raytwin.bench import Bench
 from raytwin.bench.bench_reference import WHOLE
-from raytwin.paper.paper_record import Paper
-from raytwin.paper.paper_tables import tables
 from raytwin.report.atlas_page import edge, fate
 from raytwin.report.numbers import shown
 
@@ -25,7 +23,6 @@ FRONTIER = (
     "raytwin bench scenes/desk --sizes 0.05 --budget 300"
     " --methods 'numpy32-*-conic,drjit32-*,loop-shadow-conic,mitsuba-llvm-*'"
 )
-FIGURES = "raytwin bench paper --budget 600"
 EDGES = "raytwin stability"
 """What makes each file again."""
 
@@ -53,12 +50,7 @@ def edge_row(f: Found) -> list[str]:
 
 def main(*paths: str) -> None:
     for path in map(Path, paths):
-        if path.name == "paper.json":
-            figures = tables(msgspec.json.decode(path.read_bytes(), type=Paper))[0]
-            kept = [k for k, head in enumerate(figures.heads) if head != "here"]
-            heads, *rows = ([cells[k] for k in kept] for cells in (figures.heads, *figures.rows))
-            record.table("paper", "figures", heads, rows, FIGURES)
-        elif path.name == "atlas.json":
+        if path.name == "atlas.json":
             found = msgspec.json.decode(path.read_bytes(), type=Atlas)
             columns = ["experiment", "parameter", "fails first", "at", "predicted", "raytwin's own"]
             record.table("atlas", "edges", columns, map(edge_row, found.experiments), EDGES)

@@ -16,7 +16,7 @@ import submitted_tracers as tracers
 from measure import record
 from tracers_by_students import CORRECT, MISTAKES, mistaken
 
-from raytwin.grade.class_run import Job, collect, jobs_of, run
+from raytwin.grade.class_run import Job, jobs_of, run
 from raytwin.parallel import Workers, map_parallel
 from raytwin.sandbox.sandbox import Code, Sandbox
 
@@ -88,7 +88,7 @@ def main(folder: Path, count: int = 100, jobs: int = 2) -> None:
         d.thing.key: d.result for d in map_parallel(partial(measured, out=str(folder / "out")), asked, Workers(jobs))
     }
     print(f"{time.monotonic() - began:.0f} s by the clock, {jobs} at a time")
-    results = collect(asked, folder / "out")
+    results = run(asked, folder / "out", Workers())
     weight = sum(path.stat().st_size for path in (folder / "out").rglob("*") if path.is_file())
     rows = [
         ["submissions with a result", f"{len(done)} of {count}"],

@@ -18,44 +18,23 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from measure import record
+from measure import light_photos, record
+from photo_helpers import a_camera
 
 from raytwin import files
 from raytwin.calib import synthetic_photos
 from raytwin.calib.augment import augment
+from raytwin.calib.boards import read_board
 from raytwin.calib.lighting import light_models as models
 from raytwin.calib.lighting.linear_photo import value_of_one
 from raytwin.errors import InputError
-from raytwin.image import Image
 from raytwin.lights.envmap_tables import REC_709
 from raytwin.scene import Camera, Environment, Lambert, Scene, Sky, Sphere, Sun
 from raytwin.workflows.estimate_light import estimate_light
-from raytwin.workflows.photograph import photograph_board
 
 MIRROR = Sphere((-0.075, 0.05, 0.028), 0.03, Lambert((0.9, 0.9, 0.9)))
 ORANGE = Sphere((-0.065, 0.15, 0.018), 0.02, Lambert((0.75, 0.35, 0.08)))
 STAND = (0.095, 0.095, 0.03)
-SCENE = """# A random light.
-[camera]
-image_size = [32, 24]
-K = [[30.0, 0.0, 16.0], [0.0, 30.0, 12.0], [0.0, 0.0, 1.0]]
-R_cam_board = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]
-t_cam_board = [0.0, 0.0, 1.0]
-
-[[planes]]
-center = [0.076, 0.114, -0.002]
-half_u = [1.50, 0.0, 0.0]
-half_v = [0.0, 1.50, 0.0]
-albedo = [0.36, 0.25, 0.17]
-in_photo = true
-
-[sun]
-to_light = {to_light}
-irradiance = {E}
-
-[sky]
-{sky}
-"""
 PAPER = 0.85
 
 
@@ -87,14 +66,10 @@ def random_light(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndar
 
 def take(folder: Path, seed: int, samples: int) -> None:
     to_light, E, Ls, around = random_light(seed)
-    sky = f"radiance = {Ls.tolist()}"
-    if around is not None:
-        files.write_image(folder / "sky.exr", Image(around, samples=0))
-        sky = 'map = "sky.exr"'
-    files.write_text(folder / "scene.toml", SCENE.format(to_light=to_light.tolist(), E=E.tolist(), sky=sky))
-    photograph_board(
-        Path(__file__).parents[2] / "scenes" / "desk" / "board.toml", folder / "photos", scene=folder, count=2,
-        size=(1008, 756), samples=samples, seed=seed + 1, mirror=MIRROR, ball=ORANGE, stand=STAND,
+    sky = Sky(tuple(Ls)) if around is None else Environment(around.shape[1::-1], around.astype("<f4").tobytes())
+    light_photos.photograph(
+        read_board(Path(__file__).parents[2] / "scenes" / "desk" / "board.toml"), a_camera(1008, 756), 2,
+        folder / "photos", (Sun(tuple(to_light), tuple(E)), sky), MIRROR, ORANGE, STAND, samples, seed + 1,
     )  # fmt: skip
 
 
@@ -234,7 +209,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--count", type=int, default=30)
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--samples", type=int, default=96)
+    parser.add_argument("--samples", type=int, default=192)
     asked = parser.parse_args(record.arguments())
     for seed in range(asked.first, asked.first + asked.count):
         folder = asked.folder / f"{seed:02d}"

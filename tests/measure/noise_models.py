@@ -131,7 +131,7 @@ def half_steps(name: str, test: Image, reference: Image) -> tuple[np.ndarray | N
 
     sides = EIGHT_BITS.get(name, (False, False))
     test_half, reference_half = (
-        half_code(i.mean, 255) if coded else None for i, coded in zip((test, reference), sides, strict=True)
+        half_code(i.mean) if coded else None for i, coded in zip((test, reference), sides, strict=True)
     )
     return test_half, reference_half
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as replace_row
 
-from raytwin.bench import RENDERERS, Bench, Calibrated, Converged, Deviation, LeftOut, Measurement
-from raytwin.report.bench_charts import calibration_charts, error_chart, pixels_chart
+from raytwin.bench import RENDERERS, Bench, Converged, Deviation, LeftOut, Measurement
+from raytwin.report.bench_charts import error_chart, pixels_chart
 from raytwin.report.bench_page import bench_summary, error_charts, frontier_rows, write_bench_all, write_bench_page
 from raytwin.report.charts.chart import HEIGHT, LEFT, LINE, TOP, WIDTH, log_range, svg_text
-from raytwin.report.charts.svg import even_ticks, log_ticks
+from raytwin.report.charts.svg import log_ticks
 from raytwin.report.numbers import shown
 
 SIZES = ((400, 300), (800, 600), (1600, 1200))
@@ -40,21 +40,17 @@ def every_method(sizes: tuple[tuple[int, int], ...] = SIZES) -> Bench:
             truth = "shadow-center" if exact else "path-area"
             rows.append(
                 Measurement(m.name, m.library, f"float{m.precision}", m.rung, m.trim, m.step, m.samples, w, h, seconds,
-                    0.1 * seconds, 0.2, 12.5, e, e * e, 3 * e, None, FLOOR[truth], False, "pass", "they agree")
+                    0.1 * seconds, 0.2, 12.5, e, e * e, 3 * e, FLOOR[truth], False, "pass", "they agree")
             )  # fmt: skip
             for t, value in (("path-area", whole), *((("shadow-center", own),) if exact else ())):
-                errors.append(Deviation(m.name, w, h, t, value, value**2, 3 * value, None, False))
+                errors.append(Deviation(m.name, w, h, t, value, value**2, 3 * value, False))
     truths = tuple(
-        Converged(t, w, h, 1024, 2.0, {"rmse": f, "relmse": f * f, "p999_abs": 3 * f, "flip": None})
+        Converged(t, w, h, 1024, 2.0, {"rmse": f, "relmse": f * f, "p999_abs": 3 * f})
         for w, h in sizes for t, f in FLOOR.items()
-    )  # fmt: skip
-    calibration = tuple(
-        Calibrated(setting, s, 15, 20 * s**1.5 * f, 0.3 / s**0.5)
-        for setting, f in (("one pass", 1.0), ("refined", 1.3)) for s in (1.0, 0.5, 0.25)
     )  # fmt: skip
     left = (LeftOut("cuda32-shadow-conic", 400, 300, "no <CUDA> here"),)
     return Bench("made up", {"processor": "one", "cores": "2"}, {"numpy": "2"}, 60.0, 59.0, tuple(rows), truths,
-                 tuple(errors), calibration, left)  # fmt: skip
+                 tuple(errors), left)  # fmt: skip
 
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -76,7 +72,7 @@ def labels(chart) -> list[tuple[float, float, float, str]]:
 
 
 def test_no_label_lies_over_another_or_beyond_the_frame(made):
-    for chart in (*error_charts(made), pixels_chart(made), *calibration_charts("made", made.calibration)):
+    for chart in (*error_charts(made), pixels_chart(made)):
         found = labels(chart)
         for a, b in itertools.combinations(found, 2):
             assert a[1] <= b[0] or b[1] <= a[0] or abs(a[2] - b[2]) > LINE - 2, (chart.key, a[3], b[3])
@@ -103,9 +99,7 @@ def test_guides_have_the_slope_that_is_said(made):
             assert np.diff(np.log(g.ys)) / np.diff(np.log(g.xs)) == pytest.approx(slope)
 
 
-def test_seconds_against_pixels_have_their_exponents_and_a_calibrations_line_is_named_at_its_whole_photos(made):
-    (calibration,) = calibration_charts("made", made.calibration)
-    assert {text for *_, text in labels(calibration)} >= {"one pass: 1", "refined: 1", "0.5", "0.25"}
+def test_seconds_against_pixels_have_their_exponents(made):
     rows = [
         replace_row(r, method=m, seconds_median=1e-3 * (r.width * r.height) ** 0.5)
         for m in ("fill", "mine") for r in made.rows if r.method == "fill"
@@ -118,7 +112,7 @@ def test_seconds_against_pixels_have_their_exponents_and_a_calibrations_line_is_
 def test_the_folder_has_every_number_and_each_chart(made, tmp_path):
     write_bench_all([made], tmp_path / "out")
     names = {p.name for p in (tmp_path / "out").iterdir()}
-    keys = {"pixels", "calibration", *(f"{w}x{h}-{t}-relmse" for w, h in SIZES for t in FLOOR)}
+    keys = {"pixels", *(f"{w}x{h}-{t}-relmse" for w, h in SIZES for t in FLOOR)}
     assert names == {"bench.html", "bench.json"} | {f"{k}.svg" for k in keys}
     svg = (tmp_path / "out" / "pixels.svg").read_text(encoding="utf-8")
     assert "fill" in svg  # text stays text
@@ -257,9 +251,3 @@ def test_an_axis_has_three_to_nine_ticks_wherever_its_points_lie():
     for low in np.geomspace(1e-9, 1e3, 271):
         for factor in (1.0, 1.3, 3.0, 50.0, 1e6):
             assert 3 <= len(log_ticks(log_range((low, factor * low), 0.1))) <= 9
-
-
-def test_even_ticks_are_three_to_eight_round_numbers():
-    assert even_ticks((0.3, -0.1)) == pytest.approx([-0.1, 0.0, 0.1, 0.2, 0.3])
-    for low, span in itertools.product((-3.7, 0.0, 120.0), np.geomspace(1e-3, 1e3, 61)):
-        assert 3 <= len(even_ticks((low, low + span))) <= 8

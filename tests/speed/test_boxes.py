@@ -15,7 +15,7 @@ from raytwin.files import read_scene
 from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere, Sun
 from raytwin.scene.lens import undone
 from raytwin.speed import tile_lists, trace, trace_points, trim_box
-from raytwin.speed.boxes import EMPTY, _tangents, field_of_view
+from raytwin.speed.boxes import EMPTY, _tangents, corner_box, field_of_view
 from raytwin.speed.tile_lists import caster_pairs, plan
 from raytwin.tracer import back_project, intersect_rectangle, intersect_sphere
 from raytwin.tracer.pixel_to_ray import to_board
@@ -152,6 +152,29 @@ def test_the_tangents_bound_the_slopes_of_all_rays_that_meet_the_circle(a, z, r)
     step = np.pi / 20_000 * 1.01
     assert low <= angle[met][0] <= low + step
     assert high - step <= angle[met][-1] <= high
+
+
+DOWN = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+BENDING = Camera(
+    (800, 600), ((420.0, 0.0, 404.2), (0.0, 418.0, 297.1), (0.0, 0.0, 1.0)), DOWN, (0.0, 0.0, 0.32),
+    (-0.22, 0.045, 0.0012, -0.0008, -0.0035),
+)  # fmt: skip
+PINHOLE = Camera((800, 600), ((280.0, 0.0, 399.5), (0.0, 280.0, 299.5), (0.0, 0.0, 1.0)), DOWN, (0.0, 0.0, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("thing", "camera"),
+    [
+        (Rectangle((0.0, 0.0, 0.0), (0.24, 0.0, 0.0), (0.0, 0.18, 0.0)), BENDING),
+        (Sphere((0.1, 0.0, 0.44), 0.1), PINHOLE),  # it reaches behind the camera
+    ],
+)
+def test_the_papers_box_of_eight_corners_cuts_where_a_lens_bends_or_a_corner_lies_behind_the_eye(thing, camera):
+    x0, y0, x1, y1 = corner_box(thing, camera)
+    outside = hits(thing, camera).copy()
+    outside[y0:y1, x0:x1] = False
+    assert outside.sum() > 1000
+    assert_nothing_is_cut(thing, camera)
 
 
 def test_what_lies_behind_the_camera_has_no_box(single):

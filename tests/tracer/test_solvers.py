@@ -1,10 +1,13 @@
 """The four sphere solvers against 60-digit arithmetic, and the failures that they are kept to show."""
 
+from itertools import product
+
 import mpmath
 import numpy as np
 import pytest
 
-from raytwin.scene import Sphere
+from raytwin.errors import InputError
+from raytwin.scene import Camera, Scene, Sphere, to_camera_frame
 from raytwin.tracer import SOLVERS, intersect_sphere
 
 RIGHT = [name for name in SOLVERS if name != "paper"]
@@ -136,6 +139,44 @@ def test_a_tangent_ray_touches_where_it_passes_the_centre(solver):
     assert t[0] == pytest.approx(5, rel=1e-15)
     assert t[1] == pytest.approx(5 - (1 - heights[1] ** 2) ** 0.5, rel=1e-9)
     assert t[2] == np.inf
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_power_of_two_scales_every_distance_to_the_last_bit_until_a_square_overflows(solver, rng):
+    """|f|² of a length beyond 2^64 = 1.8e19 is infinite in float32."""
+    for dtype, powers, lost in ((np.float32, (-40, 40), 64), (np.float64, (-300, 300), 512)):
+        f, d = rays_at(3.0, dtype, rng)
+        once = intersect_sphere(tuple(f.T), tuple(d.T), Sphere((0.0,) * 3, dtype(1)), solver)
+        for k in (*powers, lost):
+            with np.errstate(all="ignore"):
+                scaled = intersect_sphere(
+                    tuple(np.ldexp(f, k).T), tuple(d.T), Sphere((0.0,) * 3, np.ldexp(dtype(1), k)), solver
+                )
+            assert (scaled == np.ldexp(once, k)).all() == (k != lost)
+
+
+@pytest.mark.parametrize(("power", "precision"), [(40, "float32"), (-40, "float32"), (333, "float64")])
+def test_a_sphere_whose_lengths_have_no_products_in_these_floats_is_refused(power, precision):
+    axes = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    camera = Camera((1, 1), axes, axes, (0.0, 0.0, 0.0))
+    refused, taken = (Scene("s", camera, (Sphere((0, 0, 3 * r), r),)) for r in (2.0**power, 2.0 ** (0.9 * power)))
+    to_camera_frame(taken, precision)
+    with pytest.raises(InputError, match="lengths of"):
+        to_camera_frame(refused, precision)
+
+
+@pytest.mark.parametrize("solver", RIGHT)
+def test_from_just_below_the_surface_every_solver_loses_the_rounding_over_the_depth(solver, rng):
+    """Of the distance a share u / depth is wrong, hence no shadow ray may ask the object that it starts from."""
+    for depth, dtype in product((1e-2, 1e-3, 1e-4), (np.float32, np.float64)):
+        up, aside = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in rng.normal(size=(2, 200, 3)))
+        aside = np.cross(up, aside) / np.linalg.norm(np.cross(up, aside), axis=1, keepdims=True)
+        slope = rng.uniform(0.2, 0.9, (200, 1)) * np.where(np.arange(200) % 2, 1, -1)[:, None]
+        f, d = (1 - depth) * up, slope * up + np.sqrt(1 - slope**2) * aside
+        exact = np.array([exact_roots(a, b, 1)[1] for a, b in zip(f, d, strict=True)])
+        t = intersect_sphere(tuple(f.astype(dtype).T), tuple(d.astype(dtype).T), Sphere((0.0,) * 3, dtype(1)), solver)
+        share = np.finfo(dtype).eps / 2 / depth
+        assert share / 4 < np.abs(t / exact - 1).max() < 4 * share
 
 
 @pytest.mark.parametrize("solver", SOLVERS)

@@ -4,6 +4,7 @@ import numpy as np
 
 from raytwin import twin
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sun
+from raytwin.tracer import trace
 
 
 def test_a_large_table_does_not_shade_itself():
@@ -24,3 +25,19 @@ def test_a_large_table_does_not_shade_itself():
         scene = Scene("table", camera, (table,), (sun, Sky((0.1, 0.1, 0.1))))
         plain = twin.render(scene, "lambert", cache=False)
         assert np.array_equal(twin.render(scene, "shadow", cache=False).mean, plain.mean)
+
+
+def test_no_sun_comes_through_a_gap_of_a_hundredth_of_a_millimetre_between_a_floor_and_a_sheet():
+    """Seen from within. Mitsuba's own rays start 9e-5 m off, beyond the sheet, so that all of the gap is lit."""
+    gap, side = 1e-5, 48
+    grey, looking = Lambert((0.5, 0.5, 0.5)), ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
+    floor, sheet = (Rectangle((0.0, 0.0, z), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), grey) for z in (0.0, gap))
+    f, c = side / 0.6, (side - 1) / 2
+    eye = (0.0, 0.0, gap / 2)
+    camera = Camera((side, side), ((f, 0.0, c), (0.0, f, c), (0.0, 0.0, 1.0)), looking, (0.0, eye[2], 0.0))
+    scene = Scene("gap", camera, (floor, sheet), (Sun((0.3, 0.4, 0.8)),))
+    twin.activate()
+    for image in (twin.render(scene, "shadow", cache=False), trace(scene, "shadow")):
+        on_floor = image.surface.ids == 0
+        assert on_floor.sum() > 0.3 * side * side
+        assert (image.mean[on_floor] == 0).all()

@@ -98,3 +98,12 @@ def test_settings_that_contradict_each_other_are_refused():
         CompareSettings(samples=4, budget="30s")
     with pytest.raises(InputError, match=r"--detectable-tile-bias: expected a number > 0, got 0"):
         CompareSettings(detectable_tile_bias=0.0)
+
+
+@pytest.mark.parametrize(("its_seed", "verdict"), [("max(seed, 1)", "pass"), ("0", "undecided")])
+def test_a_correct_renderer_whose_seeds_0_and_1_are_the_same_does_not_fail(scenes, tmp_path, its_seed, verdict):
+    (tmp_path / "mine.py").write_text(MINE.format(gain=1).replace("seed=seed", f"seed={its_seed}"))
+    options = {"rung": "path", "size": (32, 24), "cache": False}
+    result = compare_scene(scenes / "overlap", subject=str(tmp_path / "mine.py"), **options)
+    assert result.verdict == verdict
+    assert any("does your program use {seed}?" in reason for reason in result.reasons)

@@ -59,8 +59,7 @@ def test_the_tracer_stands_on_the_highest_rung_up_to_the_twins_that_a_formula_gi
 def test_each_field_is_an_option_with_the_records_default_and_reaches_the_command(name, command, record):
     got = []
     options = inspect.signature(with_options(command, name)).parameters
-    others = {"warn"}  # of diff's own limits, as in idiff
-    fields = {f.name: f.default for f in dataclasses.fields(record) if f.name in options.keys() - others}
+    fields = {f.name: f.default for f in dataclasses.fields(record) if f.name in options}
     assert len(fields) >= 5
     assert {field: options[field].default for field in fields} == fields
     changed = {"flip": True} if "flip" in fields else {"shadows": False}

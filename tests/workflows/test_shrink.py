@@ -172,3 +172,29 @@ def test_the_command_writes_a_scene_its_story_and_the_numbers(tmp_path, monkeypa
     assert files.read_scene("out/shrink-overlap").name == "shrink-overlap"
     image = CliRunner().invoke(app, ["shrink", "overlap", "--subject", "out/shrink-overlap"])
     assert "an image shows one scene alone" in str(image.exception)
+
+
+def test_a_failure_that_does_not_come_back_is_not_shrunk(scenes):
+    calls = []
+
+    def once(told):
+        calls.append(told)
+        if len(calls) == 1:
+            raise ValueError("the first call")
+        return np.zeros((told["height"], told["width"], 3))
+
+    with pytest.raises(InputError, match=r"alike each time, got one that fails by chance: first .*the first call"):
+        shrink(scenes / "single", subject=UserRenderer("shadow", "moody", once), size=(40, 30))
+    assert len(calls) == 2
+
+
+def test_addresses_times_and_paths_in_a_message_are_no_other_failure(scenes):
+    kept = []
+
+    def broken(told):
+        kept.append(object())  # or the next one would get the same address
+        raise ValueError(f"{kept[-1]} at 12:{len(kept):02}.5 in /tmp/run{len(kept)}x/scene.json")
+
+    found = shrink(scenes / "overlap", subject=UserRenderer("shadow", "verbose", broken), size=(48, 36))
+    assert found.after.count == 0
+    assert not found.kept

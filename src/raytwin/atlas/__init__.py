@@ -5,22 +5,14 @@ Experiment (a row: a parameter, methods, a truth, a bound, laws) -> run -> Found
 To add an experiment, write a function (x, rng, trials) -> errors by method, and a row in its file's EXPERIMENTS.
 """
 
-from raytwin.atlas import (
-    lenses,
-    poses,
-    reference_faults,
-    spheres,
-    summation,
-    surfaces,
-    trims,
-)
+from raytwin.atlas import lenses, poses, spheres, summation, surfaces, trims
 from raytwin.atlas.experiment import Atlas, Curve, Experiment, Found, digits, run
 from raytwin.errors import check_one_of
 from raytwin.progress import Progress, silent
 
 __all__ = ["EXPERIMENTS", "Atlas", "Curve", "Experiment", "Found", "atlas", "digits", "run"]
 
-FILES = spheres, surfaces, lenses, trims, poses, summation, reference_faults
+FILES = spheres, surfaces, lenses, trims, poses, summation
 
 EXPERIMENTS: dict[str, Experiment] = {e.name: e for file in FILES for e in file.EXPERIMENTS}
 """name -> row, in the order of the page."""

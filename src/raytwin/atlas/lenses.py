@@ -5,7 +5,7 @@ from math import asin, hypot, inf, sin, sqrt
 import numpy as np
 
 from raytwin.atlas.experiment import Error, Experiment, Law, spaced
-from raytwin.scene.lens import distort, follow, undone
+from raytwin.scene.lens import distort, undone
 from raytwin.tracer import undistort
 
 SIZE, FOCAL = (4032, 3024), 3000.0
@@ -93,31 +93,6 @@ def beyond_fold(x: float) -> float:
     return float((np.hypot(u, v) > fold).mean())
 
 
-REAL = {
-    "april_fine": ((1000, 1333), (1019.11, 1018.80, 506.46, 664.29), (0.20098, -0.92751, 7.41e-4, -3.52e-4, 1.26708)),
-    "desk_tilted": ((4032, 3024), (2944.56, 2927.88, 1991.72, 1658.76), (0.19585, -1.13457, 0.00622, 5.88e-4, 2.16731)),
-    "desk_degenerate": (
-        (4032, 3024),
-        (3050.48, 3030.40, 2010.24, 1502.67),
-        (0.21919, -1.38252, 7.35e-4, 0.00137, 3.02485),
-    ),
-}
-"""Real lenses: (image size, (fx, fy, cx, cy), dist) of three published sets of photos, five coefficients fitted."""
-
-
-def real(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
-    """On the ways to the four corners, at the share x of them: distance from the true ideal point, focal lengths."""
-    found: dict[str, Error] = {}
-    for name, ((w, h), (fx, fy, cx, cy), dist) in REAL.items():
-        u, v = np.array([0, w - 1, 0, w - 1]), np.array([0, 0, h - 1, h - 1])
-        xd, yd = x * (u - cx) / fx, x * (v - cy) / fy
-        share, *truth = follow(xd, yd, dist)
-        for method, (a, b) in (("OpenCV, 5 steps", fixed_point(xd, yd, dist, 5)), ("raytwin", undistort(xd, yd, dist))):
-            off = np.where(share == 1, np.hypot(a - truth[0], b - truth[1]), 1.0)
-            found[f"{method}, {name}"] = float(np.minimum(off, 1.0).max())
-    return found
-
-
 EXPERIMENTS = (
     Experiment(
         "lens-barrel", "Undoing a barrel lens at the frame's corner", "|k1|, k1 < 0",
@@ -137,15 +112,5 @@ EXPERIMENTS = (
         "and refuses the camera with the pixel's name.",
         "Leotta, Russell and Matrai, On the maximum radius of polynomial lens distortion (2022)",
         dict.fromkeys(("OpenCV, 200 steps", "Newton's, unchecked"), beyond_fold), slack=1.4, trials=1,
-    ),
-    Experiment(
-        "lens-real", "Real lenses, from the middle of the frame to its corners", "share of the way to the corner",
-        "distance from the true point, focal lengths", HUNDREDTH,
-        (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0), real,
-        tuple(f"raytwin, {name}" for name in REAL),
-        "Three real phones and lenses, fitted with five coefficients: OpenCV's five steps are right in the middle and "
-        "off by pixels at the corner. Who calibrates with OpenCV and undistorts with its defaults does not get his own "
-        "model.",
-        OPENCV, trials=1,
     ),
 )  # fmt: skip

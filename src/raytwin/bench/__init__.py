@@ -5,7 +5,6 @@ RENDERERS -> prepare -> measure (interleaved) -> truth -> Bench (JSON) -> fronti
 
 from raytwin.bench.bench_record import (
     Bench,
-    Calibrated,
     Converged,
     Deviation,
     LeftOut,

@@ -9,8 +9,8 @@ from raytwin.compare import Verdict
 from raytwin.notebook import InNotebook
 from raytwin.scene.record_base import Row
 
-ERRORS = ("rmse", "relmse", "p999_abs", "flip")
-"""The metrics that a row carries; rows of compare.METRICS, `flip` being flip_hdr."""
+ERRORS = ("rmse", "relmse", "p999_abs")
+"""The metrics that a row carries: rows of compare.METRICS."""
 
 
 class Measurement(Row, frozen=True):
@@ -38,7 +38,6 @@ class Measurement(Row, frozen=True):
     rmse: float
     relmse: float
     p999_abs: float
-    flip: float | None
     truth_floor: float
     on_frontier: bool
     verdict: Verdict
@@ -66,31 +65,7 @@ class Deviation(Row, frozen=True):
     rmse: float
     relmse: float
     p999_abs: float
-    flip: float | None
     on_frontier: bool
-
-
-class Calibrated(Row, frozen=True):
-    """One way to calibrate: the detector's `setting`, the scale of what it searches (1: the photos as taken).
-
-    `seconds_median`: for all the photos, decoding and the fit included. `heldout_px`: the rms error on photos that the
-    fit has not seen, in pixels of the photos as taken, against the true centres of the tags where they are known, else
-    against what is detected at full size: one ruler for all settings. `source`: which photos; `tags`: how many
-    the fit kept; `focal_percent`: the focal length's true error, where the truth is known.
-    """
-
-    setting: str
-    scale: float
-    photos: int
-    seconds_median: float
-    heldout_px: float
-    source: str = ""
-    seconds_iqr: float = 0.0
-    tags: int = 0
-    model: str = ""
-    focal_percent: float | None = None
-    width: int = 0
-    height: int = 0
 
 
 class LeftOut(Row, frozen=True):
@@ -113,7 +88,6 @@ class Bench(Row, InNotebook, frozen=True):
     rows: tuple[Measurement, ...]
     truths: tuple[Converged, ...] = ()
     errors: tuple[Deviation, ...] = ()
-    calibration: tuple[Calibrated, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     subjects: tuple[str, ...] = ()
 

@@ -44,7 +44,7 @@ def truth_of(method: Renderer) -> str:
 
 
 def converge(
-    scene: Scene, name: str, samples: int, seconds: float, flip: bool = False, clock: Callable = time.perf_counter
+    scene: Scene, name: str, samples: int, seconds: float, clock: Callable = time.perf_counter
 ) -> tuple[Image, Converged]:
     """Return the truth called `name`, from at most `samples` per pixel and about `seconds` of time."""
     start = clock()
@@ -53,7 +53,7 @@ def converge(
     if not RUNGS[rung].sampled(sampling):
         exact = background(scene, rung)
         draw(scene, exact, rung, "numpy64")
-        return Image(exact), Converged(name, w, h, 1, clock() - start, rounding(exact, flip))
+        return Image(exact), Converged(name, w, h, 1, clock() - start, rounding(exact))
     half: Half = _rendered if RUNGS[rung].noisy else _traced
     halves, whole, taken, count = (ImagePool(), ImagePool()), ImagePool(), 0, 1
     while taken == 0 or (2 * taken < samples and clock() - start < seconds * taken / (taken + count)):
@@ -66,7 +66,7 @@ def converge(
     whole.add(b)
     image = whole.image
     # The halves differ by twice the noise of their mean.
-    apart = measure(image.mean + (a.mean - b.mean) / 2, image.mean, flip)
+    apart = measure(image.mean + (a.mean - b.mean) / 2, image.mean)
     return image, Converged(name, w, h, 2 * taken, clock() - start, apart)
 
 
@@ -87,11 +87,11 @@ def judge(method: Renderer, image: Image, reference: Image, scene: Scene, tolera
     return compare_with_twin(image, reference, scene, tolerance)
 
 
-def rounding(image: np.ndarray, flip: bool = False) -> dict[str, float | None]:
+def rounding(image: np.ndarray) -> dict[str, float | None]:
     """ERRORS of half a unit in the last place either way: what storing an exact truth as float32 may have cost."""
     exact = image.astype(np.float64)
     rounded = exact + np.spacing(image) * (np.random.default_rng(0).random(image.shape) - 0.5)
-    return measure(rounded, exact, flip)
+    return measure(rounded, exact)
 
 
 def _traced(scene: Scene, rung: str, sampling: str, first: int, seed: int, count: int) -> Image:
@@ -119,7 +119,6 @@ def _llvm() -> bool:
         return False
 
 
-def measure(image: np.ndarray, truth: np.ndarray, flip: bool = False) -> dict[str, float | None]:
-    """ERRORS of the image; `flip` is None where it is not asked for."""
-    found = {name: METRICS[name].function(image, truth) for name in ERRORS if name != "flip"}
-    return found | {"flip": METRICS["flip_hdr"].function(image, truth) if flip else None}
+def measure(image: np.ndarray, truth: np.ndarray) -> dict[str, float | None]:
+    """ERRORS of the image."""
+    return {name: METRICS[name].function(image, truth) for name in ERRORS}

@@ -34,7 +34,6 @@ PREPARE_SHARE, TRUTH_SHARE = 0.6, 0.3
 
 OUT_OF_TIME = "no time"
 """How the reason begins where a larger budget would help."""
-Ready = Measured[Renderer, Image]
 Parts = dict[str, list[Any]]
 """What a run has measured so far, by Bench's fields."""
 CALLS = 4
@@ -49,7 +48,6 @@ def bench(
     budget: float = 300.0,
     repeats: int = 15,
     truth_samples: int = 4096,
-    flip: bool = False,
     progress: Progress = silent,
 ) -> Bench:
     """Measure each method's time and error on a scene (`path`: its folder, name, or a Scene), at each of `sizes`
@@ -58,12 +56,11 @@ def bench(
     `methods`: patterns of names (`raytwin bench list`), and renderers of your own, which come first: functions of a
     scene, and what `method` returns. `budget`: seconds for all, preparing and truths too; methods that do not fit are
     named in `left_out`, and InputError says so if none does. `repeats`: most timed calls of each. `truth_samples`: most
-    samples a pixel of each truth. `flip`: add FLIP, which is slow. `table()` of what is returned has a row per method
-    and size: seconds, errors, verdict, and whether it is on the frontier. `progress(stage, done, total)` is called as
-    work goes on.
+    samples a pixel of each truth. `table()` of what is returned has a row per method and size: seconds, errors,
+    verdict, and whether it is on the frontier. `progress(stage, done, total)` is called as work goes on.
     """
     (found,) = bench_scenes(
-        (path,), methods=methods, sizes=sizes, budget=budget, repeats=repeats, truth_samples=truth_samples, flip=flip,
+        (path,), methods=methods, sizes=sizes, budget=budget, repeats=repeats, truth_samples=truth_samples,
         progress=progress,
     )  # fmt: skip
     return found
@@ -77,7 +74,6 @@ def bench_scenes(
     budget: float = 300.0,
     repeats: int = 15,
     truth_samples: int = 4096,
-    flip: bool = False,
     progress: Progress = silent,
 ) -> tuple[Bench, ...]:
     """Measure on each scene, in turn: see `bench`. `budget`: seconds for all scenes, each of which has an equal share.
@@ -103,7 +99,7 @@ def bench_scenes(
         for i, megapixels in enumerate(sizes):
             measure_size(
                 found, scene.with_camera(sized(scene.camera, megapixels)), written.tolerance, chosen, subjects,
-                portion(deadline, len(sizes) - i), repeats, truth_samples, flip, progress,
+                portion(deadline, len(sizes) - i), repeats, truth_samples, progress,
             )  # fmt: skip
         made.append(
             Bench(
@@ -167,7 +163,7 @@ def _nothing(left: Sequence[LeftOut], subjects: Collection[str], budget: float, 
 
 def measure_size(
     found: Parts, scene: Scene, tolerance: Tolerance, methods: Sequence[Renderer], subjects: Collection[str],
-    deadline: float, repeats: int, truth_samples: int, flip: bool, progress: Progress,
+    deadline: float, repeats: int, truth_samples: int, progress: Progress,
 ) -> None:  # fmt: skip
     """Measure references and methods at one size of picture."""
     size = scene.camera.image_size
@@ -178,7 +174,7 @@ def measure_size(
     for i, name in enumerate(names):
         progress("truths", i, len(names))
         seconds = (until - time.perf_counter()) / (len(names) - i)
-        truth, truths[name] = converge(scene, name, truth_samples, seconds, flip)
+        truth, truths[name] = converge(scene, name, truth_samples, seconds)
         images[name] = truth.mean
         if name in own_truths:
             twins[name] = twin_of(scene, name, truth)
@@ -189,7 +185,7 @@ def measure_size(
         own = truth_of(method)
         if method.name not in verdicts:
             verdicts[method.name] = judge(method, image, twins[own], scene, tolerance)
-        return {name: measure(image.mean, images[name], flip) for name in names if name == own or comparable(name)}
+        return {name: measure(image.mean, images[name]) for name in names if name == own or comparable(name)}
 
     done, left = time_methods(scene, methods, look, deadline, repeats, progress, first=subjects)
     truths = {name: truth for name, truth in truths.items() if any(name in m.errors[0] for m in done)}
@@ -214,7 +210,7 @@ def time_methods(
     progress: Progress,
     clock: Clock = time.perf_counter,
     first: Collection[str] = (),
-) -> tuple[list[Ready], list[LeftOut]]:
+) -> tuple[list[Measured], list[LeftOut]]:
     """Prepare each method and call it once, then time them in turn; return those timed, and why the others are not.
 
     Those named in `first` come first. One of each family comes before the second of any, those of few samples first, so
@@ -228,7 +224,7 @@ def time_methods(
     in_turn = sorted(
         cheapest_first, key=lambda m: (m.name not in first, families[: cheapest_first.index(m)].count(m.family))
     )
-    ready: list[Ready] = []
+    ready: list[Measured] = []
     reasons: dict[str, str] = {}
     absent: dict[str, str] = {}
     owed = 0.0
@@ -277,7 +273,7 @@ def expected_seconds(method: Renderer, scene: Scene, clock: Clock) -> tuple[floa
 
 
 def summarize(
-    done: list[Ready], truths: dict[str, Converged], verdicts: dict[str, Comparison], size: tuple[int, int]
+    done: list[Measured], truths: dict[str, Converged], verdicts: dict[str, Comparison], size: tuple[int, int]
 ) -> tuple[list[Measurement], list[Deviation]]:
     """Rows against each method's own truth, and the errors against every truth, each with its frontier."""
     times = {m.method.name: median_iqr(m.seconds) for m in done}
@@ -290,7 +286,7 @@ def summarize(
         for m, mean, flag in zip(compared, means, flags, strict=True):
             rmse, relmse, p999_abs = (number(mean[key]) for key in ("rmse", "relmse", "p999_abs"))
             errors[m.method.name, name] = Deviation(
-                m.method.name, *size, name, rmse, relmse, p999_abs, mean["flip"], on_frontier=flag
+                m.method.name, *size, name, rmse, relmse, p999_abs, on_frontier=flag
             )
     rows = []
     for m in done:
@@ -300,7 +296,7 @@ def summarize(
             Measurement(
                 method.name, method.library, f"float{method.precision}", method.rung, method.trim, method.step,
                 method.samples, *size, *times[method.name], m.compile_seconds, m.peak_mib, e.rmse, e.relmse, e.p999_abs,
-                e.flip, number(truths[own].floor["rmse"]), e.on_frontier, judged.verdict, judged.reasons[0],
+                number(truths[own].floor["rmse"]), e.on_frontier, judged.verdict, judged.reasons[0],
             )
         )  # fmt: skip
     return rows, list(errors.values())
@@ -312,7 +308,7 @@ def mean_of(values: list[float | None]) -> float | None:
 
 
 def number(value: float | None) -> float:
-    """An error that every image has: all but FLIP."""
+    """An error that every image has."""
     if value is None:
         raise ValueError("an error that was not measured")
     return value

@@ -8,12 +8,12 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from raytwin.image import Image
-from raytwin.renderers.renderer import Renderer
+from raytwin.renderers.renderer import Call, Renderer
 
 Clock = Callable[[], float]
 T = TypeVar("T")
@@ -25,16 +25,12 @@ NOISY_IMAGES = 5
 """Images per method compared with the reference, where they differ from seed to seed."""
 
 
-M = TypeVar("M", bound=Any)
-"""Anything with a `name`, and `noisy` if its results differ from seed to seed: a Renderer, a Setting."""
-
-
 @dataclass(eq=False)
-class Measured(Generic[M, T]):
+class Measured:
     """One method while it is measured. `guess`: the seconds that its next call is expected to take."""
 
-    method: M
-    call: Callable[[int], T]
+    method: Renderer
+    call: Call
     guess: float
     compile_seconds: float = 0.0
     peak_mib: float | None = None
@@ -49,7 +45,7 @@ def orders(count: int, seed: int = 0) -> Iterator[list[int]]:
         yield [int(i) for i in rng.permutation(count)]
 
 
-def warm(measured: Measured[Renderer, Image], look: Look, clock: Clock = time.perf_counter) -> None:
+def warm(measured: Measured, look: Look, clock: Clock = time.perf_counter) -> None:
     """The first call at full size: not timed for the median; its memory and its image's error are taken."""
     start = clock()
     image, measured.peak_mib = with_peak(lambda: measured.call(0))
@@ -61,8 +57,8 @@ def warm(measured: Measured[Renderer, Image], look: Look, clock: Clock = time.pe
 
 
 def repeat(
-    all_of_them: Sequence[Measured[M, T]],
-    look: Callable[[M, T], Errors],
+    all_of_them: Sequence[Measured],
+    look: Look,
     deadline: float,
     repeats: int,
     clock: Clock = time.perf_counter,

@@ -30,12 +30,11 @@ class TruthRow:
 
 
 def find_camera(
-    written: SceneFile, photo: str | None = None, progress: Progress = silent, cache: bool = True
+    written: SceneFile, photo: str | None = None, progress: Progress = silent
 ) -> "tuple[Scene, Path | None, photos.Calibration | None, photos.PoseReport | None]":
     """What is to be rendered, its camera found: calibrated from its photos, standing where `photo` was taken.
 
-    A scene with an explicit camera comes back as it is. `cache`: tags found in these photos before are not looked for
-    again. Returns the scene, the photo's path, calibration and pose.
+    A scene with an explicit camera comes back as it is. Returns the scene, the photo's path, calibration and pose.
     """
     asked = written.photos
     if asked is None:
@@ -52,8 +51,7 @@ def find_camera(
     name = photo or asked.photo
     where = "--photo" if photo else f"{folder / 'scene.toml'}: camera.photo"
     check_one_of(where, name, (p.name for p in taken))
-    read = photos.detect_photo_once if cache else None
-    calibration = photos.calibrate(taken, board, model=asked.model, progress=progress, read=read)
+    calibration = photos.calibrate(taken, board, model=asked.model, progress=progress)
     pose = photos.pose_of_photo(calibration, folder / asked.photos / name, board)
     camera = photos.camera_at(calibration, pose.refined)
     return written.at(camera), folder / asked.photos / name, calibration, pose

@@ -4,10 +4,9 @@ Only the camera's side: where to stand, what lens and sensor make of the light, 
 a `render` that the caller passes in.
 """
 
-import itertools
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +19,7 @@ from raytwin.calib.photos import lens_model
 from raytwin.calib.photos.pose import rotation
 from raytwin.errors import InputError
 from raytwin.progress import Progress, silent
-from raytwin.scene import Camera, Matrix, PixelCount, Record, Rectangle, Sphere, Sun, Vector
+from raytwin.scene import Camera, Matrix, PixelCount, Record, Rectangle, Vector
 from raytwin.scene.record_base import NonNegative
 
 Render = Callable[[Camera, np.ndarray, Rectangle], np.ndarray]
@@ -33,12 +32,6 @@ TILT_DEGREES = 50.0
 """Degrees: the largest tilt of the board."""
 SMALLEST_TAG_PX = 24.0
 """A tag's shortest side in a photo: three pixels a cell, what the detector reads surely."""
-
-GLINT_BLUR = 0.7
-"""Pixels, one standard deviation: how far a lens spreads the sun's image."""
-
-EXPOSURE_TIME = 0x829A
-"""The EXIF tag."""
 
 QUALITY = 88
 """JPEG quality of the photos, as cameras write them."""
@@ -87,20 +80,17 @@ def photograph(
     seed: int = 1,
     margin: float | tuple[float, float] | None = None,
     bend: float = 0.0,
-    beside: Sequence[Sphere] = (),
-    exposures: Sequence[float] = (1.0,),
     progress: Progress = silent,
 ) -> Truth:
     """`count` photos of the board by `camera` (its pose is not used), written to `out` with board.toml and truth.toml.
 
     The truth is written last: where it is, the photos are whole. `margin`: white paper around the tags, metres. `bend`:
-    the sheet is bent into a `Bow` of so many metres. All of `beside` is in every frame. `exposures`: by turns, the
-    linear value of radiance 1, which EXIF tells as an exposure time.
+    the sheet is bent into a `Bow` of so many metres.
     """
     check_board(board)
     out = Path(out)
     rng = np.random.default_rng(seed)
-    stands = poses(board, camera, count, rng, _around(beside))
+    stands = poses(board, camera, count, rng)
     # Two texels a pixel where the camera is nearest: the sheet is sharper than the photo.
     points = board.points(board.centers())
     nearest = min(float((points @ np.array(R[2]) + t[2]).min()) for R, t in stands)
@@ -114,10 +104,7 @@ def photograph(
         view = Camera(camera.image_size, camera.K, R, t, camera.dist)
         name = f"photo_{i:02d}.jpg"
         shown = texture if bow is None else bow.seen_from(texture, extent, np.array(view.eye))
-        exposure = exposures[i % len(exposures)]
-        pixels = expose(render(view, shown, sheet), rng, view, white=1 / exposure)
-        extras = {"exif": _exposed(exposure)} if len(exposures) > 1 else {}
-        files.write_picture(out / name, pixels, quality=QUALITY, extras=extras)
+        files.write_picture(out / name, expose(render(view, shown, sheet), rng, view), quality=QUALITY)
         truth[name] = (R, t)
         progress("photograph", i + 1, count)
     written = Truth(camera.image_size, camera.K, camera.dist, truth, 1e3 * bend)
@@ -208,55 +195,13 @@ def _affordable(board: Board, margin) -> float:
     return 1000.0 * math.sqrt(MAX_TEXTURE / coarse.size)
 
 
-def _around(beside: Sequence[Sphere]) -> np.ndarray:
-    """(n, 3): the corners of the spheres' bounding boxes."""
-    signs = np.array(list(itertools.product((-1, 1), repeat=3)))
-    return np.concatenate([np.empty((0, 3)), *(np.array(s.center) + s.radius * signs for s in beside)])
-
-
-def _exposed(exposure: float) -> bytes:
-    """EXIF that states an exposure time of `exposure` hundredths of a second."""
-    from PIL import Image as Pillow
-
-    exif = Pillow.Exif()
-    exif.get_ifd(0x8769)[EXPOSURE_TIME] = exposure / 100
-    return exif.tobytes()
-
-
-def sun_glint(camera: Camera, ball: Sphere, sun: Sun) -> np.ndarray:
-    """(H, W, 3): the radiance that the sun's image in a mirror ball adds, blurred by GLINT_BLUR pixels.
-
-    A point at infinity is seen where the normal halves the angle between eye and light. Its image holds, over all
-    pixels, E times the reflectance times the area in pixels that a steradian about it fills in the mirror.
-    """
-    to_sun = np.array(sun.to_light)
-    sideways = np.linalg.svd(to_sun[None])[2][1:]
-    step = 1e-4
-    lights = np.stack([to_sun, *(to_sun + step * s for s in sideways)])
-    n = np.broadcast_to(to_sun, lights.shape)
-    for _ in range(100):
-        to_eye = np.array(camera.eye) - (np.array(ball.center) + ball.radius * n)
-        half = to_eye / np.linalg.norm(to_eye, axis=1, keepdims=True) + lights
-        n = half / np.linalg.norm(half, axis=1, keepdims=True)
-    R, t = np.array(camera.R_cam_board), np.array(camera.t_cam_board)
-    at = lens_model.project(np.array(ball.center) + ball.radius * n, R, t, np.array(camera.K), camera.dist)
-    area = abs(np.linalg.det((at[1:] - at[0]) / step))
-    x, y = np.arange(camera.width) - at[0, 0], np.arange(camera.height) - at[0, 1]
-    spot = np.exp(-(y[:, None] ** 2 + x**2) / (2 * GLINT_BLUR**2)) / (2 * np.pi * GLINT_BLUR**2)
-    return spot[..., None] * (area * np.array(sun.irradiance) * np.array(ball.material.albedo))
-
-
-def poses(
-    board: Board, camera: Camera, count: int, rng: np.random.Generator, beside: np.ndarray | None = None
-) -> list[tuple[Matrix, Vector]]:
+def poses(board: Board, camera: Camera, count: int, rng: np.random.Generator) -> list[tuple[Matrix, Vector]]:
     """`count` (R_cam_board, t_cam_board) as a careful person would choose them.
 
     Tilts are spread evenly over 0 to 50 degrees, towards every side; the board is put into the middle of the frame and
     towards each corner and edge in turn, and comes as near as it can while all of its tags (off the middle, most of
-    them) are in the frame; the camera is rolled a little, and now and then by a quarter turn. The points `beside`
-    (n, 3) are in the frame, too.
+    them) are in the frame; the camera is rolled a little, and now and then by a quarter turn.
     """
-    beside = np.empty((0, 3)) if beside is None else beside
     tilts = TILT_DEGREES * rng.permutation((np.arange(count) + rng.uniform(size=count)) / count)
     places = [(0, 0), *[(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0)]]
     turn = rng.uniform(0, 360)
@@ -272,7 +217,7 @@ def poses(
             lean, _ = cv2.Rodrigues(np.array([tilt * math.cos(azimuth), tilt * math.sin(azimuth), 0]))
             R = cv2.Rodrigues(np.array([0, 0, roll]))[0] @ lean @ np.diag([1, -1, -1])
             share, slack = 0.65 if place.any() else 1.0, rng.uniform(1.0, 1.2)
-            t = _stand(board, camera, R, aim, share, slack, beside)
+            t = _stand(board, camera, R, aim, share, slack)
             if t is not None:
                 found.append((rotation(R), tuple(t.tolist())))
                 break
@@ -283,9 +228,7 @@ def poses(
     return found
 
 
-def _stand(
-    board: Board, camera: Camera, R: np.ndarray, aim: np.ndarray, share: float, slack: float, beside: np.ndarray
-):
+def _stand(board: Board, camera: Camera, R: np.ndarray, aim: np.ndarray, share: float, slack: float):
     """The nearest t (times slack) that shows `share` of the tags with the board's middle at `aim`; None if none does.
 
     `aim` is in image sides, from the image's middle.
@@ -309,10 +252,7 @@ def _stand(
         if inside.reshape(-1, 4).all(axis=1).mean() >= share:
             inside &= lens_model.grows(cam / (1, 1, 1.02), camera.dist)  # past it the lens model folds back
         inside = inside.reshape(-1, 4).all(axis=1)
-        shown = lens_model.project(beside, R, t, np.array(camera.K), camera.dist) if len(beside) else beside[:, :2]
-        framed = (shown > border).all() and (shown < size - 1 - border).all()
-        framed &= bool((beside @ R.T + t)[:, 2].min(initial=np.inf) > 0)
-        if framed and inside.mean() >= share and inside.sum() >= 4:
+        if inside.mean() >= share and inside.sum() >= 4:
             quads = pixels.reshape(-1, 4, 2)[inside]
             edges = np.linalg.norm(quads - np.roll(quads, 1, axis=1), axis=-1)
             return t if edges.min() >= SMALLEST_TAG_PX else None
@@ -324,14 +264,13 @@ def expose(
     rng: np.random.Generator,
     camera: Camera,
     *,
-    white: float = 1.0,
     vignetting: float = 0.3,
     full_well: float = 8000.0,
     read_noise: float = 4.0,
 ) -> np.ndarray:
-    """sRGB uint8 (H, W, 3) of linear radiance (H, W, 3) seen by a sensor: electrons = N cos^(4v) radiance / white.
+    """sRGB uint8 (H, W, 3) of linear radiance (H, W, 3) seen by a sensor: electrons = N cos^(4v) radiance.
 
-    `white` is the radiance that fills a pixel, N = `full_well` electrons; v = `vignetting` is how much of the natural
+    Radiance 1 fills a pixel with N = `full_well` electrons; v = `vignetting` is how much of the natural
     cos^4 of the angle off the axis the phone leaves in (1: all, 0: none). Photon noise has variance electrons (a normal
     distribution stands for Poisson's: they differ below a dozen electrons), read noise sd `read_noise` electrons.
     """
@@ -340,7 +279,7 @@ def expose(
     y = (np.arange(height, dtype=np.float32) - camera.cy) / camera.fy
     squared = y[:, None] ** 2 + x[None, :] ** 2
     falloff = (1 + squared) ** (-2 * vignetting)  # cos² = 1 / (1 + tan²)
-    electrons = np.asarray(radiance, np.float32) * (falloff * np.float32(full_well / white))[..., None]
+    electrons = np.asarray(radiance, np.float32) * (falloff * np.float32(full_well))[..., None]
     noise = rng.standard_normal(electrons.shape, dtype=np.float32)
     electrons = electrons + noise * np.sqrt(np.maximum(electrons, 0) + np.float32(read_noise**2))
     return files.to_bytes(electrons / np.float32(full_well))

@@ -116,7 +116,7 @@ NEEDS = {
     "augment": ("photos",), "bench": ("twin", "llvm"), "board": ("photos",), "calibrate": ("photos",),
     "compare": ("twin", "llvm"), "explore": ("live", "twin", "llvm"), "ladder": ("twin", "llvm"), "light": ("photos",),
     "needs": ("twin", "llvm"), "photograph": ("photos", "twin", "llvm"), "reference": ("twin", "llvm"),
-    "shrink": ("twin", "llvm"), "stability": ("photos", "twin", "llvm"),
+    "shrink": ("twin", "llvm"), "stability": ("photos",),
 }  # fmt: skip
 """The extras that a command needs whatever it is given: named all at once where one of them is missing."""
 
@@ -163,7 +163,7 @@ def _report(error: Exception) -> int:
         wanted = ",".join(dict.fromkeys((*NEEDS.get(command, ()), *extras)))
         return _said(f"{command} needs {missing.name}, which is not installed: pip install 'raytwin[{wanted}]'")
     if isinstance(error, InputError):
-        return _said(str(error))
+        return _said(str(error), error.exit_code)
     if isinstance(error, typer.Abort):
         return _said("interrupted", INTERRUPTED)
     if hasattr(error, "show"):  # typer's own: an option that is none

@@ -10,7 +10,7 @@ from raytwin.cli.option_values import check_outputs
 from raytwin.cli.progress_bar import print_seconds, show_progress
 from raytwin.cli.terminal import say, say_wrapped, worst_code
 from raytwin.errors import InputError
-from raytwin.workflows.diff_settings import DiffSettings, IdiffLimits
+from raytwin.workflows.diff_settings import DiffSettings
 from raytwin.workflows.settings import CompareSettings
 
 
@@ -38,24 +38,18 @@ def compare_command(
 
 
 def diff_command(
-    a: Path, b: Path, settings: DiffSettings, limits: IdiffLimits, variance_a: Path | None = None,
-    variance_b: Path | None = None, samples_a: int = 0, samples_b: int = 0, json: Path | None = None,
-    junit: Path | None = None, out: Path | None = None,
+    a: Path, b: Path, settings: DiffSettings, variance_a: Path | None = None, variance_b: Path | None = None,
+    samples_a: int = 0, samples_b: int = 0, json: Path | None = None, junit: Path | None = None,
+    out: Path | None = None,
 ) -> None:  # fmt: skip
-    """Compare any two images: verdict, metrics, heat map. The --fail... options work as in idiff."""
+    """Compare any two images: verdict, metrics, heat map."""
     from raytwin import files
     from raytwin.report import terminal_text
     from raytwin.report.junit import Case, write_junit
     from raytwin.workflows import diff_files
 
     check_outputs(folders=(out,), files=(json, junit))
-    settings = replace(
-        settings,
-        limits=limits.failing,
-        warn=limits.warning,
-        variances=(variance_a, variance_b),
-        samples=(samples_a, samples_b),
-    )
+    settings = replace(settings, variances=(variance_a, variance_b), samples=(samples_a, samples_b))
     if a.is_dir() and b.is_dir():
         if variance_a or variance_b:
             raise InputError("--variance-a, --variance-b", "two images, not two folders", a)

@@ -27,8 +27,6 @@ EXAMPLES = {
     "grade.gradescope-zip": "raytwin grade gradescope-zip rubric.toml",
     "bench": "raytwin bench overlap --methods 'drjit32-*,twin-*' --budget 120",
     "bench.scene": "raytwin bench overlap wedge --subject mine.py:render --methods 'drjit32-*' --budget 120",
-    "bench.calibration": "raytwin bench calibration desk --budget 120",
-    "bench.paper": "raytwin bench paper --budget 120",
     "bench.list": "raytwin bench list --methods 'numpy*'",
     "stability": "raytwin stability sphere-far",
     "doctor": "raytwin doctor",

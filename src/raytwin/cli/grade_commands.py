@@ -25,7 +25,7 @@ app = group("class", folder=True)
 
 
 def class_command(
-    submissions: Path, rubric: Path, out: Path = Path("out/grades"), jobs: int = 1, dask: str = "", shard: str = "",
+    submissions: Path, rubric: Path, out: Path = Path("out/grades"), jobs: int = 1, dask: str = "",
     again: bool = False, whole: bool = False, gradescope: Path | None = None, junit: Path | None = None,
 ) -> None:  # fmt: skip
     """Grade submissions by a rubric, each in a sandbox.
@@ -34,7 +34,7 @@ def class_command(
 
     Run it again to continue an interrupted run.
     """
-    from raytwin.grade.class_run import collect, jobs_of, run
+    from raytwin.grade.class_run import jobs_of, run
     from raytwin.grade.rubric import read_rubric
     from raytwin.grade.seen import write_seen
     from raytwin.parallel import parse_workers
@@ -42,7 +42,7 @@ def class_command(
     from raytwin.report import class_page as pages
 
     check_outputs(folders=(out,), files=(gradescope, junit))
-    workers = parse_workers(jobs, dask, shard)
+    workers = parse_workers(jobs, dask)
     read = read_rubric(rubric)
     if gradescope is not None:  # whatever becomes of this process, there is a result
         sites.write_unfinished(gradescope)
@@ -64,10 +64,6 @@ def class_command(
     failed = [result.student for result in results if result.grader_fault]
     if gradescope is not None:  # whoever asks for it has no use for pages
         sites.write_gradescope(results[0], read, gradescope)
-        raise typer.Exit(1 if failed else 0)
-    done = collect(found, out)
-    if len(done) < len(found):
-        say(f"{len(done)} of {len(found)} graded; run it again without --shard once all are, for the pages")
         raise typer.Exit(1 if failed else 0)
     failed += pages.write_class(results, read, out)
     write_seen(results, read, out)

@@ -4,12 +4,8 @@ import math
 import os
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from raytwin.errors import InputError
-
-if TYPE_CHECKING:
-    from raytwin.scene import Sphere
 
 MOST_PIXELS = 400_000_000
 """As much as a file may have."""
@@ -55,14 +51,6 @@ def parse_ball(text: str, option: str) -> tuple[float, float, float, float]:
     if len(numbers) != 4 or not numbers[3] > 0:
         raise InputError(option, "x,y,z,r in metres, r > 0", text)
     return numbers[0], numbers[1], numbers[2], numbers[3]
-
-
-def parse_sphere(text: str, option: str, albedo: tuple[float, float, float]) -> "Sphere":
-    """A sphere of this albedo from its center and radius."""
-    from raytwin.scene import Lambert, Sphere
-
-    x, y, z, radius = parse_ball(text, option)
-    return Sphere((x, y, z), radius, Lambert(albedo))
 
 
 def parse_stand(text: str, option: str) -> tuple[float, float, float]:

@@ -2,20 +2,17 @@
 
 from pathlib import Path
 
-from raytwin.cli.option_values import check_outputs, parse_ball, parse_numbers, parse_sphere, parse_stand
+from raytwin.cli.option_values import check_outputs, parse_ball, parse_numbers, parse_stand
 from raytwin.cli.options import Size
 from raytwin.cli.progress_bar import print_seconds, show_progress
 from raytwin.cli.terminal import say, say_wrapped
 from raytwin.errors import InputError, check_one_of
 from raytwin.workflows.settings import AugmentSettings
 
-MIRROR, ORANGE = (0.9, 0.9, 0.9), (0.75, 0.35, 0.08)
-"""Albedos of what `photograph` puts beside the board; the first is the mirror's reflectance."""
-
 
 def calibrate_command(
-    photos: list[Path], board: list[Path], model: str = "auto", photo: str | None = None, json: Path | None = None,
-    out: Path | None = None, uncertainty: Path | None = None, bend: Path | None = None,
+    photos: list[Path], board: Path, model: str = "auto", photo: str | None = None, json: Path | None = None,
+    out: Path | None = None,
 ) -> None:  # fmt: skip
     """Calibrate a camera from photos of a board.
 
@@ -24,44 +21,35 @@ def calibrate_command(
     from raytwin import files
     from raytwin.calib import boards
     from raytwin.calib import photos as taken
-    from raytwin.report import calibration_page, terminal_text, uncertainty_pictures
+    from raytwin.report import calibration_page, terminal_text
 
-    check_outputs(files=(json, out, uncertainty, bend))
-    for option, picture in (("--uncertainty", uncertainty), ("--bend", bend)):
-        if picture and picture.suffix.lower() != ".svg":
-            raise InputError(option, "a name that ends in .svg", picture)
-    definitions = [boards.read_board(path) for path in board]
+    check_outputs(files=(json, out))
+    definition = boards.read_board(board)
     paths = [path for named in photos for path in files.list_photos(named)]
     with show_progress() as progress:
         check_one_of("--photo", photo or paths[0].name, (p.name for p in paths))
-        calibration = taken.calibrate(paths, definitions, model=model, progress=progress)
-        with progress.stage("page"):
-            if out:
-                _write_camera(out, calibration, paths, definitions, photo)
+        calibration = taken.calibrate(paths, definition, model=model, progress=progress)
+        if out:
+            with progress.stage("page"):
+                _write_camera(out, calibration, paths, photo)
                 calibration_page.write_calibration(calibration, out.with_suffix(".html"), out.name)
-            if uncertainty:
-                uncertainty_pictures.write_uncertainty(calibration, uncertainty)
-            if bend:
-                uncertainty_pictures.write_bends(calibration, bend)
     if json:
         files.write_json(json, calibration.numbers())
     say_wrapped(terminal_text.calibration_summary(calibration))
     print_seconds(progress)
 
 
-def _write_camera(out: Path, calibration, paths: list[Path], definitions: list, photo: str | None) -> None:
-    """camera.toml with the pose of `photo`, the first one's by default. Of several boards, the pose is that of the
-    first that the photo shows."""
+def _write_camera(out: Path, calibration, paths: list[Path], photo: str | None) -> None:
+    """camera.toml with the pose of `photo`, the first one's by default."""
     from raytwin.calib import photos as taken
 
-    shown = {view.photo: view.board for view in reversed(calibration.views)}
-    name = photo or calibration.views[0].photo
+    shown = [view.photo for view in calibration.views]
+    name, board = photo or shown[0], calibration.basis.board
     check_one_of("--photo", name, shown)
     path = next(p for p in paths if name in (p.name, str(p)))
-    pose = taken.pose_of_photo(calibration, path, definitions[shown[name]])
-    camera = taken.camera_at(calibration, pose.refined)
+    camera = taken.camera_of_photo(calibration, path, board)
     comment = f"Calibrated from {len(shown)} photos, rms {calibration.rms_px:.3f} px."
-    taken.write_camera_file(out, camera, calibration.basis.boards, comment)
+    taken.write_camera_file(out, camera, board, comment)
 
 
 def light_command(
@@ -97,16 +85,12 @@ def light_command(
 def photograph_command(
     out: Path, board: Path, scene: Path | None = None, count: int = 14, size: Size = None,
     focal: float = 1560.0, dist: str = "0.08,-0.16", samples: int = 32, seed: int = 1, bend: float = 0.0,
-    with_objects: bool = False, mirror: str | None = None, ball: str | None = None, stand: str | None = None,
-    exposure: str = "1",
+    with_objects: bool = False,
 ) -> None:  # fmt: skip
     """Render photos of a board with Mitsuba, and the true camera."""
     from raytwin.workflows.photograph import photograph_board
 
     check_outputs(folders=(out,))
-    shown = parse_numbers(exposure, "--exposure")
-    if not shown or min(shown) <= 0:
-        raise InputError("--exposure", "numbers > 0", exposure)
     with show_progress() as progress:
         photograph_board(
             board,
@@ -120,10 +104,6 @@ def photograph_command(
             seed=seed,
             with_objects=with_objects,
             bend=bend / 1000,
-            mirror=parse_sphere(mirror, "--mirror", MIRROR) if mirror else None,
-            ball=parse_sphere(ball, "--ball", ORANGE) if ball else None,
-            stand=parse_stand(stand, "--stand") if stand else None,
-            exposures=shown,
             progress=progress,
         )
     print_seconds(progress)
@@ -135,18 +115,14 @@ def augment_command(
 ) -> None:
     """Draw a scene's objects and their shadows into photos."""
     from raytwin import files
-    from raytwin.report import regression_page, terminal_text
+    from raytwin.report import terminal_text
     from raytwin.workflows.augment_photos import augment_photos
 
     check_outputs(folders=(out,), files=(json,))
-    pages = regression_page.Against(out) if settings.against else None
     with show_progress() as progress:
-        each = pages.add if pages else None
-        rows = augment_photos(photos, scene, out, settings, each=each, progress=progress)
+        rows = augment_photos(photos, scene, out, settings, progress=progress)
     if json:
         files.write_json(json, {"photos": rows})
     say(terminal_text.augment_summary(rows))
     print_seconds(progress)
-    if pages:
-        say(f"report: {pages.finish()}")
     say(f"{len(rows)} photos: {out}")

@@ -33,7 +33,7 @@ WORDS = ("PASS", "FAIL", "?   ")
 
 def make_command(
     settings: ReferenceSettings, scenes: list[Path] | None = None, rung: list[str] | None = None,
-    folder: Path = REFERENCES, yes: bool = False, jobs: int = 1, dask: str = "", shard: str = "",
+    folder: Path = REFERENCES, yes: bool = False, jobs: int = 1, dask: str = "",
     allow: list[str] | None = None,
 ) -> None:  # fmt: skip
     """Render references with Mitsuba. Show what changes before replacing an old one.
@@ -45,7 +45,7 @@ def make_command(
 
     check_outputs(folders=(folder,))
     refused = []
-    for change in _changes(_cases(scenes, rung), folder.absolute(), settings, parse_workers(jobs, dask, shard)):
+    for change in _changes(_cases(scenes, rung), folder.absolute(), settings, parse_workers(jobs, dask)):
         say("\n".join(change.lines()))
         if change.kind == "same":
             continue
@@ -159,7 +159,7 @@ def _cases(scenes: list[Path] | None, rungs: list[str] | None, placed: bool = Tr
 def _changes(
     cases: "Iterator[Case]", folder: Path, settings: ReferenceSettings, workers: "Workers"
 ) -> "Iterator[Change]":
-    """What `make` found of each case of the share, as it is done; an error comes after all the others.
+    """What `make` found of each case, as it is done; an error comes after all the others.
 
     Other processes render with the variant that this one would: no set of references mixes two.
     """
@@ -168,13 +168,13 @@ def _changes(
 
     errors = []
     if workers.jobs == 1 and not workers.dask:  # one after the other, each with its own bar
-        yield from (_made(case, folder, settings) for case in workers.share(list(cases)))
+        yield from (_made(case, folder, settings) for case in cases)
         return
     chosen = [(scene.absolute(), rung, found) for scene, rung, found in cases]
     made = partial(_made, folder=folder, settings=settings, variant=twin.chosen().variant)
     with show_progress() as progress:
         for count, done in enumerate(map_parallel(made, chosen, workers), start=1):
-            progress("references", count, len(workers.share(chosen)))
+            progress("references", count, len(chosen))
             if done.error is None:
                 yield done.result
             errors += [done.error] if done.error else []

@@ -1,15 +1,14 @@
 """Two images in, one Comparison out: metrics, geometry, statistics, the verdict and heat maps.
 
-Knows images, not renderers. `compare` decides (`limit_findings`: by counts alone), `METRICS` measures, `error_map`
-colours; a `Report` is a Comparison with its scene and its costs.
+Knows images, not renderers. `compare` decides, `METRICS` measures, `error_map` colours. A `Report` is a
+Comparison with its scene and its costs.
 
 Called, this package is `raytwin.compare(a, b)`: see `help(raytwin.diff_files)`.
 """
 
 from raytwin.compare.comparison import Comparison, Geometry, Perceptual, Radiance, Statistics, Verdict
 from raytwin.compare.heatmap import error_map, error_scale
-from raytwin.compare.idiff_limits import Limits, limit_findings
-from raytwin.compare.metrics import METRICS, Metric, flip_map, measure
+from raytwin.compare.metrics import METRICS, Metric, measure
 from raytwin.compare.report import Part, Report
 from raytwin.compare.scale import scaled
 from raytwin.compare.sequential import SequentialComparison

@@ -5,7 +5,6 @@ from typing import Literal
 
 import msgspec
 
-from raytwin.notebook import InNotebook
 from raytwin.scene import Record
 
 
@@ -42,9 +41,8 @@ class Statistics(Record, frozen=True):
     fails its own test, or is an outlier of those without noise;
     `minimum_detectable_bias`: the smallest error of the whole image's mean, relative to the reference's mean, that
     this comparison would have found with probability 0.9; `minimum_detectable_tile_bias`: of 24 x 24 pixels anywhere.
-    `p_values`: how many tiles of 8 x 8 pixels have a p-value in each twentieth from 0 to 1, by Welch's test; alike
-    where all is well. `looks`: how often rounds of samples were looked at; `samples_to_certainty`: samples per pixel at
-    the last of them, null where it left the verdict undecided.
+    `looks`: how often rounds of samples were looked at; `samples_to_certainty`: samples per pixel at the last of them,
+    null where it left the verdict undecided.
     """
 
     z_mean: float | None = None
@@ -52,13 +50,12 @@ class Statistics(Record, frozen=True):
     pixel_fail_fraction: float | None = None
     minimum_detectable_bias: float | None = None
     minimum_detectable_tile_bias: float | None = None
-    p_values: tuple[int, ...] | None = None
     looks: int | None = None
     samples_to_certainty: int | None = None
 
 
 class Perceptual(Record, frozen=True):
-    """Mean of NVIDIA's FLIP error map, 0 to 1; null where it was not asked for."""
+    """Mean of HDR-FLIP's error map, 0 to 1; null where it was not asked for."""
 
     flip_mean: float | None = None
 
@@ -79,7 +76,7 @@ def _named(reason: str) -> "re.Match[str] | None":
     return found if found and found["sureness"] else None
 
 
-class Comparison(Record, InNotebook, frozen=True):
+class Comparison(Record, frozen=True):
     """The verdict on two images and every number behind it; `reasons` are in words, worst first.
 
     A pass has reasons too: what it could have seen. `seconds` is what the comparison itself took. `failing`: (x, y,

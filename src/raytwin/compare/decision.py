@@ -72,10 +72,6 @@ POWER = 0.9
 SILENT = 0.1
 """Standard deviations below this share of the tolerance count as no noise."""
 
-
-BINS, MOST_TILES = 20, 3000
-"""Columns of the histogram of p-values, and about how many tiles it counts at most."""
-
 MOSTLY_FIREFLIES = 0.6
 """Fireflies are left out of sums where they carry this share of the variance.
 
@@ -126,7 +122,7 @@ class Family(NamedTuple):
 class Decision(NamedTuple):
     """What the three tests of radiance found, and the values without noise; `failed_pixels` hold a failed value.
 
-    `inflation`: of the variance of sums, because neighbours share samples. `p_values`: of the smallest tiles, counted.
+    `inflation`: of the variance of sums, because neighbours share samples.
     """
 
     value: Family
@@ -135,7 +131,6 @@ class Decision(NamedTuple):
     noise_free: NoiseFree
     failed_pixels: int
     inflation: float
-    p_values: tuple[int, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -286,7 +281,6 @@ def decide(
         noise_free,
         failed_pixels,
         shared,
-        _p_values(estimators[0]),
     )
 
 
@@ -550,21 +544,3 @@ def _excluded(t: _Tested) -> Means:
     apart = np.clip(apart, e, np.sqrt(np.square(e) + 2 * v * most))
     hidden = most - np.divide(np.square(apart) - np.square(e), 2 * v, out=np.zeros_like(v), where=v > 0)
     return np.asarray(t.always + e + apart + hidden * t.event)
-
-
-def _p_values(estimator: Estimator) -> tuple[int, ...]:
-    """How many tiles of 8 x 8 pixels have a p-value in each of BINS: Welch's test, to which nothing is granted.
-
-    The histogram of Jung, Hanika and Dachsbacher (Detecting Bias in Monte Carlo Renderers using Welch's t-test, JCGT
-    9(2), 2020): level where the means are equal.
-    """
-    s, shared = estimator.sums, estimator.inflation
-    whole = s["n"][..., 0] == SIDE * SIDE
-    step = max(1, math.isqrt(whole.size // MOST_TILES))
-    chosen = {key: s[key][::step, ::step][whole[::step, ::step]] for key in ("d", "va", "vb", "vv")}
-    d, v, vv = chosen["d"], chosen["va"] + chosen["vb"], chosen["vv"]
-    noisy = v > np.square(1e-3 * estimator.allowance.bound.least * SIDE * SIDE)
-    d, v, vv = d[noisy], v[noisy], vv[noisy]
-    dof = np.maximum(np.square(v) / vv / shared - 1, 0.5)
-    counts = np.histogram(two_sided(np.abs(d) / np.sqrt(v * shared), dof), BINS, (0, 1))[0]
-    return tuple(counts.tolist())

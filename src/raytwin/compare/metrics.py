@@ -6,11 +6,11 @@ One more metric is one more row of METRICS.
 import math
 from collections.abc import Callable, Iterable, Iterator
 from importlib.util import find_spec
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.array_types import Float, Float32
+from raytwin.array_types import Float
 from raytwin.errors import InputError
 
 CHUNK = 1 << 17
@@ -18,8 +18,13 @@ CHUNK = 1 << 17
 
 FLIP_PIXELS_PER_DEGREE = 67.0
 """Pixels per degree of the observer's view: FLIP's default."""
-FLIP_EXPOSURES = {"startExposure": -2.0, "stopExposure": 2.0, "numExposures": 5, "tonemapper": "ACES"}
-"""Pinned: left to itself, FLIP takes them from the reference, and its numbers stop being comparable."""
+FLIP_STOPS, FLIP_EXPOSURES = (-2.0, 2.0), 5
+"""Exposures that HDR-FLIP tries, first and last in stops, and their number.
+
+Pinned: left to itself, FLIP takes them from the reference, and its numbers stop being comparable.
+"""
+FLIP_BRIGHT = 2.118872
+"""Radiance that FLIP's ACES curve maps to 0.85: FLIP exposes a brightest pixel of this by 0 stops."""
 
 
 class Metric(NamedTuple):
@@ -95,42 +100,32 @@ def mean_ratio(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]
 
 
 def flip_hdr(test: Float[np.ndarray, "..."], reference: Float[np.ndarray, "..."]) -> float:
-    return _flip(np.maximum(test, 0), np.maximum(reference, 0), "HDR", FLIP_EXPOSURES)[1]
+    """Mean of HDR-FLIP's map by OpenImageIO; NaN where that is not installed."""
+    if test.ndim != 3 or test.shape[-1] != 3 or test.shape != reference.shape:
+        raise InputError("FLIP", "two images of one shape (H, W, 3)", f"{test.shape} and {reference.shape}")
+    if not all_finite(test, reference):  # OpenImageIO gives NaN pixels a finite error
+        raise InputError("FLIP", "finite radiance", "NaN or infinity")
+    if not flip_is_installed():
+        return math.nan
+    import OpenImageIO as oiio
 
-
-def flip_map(test: Float[np.ndarray, "..."], reference: Float[np.ndarray, "..."]) -> Float32[np.ndarray, "h w"] | None:
-    """(H, W) float32, HDR-FLIP of each pixel, 0 to 1; None where it is not installed or the images do not suit."""
-    if not flip_is_installed() or test.shape != reference.shape or not all_finite(test, reference):
-        return None
-    return _flip(np.maximum(test, 0), np.maximum(reference, 0), "HDR", FLIP_EXPOSURES)[0][..., 0]
-
-
-def flip_ldr(test: Float[np.ndarray, "..."], reference: Float[np.ndarray, "..."]) -> float:
-    return _flip(np.clip(test, 0, 1), np.clip(reference, 0, 1), "LDR", {})[1]
+    pair = [oiio.ImageBuf(np.ascontiguousarray(np.maximum(i, 0), np.float32)) for i in (reference, test)]
+    first, last = FLIP_STOPS
+    # FLIP's exposures begin at log2(bright / maximum), end at log2(bright / median), and are as many as there are
+    # stops between them, rounded up: a hundred-thousandth of a stop more makes four stops five exposures.
+    found = oiio.ImageBufAlgo.FLIP_diff(
+        *pair,
+        maxluminance=FLIP_BRIGHT * 2.0**-first,
+        medianluminance=FLIP_BRIGHT * 2.0 ** -(last + 1e-5),
+        ppd=FLIP_PIXELS_PER_DEGREE,
+        tonemapper="aces",
+    )
+    return float(found.spec().get_float_attribute("FLIP:meanerror", math.nan))
 
 
 def flip_is_installed() -> bool:
-    """The extra `flip`: NVIDIA's package has no wheel for every machine."""
-    return find_spec("flip_evaluator") is not None
-
-
-def _flip(
-    test: Float[np.ndarray, "..."], reference: Float[np.ndarray, "..."], kind: str, settings: dict[str, Any]
-) -> tuple[Float32[np.ndarray, "h w c"], float]:
-    """The map (H, W, 1 or 3) and its mean."""
-    # NVIDIA's package prints and exits where an argument displeases it, and gives NaN pixels a finite error.
-    if test.ndim != 3 or test.shape[-1] != 3 or test.shape != reference.shape:
-        raise InputError("FLIP", "two images of one shape (H, W, 3)", f"{test.shape} and {reference.shape}")
-    if not (np.isfinite(test).all() and np.isfinite(reference).all()):
-        raise InputError("FLIP", "finite radiance", "NaN or infinity")
-    if not flip_is_installed():
-        return np.full((*test.shape[:2], 1), np.nan, np.float32), float("nan")
-    import flip_evaluator
-
-    pair = [np.ascontiguousarray(i, np.float32) for i in (reference, test)]
-    settings = {"ppd": FLIP_PIXELS_PER_DEGREE, **settings}
-    found, mean, _ = flip_evaluator.evaluate(*pair, kind, inputsRGB=False, applyMagma=False, parameters=settings)
-    return np.asarray(found), float(mean)
+    """The extra `flip`."""
+    return find_spec("OpenImageIO") is not None
 
 
 def nth_largest(above: int, term: Callable[..., np.ndarray], *arrays: Float[np.ndarray, "..."]) -> float:
@@ -158,13 +153,9 @@ METRICS: dict[str, Metric] = {
         Metric("psnr", "PSNR", "dB", "20 log10(max(r) / rmse), dB", "peak is the reference's maximum, not 1", psnr),
         Metric("mean_ratio", "Ratio of means", "", "mean(t) / mean(r)", "the same everywhere", mean_ratio),
         Metric("flip_hdr", "FLIP, mean", "0 to 1",
-               f"mean HDR-FLIP, exposures {FLIP_EXPOSURES['startExposure']:g} to {FLIP_EXPOSURES['stopExposure']:g} "
-               f"in {FLIP_EXPOSURES['numExposures']}, {FLIP_EXPOSURES['tonemapper']}, "
+               f"mean HDR-FLIP, exposures {FLIP_STOPS[0]:g} to {FLIP_STOPS[1]:g} in {FLIP_EXPOSURES}, ACES, "
                f"{FLIP_PIXELS_PER_DEGREE:g} px/degree",
-               "Andersson et al. 2021, NVIDIA's flip-evaluator", flip_hdr),
-        Metric("flip_ldr", "LDR-FLIP, mean", "0 to 1",
-               f"mean LDR-FLIP of radiance clipped to 0..1, {FLIP_PIXELS_PER_DEGREE:g} px/degree",
-               "Andersson et al. 2020, NVIDIA's flip-evaluator", flip_ldr),
+               "Andersson et al. 2021, by OpenImageIO", flip_hdr),
     )
 }  # fmt: skip
 
@@ -183,7 +174,7 @@ def measure(
     finite = np.isfinite(test) & np.isfinite(reference) if not all_finite(test, reference) else None
     if finite is not None:
         test, reference = test[finite], reference[finite]
-        wanted = [n for n in wanted if not n.startswith("flip")]
+        wanted = [n for n in wanted if n != "flip_hdr"]
     if not test.size:
         return missing
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):

@@ -26,6 +26,9 @@ FIREFLY = 25.0
 EVENTS = 8.0
 """A pixel of mean m and variance v is the sum of some m²/v events of one size; of fewer than this it is rare light."""
 
+ONE_EVENT = 1.01
+"""Events that the mean and variance of a single one amount to at most: 1, but for rounding."""
+
 SURE = 20.0
 """A sum over pixels that expects more fireflies than this has seen some: missing all has probability exp(-20)."""
 
@@ -98,12 +101,13 @@ def survey(image: Image, other: Pixels) -> Side | None:
 def rare_light(image: Image) -> float:
     """The share of an image's light in pixels whose mean is the sum of few rare events.
 
-    m² / v events made a pixel: fewer than EVENTS, and fewer than an eighth of its samples, which are not rare.
+    m² / v events made a pixel: fewer than EVENTS, and fewer than an eighth of its samples, which are not rare. A single
+    event has v = m² exactly, so that it counts in however few samples.
     """
     if image.variance is None:
         return 0.0
     samples = image.samples if image.samples > 1 else image.batches or 0
-    few = np.square(image.mean) < image.variance * np.float32(min(EVENTS, samples / EVENTS))
+    few = np.square(image.mean) < image.variance * np.float32(max(ONE_EVENT, min(EVENTS, samples / EVENTS)))
     lit = np.maximum(image.mean, 0)
     return float(np.vdot(lit, few)) / max(float(lit.sum(dtype=np.float64)), 1e-300)
 

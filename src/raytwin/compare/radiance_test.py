@@ -39,6 +39,11 @@ SHARED = (
 )
 
 
+PATTERN = (
+    "the errors repeat from place to place, as no noise of independent pixels does, so that the variance that the "
+    "test states excuses nothing (if its pixels share random numbers, seed each apart)"
+)
+
 ENOUGH_BATCHES = 4
 """With fewer batches the variance is unreliable: an image fails only if the scatter between neighbours fails it too."""
 
@@ -47,7 +52,10 @@ FEW_BATCHES = (
     "wrong: take at least 4 samples per pixel"
 )
 
-FEW_SAMPLES = "undecided: too few random samples to know any noise: take at least 4 samples per pixel"
+FEW_SAMPLES = (
+    "undecided: too few random samples to know any noise: take at least 4 samples per pixel, and another image for "
+    "each seed"
+)
 
 MOSTLY_RARE = 0.25
 """Share of an image's light in rare events above which no tile shows how many it missed."""
@@ -183,6 +191,10 @@ class RadianceTest:
             return outcome._replace(doubts=(RARE.format(100 * max(rare)[0], max(rare)[1]),))
         if much > 0.5 and outcome.findings and self._shares_noise(shown):
             return outcome._replace(doubts=(SHARED,))
+        if a.variance is not None and not outcome.findings and patterned(a.mean, b.mean, shown.square, claimed=True):
+            bare = replace(self, test=replace(self.test, variance=None, samples=0, batches=None))._by_stated_noise()
+            if bare.findings:
+                return bare._replace(findings=[Finding(TILE, PATTERN), *bare.findings])
         return outcome
 
     def _decided_by_scatter(self) -> Decision:
@@ -229,7 +241,6 @@ class RadianceTest:
             pixel_fail_fraction=(made.failed_pixels + made.noise_free.outliers) / self.pixels,
             minimum_detectable_bias=finite(seen),
             minimum_detectable_tile_bias=finite(made.tile.detectable),
-            p_values=made.p_values if any(made.p_values) else None,
         )
         notes = what_could_be_seen(made.image.detectable, made.tile.detectable, made.inflation, self.rate)
         doubts: tuple[str, ...] = ()

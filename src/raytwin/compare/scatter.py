@@ -1,11 +1,12 @@
 """May the scatter of t - r, which no variance explains, be a renderer's noise? Only then may it excuse anything.
 
-Two questions, each of pixels alone, since nothing here is claimed:
+Two questions, each of pixels alone:
 
     borne_out   Does the reference scatter too? With t = s + n_t and r = s + n_r, the covariance of t - r with r is
                 -var(n_r), whatever s shows. An image without noise has none, so that a pattern of wrong pixels beside
                 it is never excused; one with noise bears out at most 1 / LEVEL times its own variance.
-    patterned   Do errors repeat from place to place? Stripes, checkerboards, ordered dithering.
+    patterned   Do errors repeat from place to place? Stripes, checkerboards, ordered dithering. Asked where a variance
+                is claimed, too: noise is independent of place.
 """
 
 import numpy as np
@@ -26,8 +27,14 @@ ALMOST_ALL = 0.95
 FILTER, LONGEST = 5, 16
 """Pixels: up to FILTER a reconstruction filter makes neighbours alike; LONGEST is the longest period looked for."""
 
-REPEATS = 0.3
-"""The correlation of errors at a distance that no renderer's noise has."""
+REPEATS, SURE = 0.3, 6.0
+"""The correlation of errors at a distance that no renderer's noise has, and the standard deviations it must be from 0:
+of a hundred thousand correlations of independent errors none is as far off.
+"""
+
+CELL, MOST_CELLS = 64, 16
+"""Pixels of the side of the cells in which errors are correlated, and at most how many cells are asked: of 16, spread
+over the image, a pattern in a quarter of it meets four."""
 
 
 def borne_out(test: Pixels, reference: Pixels, shown: Residual, least: float) -> bool:
@@ -66,29 +73,54 @@ def _within_cells(x: Float[np.ndarray, "h w c"]) -> Float[np.ndarray, "he we c"]
     return np.asarray((cells - cells.mean(axis=(1, 3), keepdims=True)).reshape(2 * h, 2 * w, -1))
 
 
-def patterned(test: Pixels, reference: Pixels, square: Blocks) -> bool:
-    """Whether errors repeat at some distance along rows, columns or diagonals.
+def patterned(test: Pixels, reference: Pixels, square: Blocks, claimed: bool = False) -> bool:
+    """Whether errors repeat at some distance up to LONGEST along rows, columns or diagonals, in a cell or in all.
 
     Neighbours within a filter's reach may be alike, but not opposite. `square`: the blocks' variances of t - r.
+    `claimed`: a variance is, so that errors which are alike over an area are tested elsewhere; a pattern's are less
+    alike between neighbours, in some direction, than at a distance.
     """
-    e = standardised(test, reference, square)
-    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        for h in range(1, LONGEST + 1):
-            here, there = _apart(e, h * down, h * right)
-            if here.size < 3 * SIDE * SIDE:
-                break
-            power = float(np.sqrt(np.vdot(here, here) * np.vdot(there, there)))
-            alike = float(np.vdot(here, there)) / power if power > 0 else 0.0
-            if alike < -REPEATS or (alike > REPEATS and h > FILTER):
+    finite = square[np.isfinite(square)]
+    # What float32 rounds is no scatter: where errors are all alike, they are left out.
+    rounding = 1e-9 * float(finite.mean()) if finite.size else 0.0
+    e = standardised(test, reference, np.where(square > rounding, square, np.inf), most_pixels=test.size)
+    high, wide = (min(CELL, n) for n in e.shape[:2])
+    cells = [_correlations(e[y : y + high, x : x + wide]) for y, x in _cells(e.shape, high, wide)]
+    for together, power in (*cells, tuple(np.sum(cells, axis=0))):
+        near = 1.0
+        for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)) * (2 if claimed else 1):
+            far = np.arange(1, LONGEST + 1)
+            pairs = np.maximum(high - down * far, 0) * np.maximum(wide - abs(right) * far, 0)
+            far, pairs = far[pairs >= SIDE * SIDE], pairs[pairs >= SIDE * SIDE]
+            at = together[down * far, right * far]
+            alike = at / np.maximum(together[0, 0] * pairs / (high * wide), 1e-30)
+            sure = np.abs(at) > SURE * np.sqrt(np.maximum(power[down * far, right * far], 0)) + 1e-6 * together[0, 0]
+            again = (alike > REPEATS) & (far > FILTER)
+            if claimed:
+                nearer = np.minimum.accumulate(np.concatenate([[near], alike]))[:-1]
+                near = min(near, *alike[:2])
+                again = (alike - nearer > REPEATS) & (far > 1)
+            if bool((sure & ((alike < -REPEATS) | again)).any()):
                 return True
     return False
 
 
-def _apart(e: Pixels, down: int, right: int) -> tuple[np.ndarray, np.ndarray]:
-    """The values, and those `down` and `right` of them."""
-    h, w = e.shape[:2]
-    left, over = max(-right, 0), max(right, 0)
-    return (
-        np.ascontiguousarray(e[: h - down, left : w - over]),
-        np.ascontiguousarray(e[down:, over : w - left]),
-    )
+def _cells(shape: tuple[int, ...], high: int, wide: int) -> list[tuple[int, int]]:
+    """The upper left corners of MOST_CELLS cells at most, spread evenly over the image."""
+    corners = [(y, x) for y in range(0, shape[0] - high + 1, high) for x in range(0, shape[1] - wide + 1, wide)]
+    return corners[:: -(-len(corners) // MOST_CELLS)]
+
+
+def _correlations(e: Pixels) -> tuple[np.ndarray, np.ndarray]:
+    """Sums of e(x) e(x + h) over pixels, for all offsets h = (down, right) as indices, negative ones from the end.
+
+    And a bound of the variance that such a sum has if errors are independent: a pixel's channels may share theirs.
+    Both by the inverse transform of a power spectrum (Wiener and Khinchin).
+    """
+    size = e.shape[0] + LONGEST, e.shape[1] + LONGEST
+
+    def at_all_offsets(x: np.ndarray) -> np.ndarray:
+        spectrum = np.fft.rfft2(x, size, axes=(0, 1))
+        return np.asarray(np.fft.irfft2((spectrum * spectrum.conj()).real.sum(axis=-1), size))
+
+    return at_all_offsets(e), at_all_offsets(np.square(e).sum(axis=-1, keepdims=True))

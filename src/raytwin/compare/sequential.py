@@ -47,6 +47,12 @@ SUSPICIOUS_MEAN, SUSPICIOUS_TILE = 2.5, 4.5
 
 EQUAL = "the renders are equal: taken as free of noise"
 
+REPEATS = 7
+"""Renders in a row that repeat earlier ones, after which none that differs is expected.
+
+Some generators start alike from two seeds, as C's srand does from 0 and 1. Rare events may be missed by a few renders.
+"""
+
 
 def look_number(samples: float) -> int:
     """Return which look of the grid `samples` belong to: 0 up to FIRST, then a fourth of an octave each."""
@@ -123,7 +129,8 @@ class SequentialComparison:
     def add(self, test: Any = None, reference: Any = None) -> Comparison | None:
         """Add a render of either side, or of both: an Image or an array (H, W, 3). Return the verdict, or None: more.
 
-        Renders of a side are independent. An Image that states `batches` of its own brings their variance.
+        Renders of a side are independent. An Image that states `batches` of its own brings their variance. A render
+        that repeats an earlier one counts once; where all are equal, and differ, the verdict is undecided.
         """
         for name, given in (("test", test), ("reference", reference)):
             if given is None:
@@ -135,6 +142,10 @@ class SequentialComparison:
             pool.add(image)
         if self.decided:
             return self.comparison
+        if any(pool.repeats_in_a_row >= REPEATS for pool in self._pools.values()):
+            return self._give_up()
+        if all(pool.images <= 1 for pool in self._pools.values()) and any(p.repeats for p in self._pools.values()):
+            return self._pass_without_noise()
         noisy = [pool for pool in self._pools.values() if pool.images and not pool.noise_free]
         if self.samples < self.next_look and (noisy or self.samples < 2):
             return None
@@ -154,10 +165,41 @@ class SequentialComparison:
         if made.verdict == "pass" and enough and self.samples >= self.fewest_to_pass:
             return self._certain(made, f"all {spent or self._counted()} were taken")
         doubts = made.reasons if made.verdict == "undecided" else (self._what_it_takes(made, spent),)
+        doubts = (*doubts, *self._repeated())
         self.comparison = msgspec.structs.replace(made, verdict="undecided", reasons=doubts)
         return self.comparison
 
     # ---------------------------------------------------------------------------------- within
+
+    def _pass_without_noise(self) -> Comparison | None:
+        """Pass where all renders so far are equal, and agree with the other side as images without noise do."""
+        made = self._judge(self.image("test"), self.image("reference"), **self._options)
+        return self._certain(made, EQUAL) if made.verdict == "pass" and made.statistics.z_mean is None else None
+
+    def _give_up(self) -> Comparison:
+        """The verdict where further renders would only repeat: nothing is known of the noise if all are equal."""
+        if self._looked_at < self.samples:
+            self._look(exact=True)
+        made = self.comparison
+        assert made is not None
+        if made.verdict == "pass" and any(pool.repeats and pool.images > 1 for pool in self._pools.values()):
+            made = msgspec.structs.replace(made, verdict="undecided")
+        if made.verdict == "undecided":
+            made = msgspec.structs.replace(made, reasons=tuple(f"undecided: {text}" for text in self._repeated()))
+        self.comparison, self.decided = made, True
+        return made
+
+    def _repeated(self) -> tuple[str, ...]:
+        """Which renders had the pixels of earlier ones, in words."""
+        said = []
+        for name, pool in self._pools.items():
+            if pool.repeats:
+                numbers = sorted({number for pair in pool.repeats for number in pair})
+                listed = f"{', '.join(map(str, numbers[:-1]))} and {numbers[-1]}"
+                whose = "" if name == "test" else " of the reference"
+                same = "the same image" if pool.images == 1 else "images that repeat"
+                said.append(f"seeds {listed}{whose} gave {same}: does your program use {{seed}}?")
+        return tuple(said)
 
     def _look(self, exact: bool = False) -> Comparison | None:
         """Compare what there is; `exact`: nothing more will come, since all renders are equal."""
@@ -187,7 +229,7 @@ class SequentialComparison:
         if made.verdict == "pass" and s.z_mean is not None:
             image, tile = self._seen(made)
             reasons = (*what_could_be_seen(image, tile, 1.0, self.rate), *reasons[1:])
-        made = msgspec.structs.replace(made, reasons=(*reasons, said))
+        made = msgspec.structs.replace(made, reasons=(*reasons, said, *self._repeated()))
         if made.verdict != "undecided":
             made = _with(made, samples_to_certainty=self.samples)
         self.comparison = made

@@ -4,9 +4,13 @@ Standard library and NumPy alone: a submission's process (child.py) loads this f
 imports it.
 """
 
+import contextlib
 import importlib.util
+import os
+import signal
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -66,17 +70,34 @@ def arrays_of(made: Any) -> tuple[np.ndarray, ...]:
     return tuple(a if a.dtype.itemsize <= 8 else a.astype(float) for a in arrays)
 
 
-def run_program(command: Sequence[str], scene: Path, out: Path, endings: Sequence[str], **options: Any) -> Path:
+def run_program(
+    command: Sequence[str], scene: Path, out: Path, endings: Sequence[str], timeout: float | None = None, **options: Any
+) -> Path:
     """The image that a program wrote, which finds `{scene}` at `scene` and writes to `{out}`, or to `{out}.pfm` and so
-    on. RuntimeError, in words, where there is none."""
+    on. RuntimeError, in words, where there is none.
+
+    It has ended when its first process has. What that left behind holds nobody up; in a session of its own it is ended.
+    """
     words = [word.replace("{scene}", str(scene)).replace("{out}", str(out)) for word in command]
-    done = subprocess.run(words, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False, **options)
-    sys.stderr.write(done.stderr[-2000:].decode(errors="replace"))
+    with tempfile.TemporaryFile(dir=out.parent) as errors:
+        process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stderr=errors, **options)
+        try:
+            code = process.wait(timeout)
+        finally:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+            if options.get("start_new_session"):
+                with contextlib.suppress(OSError):
+                    os.killpg(process.pid, signal.SIGKILL)
+        errors.seek(0)
+        said = errors.read(1 << 20).decode(errors="replace")
+    sys.stderr.write(said[-2000:])
     paths = (out, *(out.with_name(out.name + ending) for ending in endings))
     written = [p for p in paths if p.is_file() and not p.is_symlink()]
-    if done.returncode or not written:
-        said = "".join(f": {line}" for line in done.stderr.decode(errors="replace").strip().splitlines()[-1:])
-        raise RuntimeError(f"exit code {done.returncode}{', no image' if not written else ''}{said}")
+    if code or not written:
+        last = "".join(f": {line}" for line in said.strip().splitlines()[-1:])
+        raise RuntimeError(f"exit code {code}{', no image' if not written else ''}{last}")
     return written[0]
 
 

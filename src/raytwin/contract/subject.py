@@ -7,7 +7,7 @@ from typing import Any
 
 from raytwin import files
 from raytwin.contract.composed_tracer import PARTS
-from raytwin.contract.loading import is_unwritten
+from raytwin.contract.subject_process import SubjectFunction, SubjectProcess
 from raytwin.contract.submission import Shown, load
 from raytwin.errors import InputError, check_one_of
 from raytwin.image_input import RENDERS
@@ -24,7 +24,8 @@ def find_subject(what: str | Renderer | Callable[..., Any], rung: str, sampling:
     """Return the renderer that `what` names.
 
     A name of RENDERERS; FILE.py, FILE.ipynb, either with :FUNCTION; an image or a folder of images; a command. A
-    Renderer stands for itself, a function for its `method` at `rung` and `sampling`.
+    Renderer stands for itself, a function for its `method` at `rung` and `sampling`. Python files and notebooks
+    run in a process of their own.
     """
     if isinstance(what, Renderer):
         return what
@@ -42,9 +43,16 @@ def find_subject(what: str | Renderer | Callable[..., Any], rung: str, sampling:
         raise InputError("--subject", expected, text + ", but no such file" * python)
     if Path(text).exists() and not Path(text).is_dir():
         files.check_file(text, "an image, a folder of images, or Python")
-    submission = load(text)
-    render, made = submission.picture()
-    own = {name: f for name, f in submission.stages.items() if name in PARTS and not is_unwritten(f)}
+    if python:
+        process = SubjectProcess(text)
+        about = process.describe()
+        found = {name: SubjectFunction(process, name, its) for name, its in about["functions"].items()}
+        own: dict[str, Callable[..., Any]] = {name: f for name, f in found.items() if name in PARTS}
+        render: Callable[..., Any] = found["render"]
+        made = about["made"]
+    else:
+        own = {}
+        render, made = load(text).picture()
     describe = _name if isinstance(render, Shown) else as_arrays
     takes = takes_of(render)
     return UserRenderer(

@@ -186,7 +186,7 @@ class Program:
                 files.write_json(described, as_json(scene))
             words = [w.replace("{samples}", str(samples)).replace("{seed}", str(seed)) for w in self._words()]
             try:
-                options = {"stdout": subprocess.DEVNULL, "timeout": SECONDS}
+                options = {"stdout": subprocess.DEVNULL, "timeout": SECONDS, "start_new_session": os.name == "posix"}
                 return as_image(run_program(words, described, out, ENDINGS, **options)).image
             except (OSError, subprocess.TimeoutExpired) as error:
                 raise InputError(self.command, "a program that runs", error) from None

@@ -100,13 +100,11 @@ def read_exr(path: str | os.PathLike) -> tuple[Image, dict[str, str]]:
 
 
 def _samples(header: Mapping[str, Any]) -> int:
-    """Samples a pixel, as raytwin, pbrt and Blender's Cycles write them; 0 where there are none."""
+    """Samples per pixel, as raytwin and pbrt write them; 0 where there are none."""
     if "raytwin/samples" in header:
         return int(header["raytwin/samples"])
-    for key, value in header.items():
-        if key == "samplesPerPixel" or (key.startswith("cycles.") and key.endswith(".samples")):
-            with contextlib.suppress(TypeError, ValueError):
-                return max(int(value), 0)
+    with contextlib.suppress(TypeError, ValueError):
+        return max(int(header.get("samplesPerPixel", 0)), 0)
     return 0
 
 
@@ -118,37 +116,6 @@ def _variance(path: str | os.PathLike, parts: Mapping[str, Any]) -> np.ndarray |
         if found := _triple(channels, ("RGB",), "variance."):
             return stack(c.pixels for c in found)
     return None
-
-
-def read_moments(path: str | os.PathLike) -> np.ndarray | None:
-    """The variance of one sample, (H, W, 3), from Mitsuba's `moment` integrator; None where it was not at work.
-
-    Channels NAME.R and m2_NAME.R, or X, Y, Z alike: E[x²] - E[x]². The moments of X, Y and Z do not say how they vary
-    together: a pixel's samples are taken to have one colour, as under lights of one colour.
-    """
-    with Path(path).open("rb") as file:
-        if file.read(4) != EXR_MAGIC:
-            return None
-    with _exr(path) as parts:
-        for channels in (p.channels for p in parts.values()):
-            names = {c[3:-2] for c in channels if c.startswith("m2_") and c[-2:] in (".R", ".X")}
-            for name, kind in ((n, kind) for n in sorted(names) for kind in ("RGB", "XYZ")):
-                first, second = (_triple(channels, (kind,), f"{prefix}{name}.") for prefix in ("", "m2_"))
-                if first and second:
-                    mean, square = (stack(c.pixels for c in triple) for triple in (first, second))
-                    variance = np.maximum(square.astype(np.float64) - np.square(mean, dtype=np.float64), 0)
-                    if kind == "XYZ":
-                        variance = np.square(np.sqrt(variance) @ XYZ_TO_RGB.T)
-                    return variance.astype(np.float32)
-    return None
-
-
-XYZ_TO_RGB = np.array([
-    [3.2404542, -1.5371385, -0.4985314],
-    [-0.9692660, 1.8760108, 0.0415560],
-    [0.0556434, -0.2040259, 1.0572252],
-])  # fmt: skip
-"""Linear Rec. 709 of CIE XYZ, white point D65 (IEC 61966-2-1)."""
 
 
 def exr_layer(path: str | os.PathLike, part: str | None = None, layer: str | None = None) -> Image:
@@ -214,15 +181,16 @@ def _colours(
             raise InputError(f"{path}: part", f"one of {', '.join(parts)}", part)
         parts = {part: chosen}
     for channels in (p.channels for p in parts.values()):
+        if layer is None and "R" not in channels:
+            if {"RY", "BY"} & channels.keys():
+                raise InputError(path, "channels R, G, B", "luminance and chroma: Y, RY, BY")
+            if part is None and {"X", "Y", "Z"} <= channels.keys():  # a named part may be a normal
+                raise InputError(path, "channels R, G, B", "CIE X, Y, Z")
         found = _triple(channels, ("RGB", "XYZ", "Y"), "" if layer is None else f"{layer}.")
         if found is None and layer in channels:
             found = [channels[layer]]
-        if layer is None and "R" not in channels and {"RY", "BY"} & channels.keys():
-            raise InputError(path, "channels R, G, B", "luminance and chroma: Y, RY, BY")
         if found:
-            pixels = stack((found * 3)[:3][i].pixels for i in range(3))
-            is_xyz = part is None and layer is None and found[0] is channels.get("X")  # else a normal, say
-            return pixels @ XYZ_TO_RGB.T.astype(np.float32) if is_xyz else pixels
+            return stack((found * 3)[:3][i].pixels for i in range(3))
     layers = _layers(parts)
     if layer is not None:
         raise InputError(f"{path}: layer", f"one of {', '.join(layers) or 'none'}", layer)

@@ -162,28 +162,3 @@ def encoded(picture: Any, kind: str, **options: Any) -> bytes:
 def data_url(picture: Any, kind: str, **options: Any) -> str:
     """Return the same as a data URL."""
     return f"data:image/{kind};base64,{base64.b64encode(encoded(picture, kind, **options)).decode('ascii')}"
-
-
-def read_deep_png(path: Path) -> np.ndarray | None:
-    """A PNG of 16 bits as linear float32, (H, W) or (H, W, 3); None where it has fewer."""
-    with _opened(path) as photo:
-        raw = photo.tile[0].args if photo.tile else None
-        raw = raw if isinstance(raw, str) else raw[0] if raw else ""
-        if not raw.endswith(";16B"):
-            return None
-        if photo.mode == "I;16":
-            return srgb_decode(np.asarray(photo, np.float32) / np.float32(65535)).astype(np.float32)
-        # Pillow keeps the first byte of each pair; given the pairs as swapped, it keeps the second.
-        high = np.asarray(photo)[..., :3]
-    if raw not in ("RGB;16B", "RGBA;16B"):
-        return from_bytes(high)
-    with _opened(path) as photo:
-        photo.tile = [tile._replace(args=raw.replace("16B", "16L")) for tile in photo.tile]
-        low = np.asarray(photo)[..., :3]
-    return _decode_pairs(high, low)
-
-
-def _decode_pairs(high: np.ndarray, low: np.ndarray) -> np.ndarray:
-    codes = np.arange(1 << 16, dtype=np.float32) / np.float32(65535)
-    table = srgb_decode(codes).astype(np.float32)
-    return table[high.astype(np.uint16) << 8 | low]

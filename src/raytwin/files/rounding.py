@@ -19,15 +19,9 @@ class Rounding(NamedTuple):
 def rounding_of(path: Path, mean: np.ndarray) -> Rounding:
     """Return what an image file's format rounds off; `mean` is the radiance (H, W, 3) read from it."""
     with path.open("rb") as file:
-        start = file.read(26)
-    if start.startswith(b"\xff\xd8") or (start.startswith(b"\x89PNG") and start[24] <= 8):
+        start = file.read(4)
+    if start.startswith((b"\xff\xd8", b"\x89PNG")):
         return eight_bits(mean)
-    if start.startswith(b"\x89PNG"):
-        return Rounding(half_code(mean, 65535), True, "16 bits a channel: held to white")
-    if start.startswith(b"#?"):
-        # A byte of mantissa for the brightest channel, shared exponent: rounded down or to nearest, as writers like.
-        step = np.broadcast_to(mean.max(axis=-1, keepdims=True) / np.float32(128), mean.shape)
-        return Rounding(step, False, "HDR keeps 8 bits: held to a step")
     with np.errstate(over="ignore", invalid="ignore"):
         is_half = np.array_equal(mean.astype(np.float16).astype(np.float32), mean, equal_nan=True)
     return half_floats(mean) if is_half else Rounding()
@@ -36,14 +30,14 @@ def rounding_of(path: Path, mean: np.ndarray) -> Rounding:
 def eight_bits(mean: np.ndarray, dithered: bool = False) -> Rounding:
     """Return what sRGB in 256 codes rounds off; `dithered`: to either of the two nearest codes."""
     step = "a step" if dithered else "half a step"
-    return Rounding(half_code(mean, 255) * (1 + dithered), True, f"8 bits a channel: held to {step}, and to white")
+    return Rounding(half_code(mean) * (1 + dithered), True, f"8 bits a channel: held to {step}, and to white")
 
 
-def half_code(mean: np.ndarray, codes: int) -> np.ndarray:
-    """Half of the step above each value, of sRGB in this many codes: decode(c + 1/2) - decode(c)."""
-    code = np.arange(codes + 1) / codes
-    table = ((srgb_decode(code + 0.5 / codes) - srgb_decode(code)) * 1.0001).astype(np.float32)
-    return table[np.rint(srgb_encode(mean) * codes).astype(np.intp)]
+def half_code(mean: np.ndarray) -> np.ndarray:
+    """Half of the step above each value, of sRGB in 256 codes: decode(c + 1/2) - decode(c)."""
+    code = np.arange(256) / 255
+    table = ((srgb_decode(code + 0.5 / 255) - srgb_decode(code)) * 1.0001).astype(np.float32)
+    return table[np.rint(srgb_encode(mean) * 255).astype(np.intp)]
 
 
 def half_floats(mean: np.ndarray) -> Rounding:

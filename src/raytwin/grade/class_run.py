@@ -3,8 +3,8 @@
     jobs = jobs_of(folder, rubric_path)
     for result in run(jobs, out, Workers(jobs=4)): ...
 
-Existing results are reused. A shard does its own jobs, and a last run without a shard collects all. No submission costs
-another its result: whatever fails, in the grader or its machine, becomes a result of the student concerned.
+Existing results are reused. No submission costs another its result: whatever fails, in the grader or its machine,
+becomes a result of the student concerned.
 """
 
 from collections.abc import Callable, Sequence
@@ -78,25 +78,16 @@ def run(
     progress: Progress = silent,
     each: Callable[[Result], None] | None = None,
 ) -> list[Result]:
-    """Return the results of the share, in the jobs' order; each is written to `out`/results/KEY.json as it comes.
+    """Return the results in the jobs' order; each is written to `out`/results/KEY.json as it comes.
 
     What the grader failed on before is graded again. `each` is called with every new result as it comes.
     """
     said = _with_feedback_of(jobs)
-    made = stored(out).run(
+    made = Stored(out / RESULTS, Result).run(
         grade_submission, jobs, workers, failed=_fault, redo=lambda result: result.grader_fault, again=again,
         each=each and (lambda result: each(said(result))), progress=progress, stage="grade",
     )  # fmt: skip
     return [said(result) for result in made]
-
-
-def stored(out: Path) -> Stored[Result]:
-    return Stored(out / RESULTS, Result)
-
-
-def collect(jobs: Sequence[Job], out: Path) -> list[Result]:
-    """Return the results that are there, whoever made them."""
-    return list(map(_with_feedback_of(jobs), stored(out).collect(jobs)))
 
 
 def _with_feedback_of(jobs: Sequence[Job]) -> Callable[[Result], Result]:

@@ -8,7 +8,7 @@ Errors are against all light over the pixel's area, from two independent halves 
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any
 
@@ -20,11 +20,9 @@ from raytwin.analysis.beside_twin import compare_with_twin
 from raytwin.analysis.ledger import make_ledger
 from raytwin.compare import SequentialComparison
 from raytwin.image import Image
-from raytwin.live.patience import Patience
 from raytwin.live.view_state import Look, ViewRequest
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
-from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, SceneFile
 from raytwin.speed import ENGINES
@@ -51,7 +49,6 @@ class Session:
 
     base: SceneFile
     subject: Renderer | None = None
-    patience: Patience = field(default_factory=Patience)
 
     @property
     def engines(self) -> tuple[str, ...]:
@@ -67,12 +64,6 @@ class Session:
             depth = None if RUNGS[wanted.rung].depth == 2 else wanted.depth
             return PathTraced(wanted.rung, wanted.engine, samples, surface=not wanted.moving, depth=depth)
         return Traced(wanted.rung, wanted.engine, solver=wanted.solver, surface=not wanted.moving)
-
-    def render(self, method: Renderer, scene: Scene, seed: int) -> tuple[Image, float]:
-        """Return the tracer's image and its seconds. A user's own function may never return."""
-        if isinstance(method, UserRenderer):
-            return _timed(self.patience.call, method.name, method, scene, seed)
-        return _timed(method, scene, seed)
 
     def twin(self, wanted: ViewRequest, scene: Scene, samples: int, seed: int) -> Image:
         row = RUNGS[wanted.twin_rung]
@@ -93,7 +84,7 @@ class Session:
         """Yield what is sent to the page, one event at a time. Between two of them it may be stopped."""
         scene, fast = wanted.scene(self.base), self.engines[0]
         method = self.tracer(wanted, 1)
-        test, seconds = self.render(method, scene, 0)
+        test, seconds = _timed(method, scene, 0)
         yield picture("test", test, wanted.look, seconds, test.samples)
         reference, seconds_twin = _timed(self.twin, wanted, scene, 1, 0)
         shown, (jpeg,) = picture("reference", reference, wanted.look, seconds_twin, reference.samples)
@@ -117,7 +108,7 @@ class Session:
         while samples <= wanted.samples and (method.noisy or RUNGS[wanted.twin_rung].noisy) and not said:
             if method.noisy:
                 method = self.tracer(wanted, samples)
-                test, seconds = self.render(method, scene, samples)
+                test, seconds = _timed(method, scene, samples)
                 yield point("tracer", method, test, seconds, halves)
             if RUNGS[wanted.twin_rung].noisy:
                 reference, seconds = _timed(self.twin, wanted, scene, samples, samples)

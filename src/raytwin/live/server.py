@@ -103,8 +103,8 @@ class Server:
 
     @property
     def busy(self) -> bool:
-        """Whether a pass or a subject's call still runs: it may never return."""
-        return self.worker.thread.is_alive() or self.session.patience.running
+        """Whether a pass still runs: a subject's call may never return."""
+        return self.worker.thread.is_alive()
 
     async def serve(self) -> None:
         """Serve until cancelled; then wait a little for what is under way."""

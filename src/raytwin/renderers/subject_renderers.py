@@ -40,14 +40,12 @@ class _ByEngine(Renderer):
 class Traced(_ByEngine):
     """One ray through each pixel's centre.
 
-    `keep`: all frames are drawn into one array, as for a film: filling a fresh one takes longer, because the system
-    provides it page by page. `in_place`: draw into a frame that is filled already, to time drawing into a
-    photo. `surface`: also return what each ray met.
+    `in_place`: draw into a frame that is filled already, to time drawing into a photo. `surface`: also return what each
+    ray met.
     """
 
     trim: str = "conic"
     solver: str = "robust"
-    keep: bool = False
     in_place: bool = False
     surface: bool = False
     stages: Stages = STAGES
@@ -63,10 +61,10 @@ class Traced(_ByEngine):
 
     def prepare(self, scene: Scene) -> Call:
         self.ready()
-        reused = background(scene, self.rung) if self.keep or self.in_place else None
+        filled = background(scene, self.rung) if self.in_place else None
 
         def call(seed: int) -> Image:
-            out = reused if reused is not None and self.in_place else background(scene, self.rung, reused)
+            out = background(scene, self.rung) if filled is None else filled
             surface = Surface.empty(*scene.camera.image_size) if self.surface else None
             draw(scene, out, self.rung, self.engine, self.solver, self.trim, surface, self.stages)
             return Image(out, surface=surface)
@@ -172,11 +170,9 @@ class PythonLoop(Renderer):
 
 @dataclass(frozen=True)
 class Filled(Renderer):
-    """The frame filled with the sky: the least that any method can do. `keep` is as in Traced."""
+    """The frame filled with the sky: the least that any method can do."""
 
     NAME = "fill"
-    keep: bool = False
 
     def prepare(self, scene: Scene) -> Call:
-        reused = background(scene) if self.keep else None
-        return lambda seed: Image(background(scene, out=reused))
+        return lambda seed: Image(background(scene))

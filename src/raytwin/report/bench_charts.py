@@ -1,4 +1,4 @@
-"""What the bench's charts hold: error against seconds, seconds against pixels, calibration."""
+"""What the bench's charts hold: error against seconds, seconds against pixels."""
 
 import math
 from collections.abc import Sequence
@@ -6,17 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from raytwin.bench import RENDERERS, Bench, Calibrated, Measurement, fit_power, on_frontier, staircase
+from raytwin.bench import RENDERERS, Bench, Measurement, fit_power, on_frontier, staircase
 from raytwin.compare import METRICS
 from raytwin.report.charts.chart import Chart, Line, Point, by_family, family_chart
 from raytwin.report.charts.svg import INK, SOFT, Range
 from raytwin.report.numbers import seconds, short, shown
 
-CHARTED = {"relmse": "relmse", "rmse": "rmse", "p999_abs": "p999_abs", "flip": "flip_hdr"}
-"""A bench's key -> its metric."""
-
-AXES = {key: f"{m.title}, {m.unit or m.formula}" for key, m in ((key, METRICS[name]) for key, name in CHARTED.items())}
-"""A bench's key -> what its chart's axis says: a chart each, in this order."""
+AXES = {m.name: f"{m.title}, {m.unit or m.formula}" for m in (METRICS[n] for n in ("relmse", "rmse", "p999_abs"))}
+"""A metric -> what its chart's axis says: a chart each, in this order."""
 
 TRUTHS = {
     "lambert-center": "lambert, through pixel centres",
@@ -50,12 +47,9 @@ def family_of(method: str) -> str:
 
 
 def colour_of(method: str) -> str:
-    family = family_of(method)
-    return (
-        next((c for start, c in COLOURS.items() if family.startswith(start)), SOFT)
-        if method in RENDERERS
-        else OWN_COLOUR
-    )
+    if method not in RENDERERS:
+        return OWN_COLOUR
+    return next((c for start, c in COLOURS.items() if RENDERERS[method].family.startswith(start)), SOFT)
 
 
 def sizes_of(bench: Bench) -> list[tuple[int, int]]:
@@ -139,7 +133,6 @@ def row_tip(r: Measurement) -> str:
             f"{r.samples} sample{'s' * (r.samples != 1)} a pixel",
             f"{r.verdict} beside the twin",
             f"RMSE {shown(r.rmse)}, relMSE {shown(r.relmse)}, 99.9 % {shown(r.p999_abs)}",
-            *([f"FLIP {shown(r.flip)}"] if r.flip is not None else []),
         )
     )
 
@@ -173,12 +166,6 @@ FEWEST_SIZES = 3
 """Sizes from which on seconds are charted against pixels."""
 
 
-def side_charts(bench: Bench) -> list[Chart]:
-    """Seconds against pixels, and calibration, what of them was measured."""
-    pixels = pixels_chart(bench)
-    return [*([pixels] if pixels else []), *calibration_charts(f"{bench.scene}: ", bench.calibration)]
-
-
 def pixels_chart(bench: Bench) -> Chart | None:
     """Return seconds against pixels with each method's fitted exponent; None below FEWEST_SIZES sizes."""
     if len(sizes_of(bench)) < FEWEST_SIZES:
@@ -210,35 +197,6 @@ def pixels_chart(bench: Bench) -> Chart | None:
     return replace(drawn, x_range=(low, high * (high / low) ** 0.45))  # the labels stand to the right
 
 
-# ------------------------------------------------------------------------------------------ calibration
-
-
-def calibration_charts(title: str, rows: Sequence[Calibrated]) -> list[Chart]:
-    """Return held-out error against seconds, a chart per set of photos: a line per setting, a point per scale.
-
-    `title`: what stands before the chart's own.
-    """
-    charts = []
-    for i, source in enumerate(dict.fromkeys(r.source for r in rows)):
-        of = sorted((r for r in rows if r.source == source), key=lambda r: (r.setting, -r.scale))
-        size = f" of {of[0].width} x {of[0].height}" if of[0].width else ""
-        what = " ".join(filter(None, (str(max(r.photos for r in of)), source, "photos"))) + size
-        marks = [
-            Mark(r.setting, f"{r.scale:g}", f"{r.setting}, scale {r.scale:g}", r.seconds_median, r.heldout_px)
-            for r in of
-        ]
-        made = marks_chart(
-            f"calibration{f'-{i + 1}' if i else ''}",
-            f"{title}calibration from {what}",
-            "seconds (median)",
-            "held-out rms error, pixels of the photos as taken",
-            marks,
-            note="numbers at the points: the scale of what is searched",
-        )
-        charts.append(made)
-    return charts
-
-
 # ------------------------------------------------------------------------------------------ any seconds and errors
 
 
@@ -253,9 +211,7 @@ class Mark:
     error: float
 
 
-def marks_chart(
-    key: str, title: str, x_label: str, y_label: str, marks: Sequence[Mark], floor: float = 0.0, note: str = ""
-) -> Chart:
+def marks_chart(key: str, title: str, x_label: str, y_label: str, marks: Sequence[Mark], floor: float) -> Chart:
     """Return error against seconds: each family a line in its own colour, named at its first point.
 
     What is at or below `floor` is hollow and drawn there.
@@ -271,4 +227,4 @@ def marks_chart(
         points.append(
             Point(m.seconds, y, m.name, m.family, palette[m.family], "circle", m.error <= floor, strong, tip, label)
         )
-    return family_chart(key, title, x_label, y_label, points, floor or None, (note,))
+    return family_chart(key, title, x_label, y_label, points, floor or None)

@@ -14,7 +14,7 @@ from raytwin.report.bench_charts import (
     TRUTHS,
     error_chart,
     megapixels,
-    side_charts,
+    pixels_chart,
     sizes_of,
 )
 from raytwin.report.charts.chart import Chart, chart_html, write_charts
@@ -39,8 +39,8 @@ def write_bench_all(benches: Sequence[Bench], folder: str | os.PathLike[str]) ->
     write_bench(benches, folder / "bench.json")
     write_bench_page(benches, folder / "bench.html")
     for bench in benches:
-        charts = [c for c in error_charts(bench) if c.key.endswith("/relmse")] + side_charts(bench)
-        write_charts(charts, folder / bench.scene if len(benches) > 1 else folder)
+        charts = [*(c for c in error_charts(bench) if c.key.endswith("/relmse")), pixels_chart(bench)]
+        write_charts(filter(None, charts), folder / bench.scene if len(benches) > 1 else folder)
 
 
 def made_folder(folder: str | os.PathLike[str]) -> Path:
@@ -72,7 +72,7 @@ def scene_part(bench: Bench) -> dict[str, Any]:
     return {
         "b": bench,
         "charts": [(c, chart_html(c), frontier_rows(c)) for c in charts],
-        "side": [(c, chart_html(c)) for c in side_charts(bench)],
+        "pixels": chart_html(pixels) if (pixels := pixels_chart(bench)) else "",
         "sizes": [(f"{w}x{h}", f"{w} × {h}, {megapixels((w, h))}") for w, h in sizes_of(bench)],
         "truths": [(t, TRUTHS.get(t, t)) for t in dict.fromkeys(t.name for t in bench.truths)],
         "metrics": [(m, words) for m, words in AXES.items() if any(c.key.endswith(f"/{m}") for c in charts)],
@@ -139,14 +139,9 @@ def kinds(bench: Bench) -> list[tuple[str, str]]:
 
 def bench_summary(bench: Bench) -> str:
     """The subjects' verdicts, what is on each frontier, and what was left out."""
-    count = len(bench.rows) + len(bench.calibration)
-    lines = [f"{bench.scene}: {count} measurements in {seconds(bench.seconds)}", *subject_lines(bench)]
+    lines = [f"{bench.scene}: {len(bench.rows)} measurements in {seconds(bench.seconds)}", *subject_lines(bench)]
     for truth in (t for t in bench.truths if t.name in IN_TERMINAL):
         lines += frontier_lines(bench, truth)
-    lines += [
-        f"  {c.source}: {c.setting}, scale {c.scale:g}: {seconds(c.seconds_median)}, held out {shown(c.heldout_px)} px"
-        for c in bench.calibration
-    ]
     if bench.left_out:
         lines.append(f"  left out: {len(bench.left_out)}, named with their reasons in bench.html")
     return "\n".join(lines)

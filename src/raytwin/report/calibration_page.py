@@ -1,24 +1,13 @@
 """A calibration's own page: how far off it may be, what it rests on, and what speaks against it."""
 
-import math
 import os
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from raytwin.calib.photos import Calibration, model_table
-from raytwin.report.calibration_pictures import pose_drawing, residual_drawing
+from raytwin.report.calibration_pictures import residual_drawing, uncertainty_drawing
 from raytwin.report.page import write_page
 from raytwin.report.terminal_text import intrinsics
-from raytwin.report.uncertainty_pictures import bend_drawing, uncertainty_drawing
-
-
-class PhotoRow(NamedTuple):
-    """A photo's part: of all its boards together."""
-
-    photo: str
-    tags: int
-    rms_px: float
-    influence: float
 
 
 def write_calibration(calibration: Calibration, path: str | os.PathLike[str], camera_file: str = "") -> None:
@@ -32,19 +21,20 @@ def write_calibration(calibration: Calibration, path: str | os.PathLike[str], ca
         calibrated=calibration_tables(calibration),
         camera_file=camera_file,
         pictures=calibration_pictures(calibration),
+        of_board=board_sentence(calibration),
     )
 
 
 def calibration_tables(calibration: Calibration) -> dict[str, Any]:
     """Return the intrinsics with their standard deviations, the photos, worst first, and the models tried."""
-    photos = photo_rows(calibration)
+    photos = sorted(calibration.views, key=lambda view: -view.rms_px)
     found = intrinsics(calibration).items()
     return {
         "intrinsics": [(n, v, calibration.sigma.get(n), "px" if n[0] in "fc" else "") for n, v in found],
         "photos": photos,
         # A calibration that was read back has no evidence any more.
         "models": model_table(calibration),
-        "largest": max((row.rms_px for row in photos), default=1.0) or 1.0,
+        "largest": max((view.rms_px for view in photos), default=1.0) or 1.0,
     }
 
 
@@ -52,34 +42,21 @@ def calibration_pictures(calibration: Calibration) -> list[tuple[str, str, str]]
     """Return (title, SVG, what it tells); none of a calibration that was read back."""
     if calibration.evidence is None:
         return []
-    tilts = calibration.basis.tilts
-    found = [
+    return [
         ("How far off a pixel may be", uncertainty_drawing(calibration),
-         f"At the boards' distance, {calibration.basis.distance:.2g} m. Tags were seen in "
+         f"At the board's distance, {calibration.basis.distance:.2g} m. Tags were seen in "
          f"{100 * calibration.basis.coverage:.0f} % of the frame; elsewhere the lens model alone speaks."),
         ("What each tag is off by", residual_drawing(calibration),
          "Lines that point every way are noise. Neighbours that point one way show what the lens model lacks."),
-        ("Where the board stood, from above", pose_drawing(calibration, "above"),
-         f"The board was tilted by {min(tilts):.0f} to {max(tilts):.0f} degrees. Photos that are all straight on leave "
-         "the focal length open. Red: the photo that fits worst."),
-        ("The same from the side", pose_drawing(calibration, "the side"),
-         "Photos from one side only leave the principal point open."),
     ]  # fmt: skip
-    for i, board in enumerate(calibration.boards):
-        if board.bend_mm:
-            words = (
-                f"{board.bend_mm:.2f} ± {board.bend_sigma_mm:.2f} mm from the lowest tag to the highest, fitted along"
-            )
-            found.append(("The board's bend", bend_drawing(calibration, i), words + " with the camera."))
-    return found
 
 
-def photo_rows(calibration: Calibration) -> list[PhotoRow]:
-    """Return a row for each photo, worst first: a photo that shows several boards is one."""
-    rows = []
-    for photo in calibration.photos:
-        views = [view for view in calibration.views if view.photo == photo]
-        tags = sum(view.tags for view in views)
-        rms = math.sqrt(sum(view.tags * view.rms_px**2 for view in views) / max(tags, 1))
-        rows.append(PhotoRow(photo, tags, rms, views[0].influence))
-    return sorted(rows, key=lambda row: -row.rms_px)
+def board_sentence(calibration: Calibration) -> str:
+    """Return how the board was tilted and how it is bent; of a calibration that was read back, only the bend."""
+    said, board = [], calibration.board
+    if calibration.evidence is not None:
+        tilts = calibration.evidence.tilts
+        said.append(f"The board was tilted by {min(tilts):.0f} to {max(tilts):.0f} degrees.")
+    if board.bend_mm:
+        said.append(f"It is bent by {board.bend_mm:.2f} ± {board.bend_sigma_mm:.2f} mm, fitted along with the camera.")
+    return " ".join(said)

@@ -7,14 +7,12 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from raytwin import viewer
-from raytwin.compare import flip_map
 from raytwin.compare.comparison import CAUSE, EXPECTED
 from raytwin.compare.heatmap import signed_error
 from raytwin.report import data_urls, numbers
 from raytwin.report.locations import Reason, linked
 from raytwin.report.page import write_page
 from raytwin.report.view import PairView, showable, view_of
-from raytwin.scene import Tolerance
 
 if TYPE_CHECKING:
     from raytwin.workflows.compare_scene import Result
@@ -34,7 +32,7 @@ SAYS = {
 def write_report(shown: "PairView | Result | Diff", path: str | os.PathLike[str], script: str | None = None) -> None:
     """The whole report as one HTML file that refers to no other; but to the viewer's script of a suite, if named."""
     view = shown if isinstance(shown, PairView) else view_of(shown)
-    headline, reasons = first_said(places(view)[0], view.comparison is not None and view.comparison.passed)
+    headline, reasons = first_said(places(view)[0], view.comparison.passed)
     write_page(
         path,
         "report.html.j2",
@@ -43,8 +41,7 @@ def write_report(shown: "PairView | Result | Diff", path: str | os.PathLike[str]
         r=view,
         c=view.comparison,
         SAYS=SAYS,
-        groups=list(numbers.rows(view.comparison, view.tolerance, view.pair.noisy)) if view.comparison else [],
-        p_values=histogram(view.comparison.statistics.p_values) if view.comparison else None,
+        groups=list(numbers.rows(view.comparison, view.tolerance, view.pair.noisy)),
         calibrated=calibrated(view),
         headline=headline,
         named=headline is not None and bool(CAUSE.match(headline[0])),
@@ -52,15 +49,6 @@ def write_report(shown: "PairView | Result | Diff", path: str | os.PathLike[str]
         shared=script,
         **(side_by_side(view) if view.alike else {"alone": alone(view)}),
     )
-
-
-def histogram(counts: Sequence[int] | None) -> dict[str, Any] | None:
-    """The columns' heights by that of the highest, and where level is; None where no tile has noise."""
-    if not counts:
-        return None
-    highest = max(counts)
-    level = sum(counts) / len(counts) / highest
-    return {"heights": [count / highest for count in counts], "level": level, "tiles": sum(counts)}
 
 
 def first_said(reasons: Sequence[Reason], passed: bool) -> tuple[Reason | None, list[Reason]]:
@@ -80,15 +68,15 @@ def side_by_side(view: PairView) -> dict[str, Any]:
     apart = data_urls.mismatches(*view.surfaces) if view.surfaces else []
     height, width = error.shape
     packed, panes = packed_and_panes(view)
-    share = view.tolerance.p999_abs / view.scale if view.tolerance else Tolerance().p999_abs
+    share = view.tolerance.p999_abs / view.scale
     data = packed.for_page() | {
         "names": {"test": view.names.test, "reference": view.names.reference},
         "panes": panes,
         "objects": view.objects,
-        "noisy": view.rough,
+        "noisy": view.pair.noisy,
         "bound": {"share": share, "scale": view.scale, "held": allowed(view) is not None},
         "places": places(view)[1],
-        "failing": view.comparison.failing if view.comparison else (),
+        "failing": view.comparison.failing,
         "marks": apart,
         "exposure": data_urls.stops(view.reference),
         "start": worst[0] if worst else None,
@@ -116,8 +104,6 @@ def packed_parts(view: PairView) -> list[dict[str, Any]]:
 
 def packed_and_panes(view: PairView) -> tuple[viewer.Packed, list[dict[str, Any]]]:
     """The viewer's planes, and its panes in reading order; what the images lack is left out."""
-    asked = view.comparison is not None and view.comparison.perceptual.flip_mean is not None
-    flipped = flip_map(view.test.mean, view.reference.mean) if asked else None
     names, (height, width) = view.names, view.reference.shape[:2]
     panes = [
         {"key": "test", "kind": "radiance", "title": names.test_title, "tab": names.test},
@@ -128,9 +114,7 @@ def packed_and_panes(view: PairView) -> tuple[viewer.Packed, list[dict[str, Any]
         panes.append({"key": "objects", "kind": "objects", "title": "Silhouettes", "tab": "silhouettes"})
     with ThreadPoolExecutor() as pool:
         drawn = pool.submit(photos, view)
-        packed = viewer.pack(
-            view.test, view.reference, flip=flipped, surfaces=view.surfaces is not None, means=view.rough
-        )
+        packed = viewer.pack(view.test, view.reference, surfaces=view.surfaces is not None, means=view.pair.noisy)
         panes += drawn.result()
     return packed, [pane | {"alt": f"{pane['title']} of {view.title}, {width} by {height} pixels"} for pane in panes]
 
@@ -166,13 +150,12 @@ def alone(view: PairView) -> list[dict[str, str]]:
 
 def places(view: PairView) -> tuple[list[Reason], list[dict[str, int]]]:
     """The verdict's reasons with where they lead to, and the places."""
-    reasons = view.comparison.reasons if view.comparison else ()
-    return linked(reasons, view.reference.shape if view.alike else ())
+    return linked(view.comparison.reasons, view.reference.shape if view.alike else ())
 
 
 def allowed(view: PairView) -> float | None:
     """The error that a single value may have, where that is what decides."""
-    return None if view.pair.noisy or view.tolerance is None else view.tolerance.p999_abs
+    return None if view.pair.noisy else view.tolerance.p999_abs
 
 
 # ------------------------------------------------------------------------------------------ numbers for the page

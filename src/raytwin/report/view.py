@@ -1,6 +1,6 @@
 """What a page shows of two images, whoever made them: the tracer beside its twin, or any A beside any B."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -42,25 +42,24 @@ class Tile(NamedTuple):
 class PairView:
     """How a page shows two images: what they are called, what stands large, what the error is compared with.
 
-    `tolerance` is None where limits decided; `judged` is False where nothing did. `about` is a word and the name it
-    introduces (rung, shadow). `objects` names `surface.ids` from 0 on. `metrics`: further ones by name, value, formula.
+    `about` is a word and the name it introduces (rung, shadow). `objects`
+    names `surface.ids` from 0 on. `metrics`: further ones by name, value, formula.
     """
 
     pair: Compared
     title: str
     names: Names
-    tolerance: Tolerance | None
+    tolerance: Tolerance
     motto: str = ""
     about: tuple[str, str] = ("", "")
     tiles: tuple[Tile, ...] = ()
     objects: tuple[str, ...] = ()
     metrics: tuple[tuple[str, float | None, str], ...] = ()
-    judged: bool = True
 
     @property
     def held_to(self) -> str:
         """What decided."""
-        return "the limits" if self.tolerance is None else "noise and tolerance" if self.pair.noisy else "the tolerance"
+        return "noise and tolerance" if self.pair.noisy else "the tolerance"
 
     @property
     def test(self) -> Image:
@@ -71,22 +70,17 @@ class PairView:
         return self.pair.reference
 
     @property
-    def report(self) -> Report | None:
-        return self.pair.report if self.judged else None
+    def report(self) -> Report:
+        return self.pair.report
 
     @property
-    def comparison(self) -> Comparison | None:
-        return self.pair.comparison if self.judged else None
+    def comparison(self) -> Comparison:
+        return self.pair.comparison
 
     @property
     def scale(self) -> float:
         """What the tolerance is relative to."""
         return scale_of(self.reference, self.test)
-
-    @property
-    def rough(self) -> bool:
-        """Single errors mean little: there is noise, or these are photos, which nothing judged."""
-        return self.pair.noisy or not self.judged
 
     @property
     def alike(self) -> bool:
@@ -132,15 +126,15 @@ def in_radiance(pair: Compared) -> Tolerance:
     return scaled(pair.tolerance, pair.reference, pair.test) if pictures else pair.tolerance
 
 
-def tiles(pair: Compared, tolerance: Tolerance | None) -> tuple[Tile, ...]:
+def tiles(pair: Compared, tolerance: Tolerance) -> tuple[Tile, ...]:
     """What stands large: the errors, with what they are allowed; seconds beside them where there are any."""
     g, r, seconds_of = pair.comparison.geometry, pair.comparison.radiance, pair.report.seconds
     found = []
-    if (apart := g.mask_mismatch_pixels) is not None and tolerance is not None:
+    if (apart := g.mask_mismatch_pixels) is not None:
         unit = "pixel differs" if apart == 1 else "pixels differ"
         found.append(Tile("Silhouettes", shown(apart), unit, f"limit {tolerance.mask_pixels}"))
-    limit = "" if tolerance is None else f"limit {short(tolerance.p999_abs)}"
-    found.append(Tile("Radiance error, 99.9 %", shown(r.p999_abs), below="noise included" if pair.noisy else limit))
+    limit = "noise included" if pair.noisy else f"limit {short(tolerance.p999_abs)}"
+    found.append(Tile("Radiance error, 99.9 %", shown(r.p999_abs), below=limit))
     if "tracer" in seconds_of:
         samples = pair.reference.samples
         found.append(Tile("Tracer", seconds(seconds_of["tracer"]), below=f"RMSE {shown(r.rmse)}"))
@@ -159,10 +153,9 @@ def numbered(*images: Image) -> tuple[str, ...]:
 def _of_diff(found: Diff) -> PairView:
     """A beside B, whoever rendered them."""
     known = found.comparison.radiance.__struct_fields__
-    tolerance = None if found.limits else in_radiance(found)
-    remarks = found.report.saying(*(f"warning: {w}" for w in found.warnings))
+    tolerance = in_radiance(found)
     return PairView(
-        pair=replace(found, report=remarks),
+        pair=found,
         title=found.a,
         about=("against", found.b),
         names=Names("A", "B", f"A: {found.a}", f"B: {found.b}"),

@@ -1,6 +1,6 @@
 """The twin on Mitsuba's compiled variants, `llvm_ad_rgb` and `cuda_ad_rgb`: one kernel for all pixels and samples."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from math import pi
 from typing import Any
 
@@ -27,13 +27,10 @@ class Renderer:
     lanes = 1 << 22
     """How many rays to launch at once: enough to fill any machine, 50 MB an array of three floats."""
 
-    def __init__(
-        self, scene: Scene, textures: Mapping[int, np.ndarray], depth: int, mirrors: Collection[int] = ()
-    ) -> None:
+    def __init__(self, scene: Scene, textures: Mapping[int, np.ndarray], depth: int) -> None:
         self.double, bodies = dr.float64_array_t(mi.Float), table(scene)
-        large = [i for i in beyond_floats(bodies) if i not in textures and i not in mirrors]
-        self.scene, self.depth = load(translate(scene, textures, large, mirrors)), depth
-        self.mirrors = {i: _colour(scene.objects[i].material.albedo) for i in mirrors}
+        large = [i for i in beyond_floats(bodies) if i not in textures]
+        self.scene, self.depth = load(translate(scene, textures, large)), depth
         self.path: Any = load({"type": "path", "max_depth": depth - 1, "rr_depth": depth}) if depth else None
         # Opaque numbers are a kernel's parameters: another camera or light runs the kernel that is compiled already.
         lens = lens_of(scene.camera)
@@ -232,9 +229,6 @@ class Renderer:
         """π f times the radiance from one cosine-distributed direction, as Mitsuba's `path` finds it."""
         d = mi.Frame3f(hit.n).to_world(mi.warp.square_to_cosine_hemisphere(sampler.next_2d()))
         weight = self._pi_f(hit, d)
-        for i, reflectance in self.mirrors.items():
-            d = dr.select(hit.ids == i, hit.d - 2 * dr.dot(hit.d, hit.n) * mi.Vector3f(hit.n), d)
-            weight = dr.select(hit.ids == i, reflectance, weight)
         if self.large:
             return weight * self._walk(hit, sampler, d)
         ray = mi.RayDifferential3f(mi.Ray3f(mi.Point3f(*hit.start), d))

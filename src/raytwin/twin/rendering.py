@@ -1,7 +1,7 @@
 """Scene -> Image through Mitsuba: rungs of light transport, two samplings, variance by independent batches, a cache."""
 
 import hashlib
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from types import ModuleType
 from typing import Any
 
@@ -39,7 +39,6 @@ def render(
     batches: int | None = None,
     max_depth: int | None = None,
     textures: Mapping[int, np.ndarray] | None = None,
-    mirrors: Collection[int] = (),
     cache: bool = True,
     variant: str | None = None,
     progress: Progress = silent,
@@ -65,22 +64,17 @@ def render(
     sample if there are fewer); `variance` is that of the mean, from the batches' spread, and None for `batches=1`.
 
     `textures`: albedo (h, w) or (h, w, 3), linear, by a plane's object id; row 0 at the +half_v side, column 0 at
-    -half_u. `mirrors`: ids of spheres that are mirrors, with their albedo as reflectance, for `area` alone; the sun is
-    a direction, so that none shows it. `cache` stores slow renders on disk; `progress` counts hundredths. `variant`:
-    see `activate`.
+    -half_u. `cache` stores slow renders on disk; `progress` counts hundredths. `variant`: see `activate`.
 
     Raises InputError (camera.dist where the distortion cannot be undone, samples, textures, ...) and MachineError.
     """
     plan = _plan(scene, rung, sampling, samples, seed, batches, max_depth)
     to_camera_frame(scene, "twin")  # for its checks
     textures = check_textures(scene, textures)
-    if mirrors and (sampling != "area" or not plan.depth or scene.glossy):
-        raise InputError("mirrors", "area sampling, rung sky or path, and no highlights", f"{sampling}, {rung}")
     about = _about(scene, plan, textures, activate(variant).variant)
-    about |= {"mirrors": str(sorted(mirrors))} if mirrors else {}
 
     def make() -> Image:
-        renderer = _engine(about["variant"]).Renderer(scene, textures, plan.depth or 0, mirrors)
+        renderer = _engine(about["variant"]).Renderer(scene, textures, plan.depth or 0)
         return _rendered(renderer, scene, plan, progress, settled=not textures)
 
     return render_cache.cached(about, scene.camera.image_size, cache, make)

@@ -4,7 +4,7 @@ Slow (a few microseconds a ray) and as exact as the compiled variants, distorted
 Mitsuba's hit test, shadow test and path tracer; rays before them and shading after them are NumPy in float64.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from math import inf, pi
 from typing import Any
 
@@ -31,19 +31,17 @@ class Renderer:
     lanes = 1 << 16
     """How many rays to take at once: the progress shows in these steps."""
 
-    def __init__(
-        self, scene: Scene, textures: Mapping[int, np.ndarray], depth: int, mirrors: Collection[int] = ()
-    ) -> None:
+    def __init__(self, scene: Scene, textures: Mapping[int, np.ndarray], depth: int) -> None:
         bodies = table(scene)
-        self.large = {i: bodies.at(i) for i in beyond_floats(bodies) if i not in textures and i not in mirrors}
+        self.large = {i: bodies.at(i) for i in beyond_floats(bodies) if i not in textures}
         self.offsets = np.full(len(scene.objects) + 1, SHADOW_OFFSET)  # the last: of no object
         self.offsets[list(self.large)] = offsets(bodies)[list(self.large)]
-        self.scene, self.depth = load(translate(scene, textures, self.large, mirrors)), depth
+        self.scene, self.depth = load(translate(scene, textures, self.large)), depth
         self.path: Any = load({"type": "path", "max_depth": depth - 1, "rr_depth": depth}) if depth else None
         self.lens, self.width = lens_of(scene.camera), scene.camera.width
         self.R = np.asarray(scene.camera.R_cam_board)
         self.to_light = self.R @ scene.sun.to_light
-        self.record, self.albedo, self.mirrors = scene, albedos(scene), list(mirrors)
+        self.record, self.albedo = scene, albedos(scene)
         self.textured = sorted(textures)
         # Float32 inverts a narrow rectangle's matrix badly; 0 for spheres, and at the end for no object.
         self.normals = np.concatenate([bodies.n.T, np.zeros((1, 3))])
@@ -142,9 +140,7 @@ class Renderer:
         return blocker
 
     def _first_light(self, hit: Hit, blocker: np.ndarray, sky_at_hit: bool) -> np.ndarray:
-        R, dark = self.R, np.isin(hit.ids, self.mirrors)[:, None]  # a mirror scatters none of it
-        light = first_light(self.record, hit.ids, hit.albedo, hit.n @ R, hit.d @ R, blocker, sky_at_hit)
-        return np.where(dark, 0, light)
+        return first_light(self.record, hit.ids, hit.albedo, hit.n @ self.R, hit.d @ self.R, blocker, sky_at_hit)
 
     def _pi_f(self, hit: Hit, to_light: np.ndarray) -> np.ndarray:
         return pi_f(self.record, hit.ids, hit.albedo, hit.n, hit.d, to_light)
@@ -152,9 +148,7 @@ class Renderer:
     def _incoming(self, hit: Hit, rng: np.random.Generator) -> np.ndarray:
         """π f times the radiance from a cosine-distributed direction, as Mitsuba's `path` finds it; 0 without a hit."""
         d = _cosine(hit.n, rng)
-        weight, mirror = self._pi_f(hit, d), np.isin(hit.ids, self.mirrors)
-        n = hit.n[mirror]
-        d[mirror] = hit.d[mirror] - 2 * (hit.d[mirror] * n).sum(axis=1, keepdims=True) * n
+        weight = self._pi_f(hit, d)
         if self.large:
             return weight * self._walk(hit, rng, d)
         sampler = mi.load_dict({"type": "independent"})

@@ -37,13 +37,8 @@ def load(world: dict[str, Any]) -> Any:
     return mi.load_dict(world, optimize=False)
 
 
-def translate(
-    scene: Scene, textures: Mapping[int, np.ndarray], without: Collection[int] = (), mirrors: Collection[int] = ()
-) -> dict[str, Any]:
-    """The dictionary for `load`: object i is called `object-i`, everything is two-sided, diffuse or Phong's.
-
-    `mirrors`: ids of those that reflect as mirrors do, their albedo being the reflectance.
-    """
+def translate(scene: Scene, textures: Mapping[int, np.ndarray], without: Collection[int] = ()) -> dict[str, Any]:
+    """The dictionary for `load`: object i is called `object-i`, everything is two-sided, diffuse or Phong's."""
     import mitsuba as mi
 
     if scene.glossy:
@@ -61,11 +56,7 @@ def translate(
             shape = {"type": "rectangle", "to_world": mi.ScalarTransform4f(matrix)}
         else:
             shape = {"type": "sphere", "center": center.tolist(), "radius": thing.radius * UNIT}
-        if i in mirrors:
-            bsdf = {"type": "conductor", "material": "none", "specular_reflectance": _rgb(thing.material.albedo)}
-        else:
-            bsdf = phong.bsdf(thing, _albedo(thing, textures.get(i)))
-        shape["bsdf"] = {"type": "twosided", "bsdf": bsdf}
+        shape["bsdf"] = {"type": "twosided", "bsdf": phong.bsdf(thing, _albedo(thing, textures.get(i)))}
         world[f"object-{i}"] = shape
     if any(scene.sun.irradiance):
         from_light = (-R @ scene.sun.to_light).tolist()

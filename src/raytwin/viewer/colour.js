@@ -3,10 +3,9 @@
 import { BITS, FLOAT, clamp, distance, el, farther, mapped, single, table } from "./values.js";
 
 const MAPS = {
-  signed: { title: "Difference", unit: "radiance", signed: true },
-  relative: { title: "Relative difference", unit: "of |r| + 0.01", signed: true },
-  sigmas: { title: "Difference in σ", unit: "standard deviations", signed: true },
-  flip: { title: "FLIP", unit: "0: alike, 1: as different as can be", signed: false },
+  signed: { title: "Difference", unit: "radiance" },
+  relative: { title: "Relative difference", unit: "of |r| + 0.01" },
+  sigmas: { title: "Difference in σ", unit: "standard deviations" },
 };
 const PART = "part: "; // how a map is called that is a part of the error
 const TONES = {
@@ -20,7 +19,6 @@ const NIGHT = globalThis.matchMedia?.("(prefers-color-scheme: dark)").matches;
 const [DARKER, BRIGHTER] = NIGHT // around what agrees: the page's own ground
   ? [[[0.01, 0.013, 0.02], [0.03, 0.16, 0.6], [0.5, 0.78, 1]], [[0.01, 0.013, 0.02], [0.62, 0.09, 0.03], [1, 0.74, 0.5]]]
   : [[[1, 1, 1], [0.25, 0.55, 0.95], [0.01, 0.06, 0.45]], [[1, 1, 1], [0.95, 0.42, 0.22], [0.42, 0.005, 0.02]]];
-const MAGMA = [0x000004, 0x1d1147, 0x51127c, 0x832681, 0xb73779, 0xe75263, 0xfc8961, 0xfec488, 0xfcfdbf].map((hex) => [hex >> 16, (hex >> 8) & 255, hex & 255]);
 const LOST = [0, 203, 0]; // NaN and infinity
 const OBJECTS = [[250, 250, 250], ...[206, 178, 221, 190, 168, 213, 184, 198].map((v) => [v, v, v]), [59, 66, 76], [230, 97, 0], [93, 58, 155], [214, 0, 110]];
 const TONING = ["exposure", "gamma", "tone"], MAPPING = ["map", "channel"]; // parts of the state, and what depends on them
@@ -54,13 +52,13 @@ class Colours {
   // What the chosen map is: a row of MAPS, or a part of the error by its name.
   about() {
     const { map } = this.state;
-    return MAPS[map] ?? { title: map.slice(PART.length), unit: "radiance", signed: true, part: this.parts.get(map) };
+    return MAPS[map] ?? { title: map.slice(PART.length), unit: "radiance", part: this.parts.get(map) };
   }
 
   // Float32Array of the chosen map.
   map() {
-    const { r, d, s, flip, count } = this.values, { part } = this.about();
-    return this.remember("map", MAPPING, () => (this.state.map === "flip" ? flip ?? new Float32Array(count) : this.errors(part ?? d, r, s)));
+    const { r, d, s } = this.values, { part } = this.about();
+    return this.remember("map", MAPPING, () => this.errors(part ?? d, r, s));
   }
 
   // Errors d of r with deviations s in the map's unit and the chosen channel; of all three, that which is farthest off.
@@ -84,7 +82,7 @@ class Colours {
   reduced(k) {
     const { d, r, s } = this.values, { part } = this.about();
     if (k > 1 && part) return this.errors(this.mean(part, k));
-    if (k === 1 || !this.data.noisy || !d || this.state.map === "flip") return this.worst(this.map(), k);
+    if (k === 1 || !this.data.noisy || !d) return this.worst(this.map(), k);
     return this.errors(this.mean(d, k), this.mean(r, k), s && this.mean(s, k, true));
   }
 
@@ -122,7 +120,7 @@ class Colours {
   scale() {
     const { map, scale } = this.state, { bound, noisy } = this.data, factor = 10 ** (scale / 2), evenly = (high) => ({ low: 0, high: high * factor, log: false });
     return this.remember("scale", [...MAPPING, "scale"], () => {
-      if (map === "flip" || map === "sigmas") return evenly(map === "flip" ? 1 : 5);
+      if (map === "sigmas") return evenly(5);
       const all = this.map();
       if (noisy || this.about().part) {
         const step = Math.max(1, Math.floor(all.length / 3e4)), some = all.filter((v, i) => i % step === 0 && Number.isFinite(v)).map(Math.abs).sort();
@@ -145,7 +143,6 @@ class Colours {
   shade(v) {
     if (!Number.isFinite(v) && (Number.isNaN(v) || this.state.map !== "sigmas")) return LOST;
     const t = this.position(v);
-    if (this.state.map === "flip") return mix(MAGMA, t).map(Math.round);
     return mix(t < 0 ? DARKER : BRIGHTER, Math.abs(t)).map((x) => Math.round(255 * encode(x)));
   }
 

@@ -86,18 +86,17 @@ def pack(
     test: Image,
     reference: Image,
     *,
-    flip: np.ndarray | None = None,
     surfaces: bool = True,
     means: bool = False,
     budget: int = BUDGET,
     most_pixels: int = MOST_PIXELS,
 ) -> Packed:
-    """Reference and error (R, G, B); σ where there is noise; ids and depths where both tell them; FLIP's map (H, W).
+    """Reference and error (R, G, B); σ where there is noise; ids and depths where both tell them.
 
     `means`: thinned as noise is, though no variance says so.
     """
     height, width = test.shape[:2]
-    planes = _planes(test, reference, flip, surfaces)
+    planes = _planes(test, reference, surfaces)
     thin = max(1, math.ceil(math.sqrt(height * width / most_pixels)))
     # An eighth of the rows, in bands, tells what the whole will take.
     bands = (np.arange(height) // 8 % 8 == 0) if height > 64 else np.ones(height, bool)
@@ -106,8 +105,7 @@ def pack(
     thin = max(thin, math.ceil(math.sqrt(estimate / budget)))
     means = means or test.variance is not None or reference.variance is not None
     if thin > 1 and means:
-        fewer = None if flip is None else flip[::thin, ::thin]
-        planes = _planes(binned(test, thin), binned(reference, thin), fewer, surfaces)
+        planes = _planes(binned(test, thin), binned(reference, thin), surfaces)
     elif thin > 1:
         planes = _thinned(planes, thin)
     lines, columns = next(iter(planes.values())).words.shape
@@ -135,7 +133,7 @@ def binned(image: Image, n: int) -> Image:
 
 def raw(test: Image, reference: Image) -> list[tuple[dict[str, Any], bytes]]:
     """The planes as they are, for a page on this machine: `feed` of the viewer takes them with `words`."""
-    planes = _planes(test, reference, None, True)
+    planes = _planes(test, reference, True)
     return [(_described(name, p), p.words.tobytes()) for name, p in planes.items()]
 
 
@@ -192,7 +190,7 @@ def _described(name: str, plane: _Raw) -> dict[str, Any]:
 # ------------------------------------------------------------------------------------------ values
 
 
-def _planes(test: Image, reference: Image, flip: np.ndarray | None, surfaces: bool) -> dict[str, _Raw]:
+def _planes(test: Image, reference: Image, surfaces: bool) -> dict[str, _Raw]:
     planes: dict[str, _Raw] = {}
     variances = [i.variance for i in (test, reference) if i.variance is not None]
     for c, name in enumerate("RGB"):
@@ -210,8 +208,6 @@ def _planes(test: Image, reference: Image, flip: np.ndarray | None, surfaces: bo
         depth, other = (_steps(x, step) for x in (b.depth, a.depth))
         planes |= {"id": _Raw("steps", b.ids.astype(np.int16)), "did": _Raw("steps", (a.ids - b.ids).astype(np.int16))}
         planes |= {"depth": _Raw("steps", depth, True, 0, step), "ddepth": _Raw("steps", other - depth, False, 0, step)}
-    if flip is not None:
-        planes["flip"] = _Raw("steps", _steps(flip, 1 / 255), True, 0, 1 / 255)
     return planes
 
 

@@ -119,7 +119,7 @@ class Viewer extends View {
     const adjust = el("details", { className: "rt-adjust" }, el("summary", { textContent: "Exposure, tone, maps" }), el("div", {},
       range("Exposure", "exposure", -12, 12, 0.05, signed), range("Gamma", "gamma", 0.4, 3, 0.05, (x) => x.toFixed(2)),
       choice("Tone", "tone", () => Object.keys(TONES)), choice("Channel", "channel", () => CHANNELS),
-      ...(names.reference ? [choice("Map", "map", () => this.maps(), (x) => ({ signed: "signed", relative: "relative", sigmas: "in sigmas", flip: "FLIP" })[x] ?? x),
+      ...(names.reference ? [choice("Map", "map", () => this.maps(), (x) => ({ signed: "signed", relative: "relative", sigmas: "in sigmas" })[x] ?? x),
         range("Range", "scale", -8, 8, 1, (x) => `× ${short(Number((10 ** (x / 2)).toPrecision(2)))}`), el("label", {}, tick, " Outlines")] : []),
       button("Reset", "As it was (r)", () => this.reset())));
     const step = (text, title, by) => button(text, title, () => this.go(by));
@@ -216,12 +216,12 @@ class Viewer extends View {
   legend() {
     const pane = [...this.panes.values()].find((p) => p.kind === "map");
     if (!pane || pane.figure.hidden || !pane.legend.clientWidth) return;
-    const { g, w, h, ink } = this.sheet(pane.legend), { map } = this.state, { low, high, log } = this.scale(), about = this.about(), from = about.signed ? -1 : 0;
+    const { g, w, h, ink } = this.sheet(pane.legend), { map } = this.state, { low, high, log } = this.scale(), about = this.about();
     const { names, bound } = this.data, bar = 14, top = h - bar, n = 101;
-    const value = (t) => Math.sign(t) * (log ? low * (high / low) ** Math.abs(t) : high * Math.abs(t)), at = (t) => ((t - from) / (1 - from)) * w;
+    const value = (t) => Math.sign(t) * (log ? low * (high / low) ** Math.abs(t) : high * Math.abs(t)), at = (t) => ((t + 1) / 2) * w;
     const bins = this.remember(`bins ${w}`, [...MAPPING, "scale"], () => {
       const made = new Float64Array(n), all = this.map(), step = Math.max(1, Math.floor(all.length / 1e5));
-      for (let i = 0; i < all.length; i += step) if (Number.isFinite(all[i])) made[Math.round(((this.position(all[i]) - from) / (1 - from)) * (n - 1))]++;
+      for (let i = 0; i < all.length; i += step) if (Number.isFinite(all[i])) made[Math.round(((this.position(all[i]) + 1) / 2) * (n - 1))]++;
       return made;
     });
     const most = Math.log1p(Math.max(...bins));
@@ -231,24 +231,23 @@ class Viewer extends View {
       g.globalAlpha = 0.45;
       g.fillRect(x, top - 2 - tall, w / n - 0.5, tall);
       g.globalAlpha = 1;
-      g.fillStyle = `rgb(${this.shade(value(from + ((1 - from) * i) / (n - 1)))})`;
+      g.fillStyle = `rgb(${this.shade(value((2 * i) / (n - 1) - 1))})`;
       g.fillRect(x, top, w / n + 0.5, bar);
     });
     const held = bound?.held && map === "signed" ? this.position(bound.share * bound.scale) : 0;
     for (const t of held ? [-held, held] : []) this.twice(g, () => { g.moveTo(at(t), top - 3); g.lineTo(at(t), h); });
     const decades = Math.log10(high / low), each = Math.max(1, Math.ceil(decades / (w < 420 ? 2 : 4)));
     const sizes = log ? Array.from({ length: Math.floor((decades - 1e-9) / each) + 1 }, (_, k) => 1 - (k * each) / decades).filter((t) => t > 0.12) : [1, 0.5];
-    const marks = [...(from < 0 ? sizes.map((t) => -t).concat(0) : [0]), ...sizes].sort((a, b) => a - b);
+    const marks = [...sizes.map((t) => -t), 0, ...sizes].sort((a, b) => a - b);
     pane.ticks.replaceChildren(...marks.map((t) => {
-      const span = el("span", { textContent: (t > 0 && from < 0 ? "+" : "") + short(Number(value(t).toPrecision(4))) });
+      const span = el("span", { textContent: (t > 0 ? "+" : "") + short(Number(value(t).toPrecision(4))) });
       span.style.left = `${at(t)}px`;
       if (Math.abs(t) === 1) span.style.transform = t < 0 ? "none" : "translateX(-100%)";
-      if (t === 0 && from === 0) span.style.transform = "none";
       return span;
     }));
-    const words = map === "flip" ? "dark: alike" : about.part ? `red: it makes the ${names.test} brighter, blue: darker` : `blue: ${names.test} darker, red: brighter${log ? `; below ${short(low)} white` : ""}${held ? `; lines: the tolerance, ${short(bound.share * bound.scale)}` : ""}`;
-    const seen = log || map === "flip" ? "; zoomed out, the worst pixel shows" : this.data.noisy ? "; zoomed out, means show" : "";
-    const what = map === "flip" ? "FLIP" : about.part ? "a part of the error" : `${names.test} − ${names.reference}`;
+    const words = about.part ? `red: it makes the ${names.test} brighter, blue: darker` : `blue: ${names.test} darker, red: brighter${log ? `; below ${short(low)} white` : ""}${held ? `; lines: the tolerance, ${short(bound.share * bound.scale)}` : ""}`;
+    const seen = log ? "; zoomed out, the worst pixel shows" : this.data.noisy ? "; zoomed out, means show" : "";
+    const what = about.part ? "a part of the error" : `${names.test} − ${names.reference}`;
     pane.said.textContent = `${what}, ${about.unit}; ${words}${about.part ? "" : seen}`;
   }
 

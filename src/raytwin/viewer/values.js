@@ -89,7 +89,7 @@ async function values(data) {
       found[key] = new Float32Array(3 * n);
       [..."RGB"].forEach((c, k) => jobs.push(decode(named[prefix + c], data.columns, data.lines, found[key], k, 3)));
     }
-  for (const [key, Kind] of [["id", Int16Array], ["did", Int16Array], ["depth", Float32Array], ["ddepth", Float32Array], ["flip", Float32Array], ["at", Uint16Array]])
+  for (const [key, Kind] of [["id", Int16Array], ["did", Int16Array], ["depth", Float32Array], ["ddepth", Float32Array], ["at", Uint16Array]])
     if (named[key]) jobs.push(decode(named[key], data.columns, data.lines, (found[key] = new Kind(n)), 0, 1));
   await Promise.all(jobs);
   if (found.d) found.t = mapped(Float32Array, found.r, (x, i) => x + found.d[i]);

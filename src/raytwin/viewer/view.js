@@ -246,7 +246,7 @@ class View extends Colours {
 
   // What is known of pixel (x, y): [value, largest error of it] of each channel of each image.
   read(x, y) {
-    const { columns, lines, thin, width, height } = this.data, { r, d, t, s, id, did, depth, ddepth, flip, at, step } = this.values;
+    const { columns, lines, thin, width, height } = this.data, { r, d, t, s, id, did, depth, ddepth, at, step } = this.values;
     const column = Math.min(Math.floor(x / thin), columns - 1), line = Math.min(Math.floor(y / thin), lines - 1), i = line * columns + column;
     const meant = at ? [Math.min(column * thin + (at[i] % thin), width - 1), Math.min(line * thin + Math.floor(at[i] / thin), height - 1)] : [x, y];
     const channels = [0, 1, 2].map((c) => {
@@ -255,11 +255,11 @@ class View extends Colours {
       return { reference: [b, eb], test: [t ? t[k] : NaN, eb + ee], error: [e, ee], sigmas: [z, ee / sigma + Math.abs(z) / 63], relative: [e / (Math.abs(b) + 0.01), (ee + (Math.abs(e) * eb) / (Math.abs(b) + 0.01)) / (Math.abs(b) + 0.01)] };
     });
     const of = (key) => channels.map((channel) => channel[key]), name = (n) => (n < 0 ? "background" : this.data.objects[n] ?? `object ${n}`);
-    const { map } = this.state, { part } = this.about(), v = this.map()[i], key = map === "signed" ? "error" : map, known = map === "flip" || part ? null : of(key).find(([value]) => Math.fround(value) === v);
+    const { map } = this.state, { part } = this.about(), v = this.map()[i], key = map === "signed" ? "error" : map, known = part ? null : of(key).find(([value]) => Math.fround(value) === v);
     return {
       meant, reference: of("reference"), test: of("test"), error: of("error"), sigmas: of("sigmas"), relative: of("relative"),
       part: part ? [0, 1, 2].map((c) => [part[3 * i + c], Math.abs(part[3 * i + c]) / 40]) : null,
-      map: map === "flip" ? digits(flip?.[i], 1 / 510, { most: 2 }) : digits(v, known ? known[1] : Math.abs(v) / 40, { sign: true }),
+      map: digits(v, known ? known[1] : Math.abs(v) / 40, { sign: true }),
       objects: id ? [name(id[i] + did[i]), name(id[i])] : [], same: id ? did[i] === 0 : null,
       depths: depth ? [[depth[i] + ddepth[i], step / 2], [depth[i], step / 2], [ddepth[i], step]] : [],
     };
@@ -421,8 +421,8 @@ class View extends Colours {
   }
 
   maps() {
-    const { s, flip } = this.values;
-    return ["signed", "relative", ...(s || this.state.map === "sigmas" ? ["sigmas"] : []), ...(flip ? ["flip"] : []), ...this.parts.keys()];
+    const { s } = this.values;
+    return ["signed", "relative", ...(s || this.state.map === "sigmas" ? ["sigmas"] : []), ...this.parts.keys()];
   }
 }
 

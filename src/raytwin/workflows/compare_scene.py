@@ -118,7 +118,7 @@ def compare_scene(
         light = read_light(chosen.light)
         written = light.on(written)
     with stages.stage("calibrate"):
-        scene, photo_path, calibration, pose = find_camera(written, chosen.photo, stages, chosen.cache)
+        scene, photo_path, calibration, pose = find_camera(written, chosen.photo, stages)
     with stages.stage("backend"):
         backend = twin.activate()
         engine = fast_engine(backend.variant)

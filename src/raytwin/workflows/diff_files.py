@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import msgspec
 
 from raytwin import files, references
-from raytwin.compare import METRICS, Comparison, Limits, Report, limit_findings, measure
+from raytwin.compare import METRICS, Comparison, Report, measure
 from raytwin.compare import compare as compare_images
+from raytwin.compare.finding import at
 from raytwin.diagnose.diagnosis import explain
 from raytwin.errors import InputError
 from raytwin.image import Image
@@ -20,28 +21,22 @@ from raytwin.scene import Scene, Tolerance
 from raytwin.workflows.compared import Compared
 from raytwin.workflows.diff_settings import DiffSettings
 
-SLOW = ("flip_hdr", "flip_ldr")
-"""Metrics that take longer than all else: only where asked for."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Diff(Compared):
     """All that `raytwin.compare` found. `metrics` has every row of METRICS, None where it has no value.
 
-    `a`, `b`: what the two are called. `limits` decided where there are any, else `compare_images` did, by `tolerance`
-    and noise. `warnings` never fail.
+    `a`, `b`: what the two are called.
     """
 
     a: str
     b: str
     metrics: dict[str, float | None]
-    limits: Limits | None = None
-    warnings: tuple[str, ...] = ()
 
     def numbers(self) -> dict[str, Any]:
-        """The comparison's keys, and beside them every metric, the limits and the warnings: what JSON holds."""
-        more = {"metrics": self.metrics, "limits": self.limits, "warnings": self.warnings}
-        numbers: dict[str, Any] = files.plain(self.report.numbers() | {"seconds": self.report.seconds} | more)
+        """The comparison's keys, and beside them every metric: what JSON holds."""
+        more = {"seconds": self.report.seconds, "metrics": self.metrics}
+        numbers: dict[str, Any] = files.plain(self.report.numbers() | more)
         return numbers
 
 
@@ -60,7 +55,7 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
     """Compare the image `a` with the reference `b`: verdict, cause, metrics, and pictures in a notebook.
 
     Each of the two is an array (H, W, 3) of linear radiance, row 0 on top (NumPy, torch, Dr.Jit, Mitsuba's TensorXf and
-    Bitmap); an Image; a path to an EXR, PFM, HDR, PNG or JPEG, to a folder or a pattern of renders; a list or an array
+    Bitmap); an Image; a path to an EXR, PFM, PNG or JPEG, to a folder or a pattern of renders; a list or an array
     (k, H, W, 3) of at least 4 independent renders; a function `render(seed)`, called 8 times; or a `reference`.
 
     `settings` or `options`: fields of DiffSettings, as `tolerance=1e-4`, `variances=(v, None)`, `flip=True`. Where the
@@ -76,7 +71,7 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
     'fail'
     """
     chosen = replace(settings or DiffSettings(), **options)
-    limits, start = chosen.limits, time.perf_counter()
+    start = time.perf_counter()
     test_side, reference_side = (
         _side(thing, name, chosen, i) for i, (thing, name) in enumerate(((a, "image"), (b, "reference")))
     )
@@ -98,19 +93,16 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
         half_steps=(made_of[0].rounding.half, made_of[1].rounding.half),
     )
     start = time.perf_counter()
-    if made.verdict == "fail" and limits is None:
+    if made.verdict == "fail":
         scene, rung = _known_scene(chosen, reference_side, test)
         made = made.because(*explain(test, reference, scene, rung, rounding=made_of[0].rounding))
-    made = _decided(made, test, reference, limits, (test_side.begins, reference_side.begins))
-    warned = limit_findings(test, reference, chosen.warn)[0] if chosen.warn is not None and made.passed else []
-    metrics = msgspec.structs.asdict(made.radiance)
-    metrics |= measure(
-        test.mean, reference.mean, [n for n in METRICS if n not in metrics and (chosen.flip or n not in SLOW)]
-    )
+    made = _in_place(made, test_side.begins, reference_side.begins)
+    metrics = msgspec.structs.asdict(made.radiance) | {"flip_hdr": made.perceptual.flip_mean}
+    metrics |= measure(test.mean, reference.mean, [n for n in METRICS if n not in metrics])
     seconds = {"read": read, "compare": made.seconds + time.perf_counter() - start}
     of_files = {"A": _named(a), "B": _named(b), "part": chosen.part, "layer": chosen.layer}
-    decided = _limits_in_words(limits) if limits else {"tolerance": f"{limit.p999_abs:g}"}
-    if limits is None and (test.variance is not None or reference.variance is not None):
+    decided = {"tolerance": f"{limit.p999_abs:g}"}
+    if test.variance is not None or reference.variance is not None:
         decided["false-alarm rate"] = f"{chosen.false_alarm_rate:g}"
     notes = [
         note
@@ -126,8 +118,6 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
         report=Report(f"{test_side.name} against {reference_side.name}", "", made, seconds).saying(*notes),
         metrics={name: metrics.get(name) for name in METRICS},
         tolerance=limit,
-        limits=limits,
-        warnings=tuple(f.text for f in warned),
         settings={k: v for k, v in of_files.items() if v is not None} | decided,
     )
 
@@ -188,27 +178,9 @@ def lacking(name: str, folder: Path) -> Report:
     return Report(name, "", Comparison("fail", (f"{name} is missing in {folder}",)))
 
 
-def _decided(
-    made: Comparison, test: Image, reference: Image, limits: Limits | None, begins: tuple[tuple[int, int], ...]
-) -> Comparison:
-    """The comparison with the limits' verdict, where there are any; and pixels at another place always fail."""
-    if limits is not None:
-        exceeded, counted = limit_findings(test, reference, limits)
-        reasons = tuple(f.text for f in exceeded) or (counted,)
-        made = msgspec.structs.replace(made, verdict="fail" if exceeded else "pass", reasons=reasons)
-    if begins[0] != begins[1]:
-        (x, y), (u, v) = begins
-        apart = f"A's pixels begin at (x={x}, y={y}) of the display window, B's at (x={u}, y={v})"
-        made = msgspec.structs.replace(made, verdict="fail", reasons=(apart, *(() if made.passed else made.reasons)))
-    return made
-
-
-def _limits_in_words(limits: Limits) -> dict[str, str]:
-    meaning = {
-        "error": "a pixel may err by",
-        "relative": "and by this share of the value",
-        "percent": "percent of the pixels that may err more",
-        "pixels": "number of pixels that may err more",
-        "hard": "no pixel may err by more than",
-    }
-    return {text: f"{getattr(limits, name):g}" for name, text in meaning.items()}
+def _in_place(made: Comparison, a: tuple[int, int], b: tuple[int, int]) -> Comparison:
+    """Fail the comparison of pixels that begin at different places of their display windows."""
+    if a == b:
+        return made
+    apart = f"A's pixels begin at {at(*a)} of the display window, B's at {at(*b)}"
+    return msgspec.structs.replace(made, verdict="fail", reasons=(apart, *(() if made.passed else made.reasons)))

@@ -45,6 +45,8 @@ COARSEST = 90
 """Pixels of a side below which the resolution is not lowered."""
 FIRST, DIAGNOSIS = 8.0, 2.0
 """Processor seconds to search for the cause in the whole scene, and in one that may have another."""
+CHANCE = re.compile(r"(?:[A-Za-z]:)?[/\\][^\s'\"]+|0x[0-9a-fA-F]+|[0-9][0-9a-fA-F.:-]*")
+"""What an error's message has from one run alone: paths, addresses, times and other numbers."""
 KINDS = (
     (r"see another object", "other objects are seen"),
     (r"^depth:", "depth"),
@@ -171,6 +173,11 @@ class _Search:
         failure, made, reference = self._look(case)
         if failure is None:
             raise InputError("--subject", "a renderer that fails on this scene, beyond doubt", "one that does not")
+        again, *_ = self._look(case)
+        if again is None or again.kind != failure.kind:
+            then = f"then it failed otherwise: {again.reason}" if again else "then it passed"
+            got = f"one that fails by chance: first {failure.reason}; {then}"
+            raise InputError("--subject", "a renderer that fails alike each time", got)
         self.wanted, self.tried[case.key] = failure, True
         if made is not None and reference is not None and isinstance(case, OwnScene):
             found = _diagnosed(made, reference, case, FIRST)
@@ -249,7 +256,7 @@ class _Search:
         except InputError as broken:
             if broken.expected == "a program that runs" or (self.count == 1 and broken.where.startswith("--")):
                 raise
-            return Failure(f"no image: {re.sub(r'[0-9.]+', '#', broken.got)}", str(broken)), None, None
+            return Failure(f"no image: {CHANCE.sub('#', broken.got)}", str(broken)), None, None
         try:
             if isinstance(case, FileScene):
                 reference = twin.render_mitsuba(scene, samples, seed, cache=False)

@@ -1,3 +1,5 @@
+import pickle
+
 import msgspec
 import numpy as np
 import pytest
@@ -111,3 +113,22 @@ def test_a_drawn_board_is_read_as_the_same_ids_upright_and_in_place(family):
         true = np.c_[(around[:, 0] - x0) * density, (y1 - around[:, 1]) * density] - 0.5
         assert np.abs(np.array([found[tag_id].center, *found[tag_id].corners]) - true).max() < 0.35
         assert np.abs(np.array(found[tag_id].center) - true[0]).max() < 0.15
+
+
+@pytest.mark.parametrize(("name", "shipped"), [("fine", "at_fineboard"), ("coarse", "at_coarseboard")])
+def test_the_shipped_boards_are_the_courses(real_board, scenes, name, shipped):
+    assert read_board(scenes / "boards" / f"{shipped}.toml").digest == real_board(name).digest
+
+
+def test_the_recipe_on_the_page_writes_the_board_of_a_pickle(scenes, tmp_path, monkeypatch):
+    """As the detector's own results hold it: the family in bytes, centres as arrays of three inches."""
+    shipped = read_board(scenes / "boards" / "at_fineboard.toml")
+    tags = [
+        {"tag_family": b"tag36h11", "tag_id": i, "center": np.array([x, y, 0]) / 0.0254}
+        for i, (x, y) in shipped.centers().items()
+    ]
+    (tmp_path / "boards.pickle").write_bytes(pickle.dumps({"at_fineboard": tags}))
+    page = (scenes.parent / "docs" / "howto" / "own-photos.md").read_text(encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    exec(page.partition("```python\n")[2].partition("```")[0], {})
+    assert read_board("board.toml").digest == shipped.digest

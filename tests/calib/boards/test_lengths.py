@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raytwin.calib.boards.lengths import LONGEST, parse_length, parse_paper, parse_unit
+from raytwin.calib.boards.lengths import LONGEST, parse_length, parse_paper
 from raytwin.errors import InputError
 
 
@@ -57,12 +57,6 @@ def test_papers_have_their_standard_sizes():
 def test_what_is_no_paper_is_refused(text):
     with pytest.raises(InputError):
         parse_paper(text, "--paper")
-
-
-def test_units_are_metres():
-    assert (parse_unit("inch", "--unit"), parse_unit("MM", "--unit")) == (0.0254, 0.001)
-    with pytest.raises(InputError):
-        parse_unit("foot", "--unit")
 
 
 def test_the_longest_length_is_a_length_and_nought_is_one_where_allowed():

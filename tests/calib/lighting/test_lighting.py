@@ -1,7 +1,7 @@
 """Light from a mirror ball, a matt ball and a pin: each on pictures that closed forms made, no renderer.
 
-The twin's mirror (tests/twin/test_mirrors.py) and the shipped photos (test_estimate_light.py) are the independent check
-of left and right, up and down.
+Mitsuba's mirror (test_light_photos.py) and the shipped photos (test_estimate_light.py) are the independent check of
+left and right, up and down.
 """
 
 import numpy as np

@@ -65,7 +65,7 @@ def test_photos_taken_with_a_known_camera_give_that_camera_back(shoot, plain_fou
         assert abs(K[i, j] - true[i, j]) < min(bound, 4 * found.sigma[name]), name
     assert len(found.views) == len(truth.photos)
     assert found.warnings == ()
-    assert found.boards[0].heights is None
+    assert found.board.heights is None
     for view in found.views:
         R, t = (np.array(a) for a in truth.photos[view.photo])
         assert rotation_degrees(np.array(view.R_cam_board), R) < 0.1
@@ -78,7 +78,7 @@ def test_the_same_detections_give_the_same_camera_to_the_last_bit_and_opencv_kee
     cv2.setNumThreads(8)
     try:
         views = [Sighting(p, tuple(t for t in seen if t.id in board.centers())) for p, seen in tags.items()]
-        made = (fit(views, size, [board], ModelSpec("full5")) for _ in range(8))
+        made = (fit(views, size, board, ModelSpec("full5")) for _ in range(8))
         assert len({(c.shared.tobytes(), c.R.tobytes(), c.t.tobytes()) for c in made}) == 1
         assert cv2.getNumThreads() == 8
     finally:
@@ -129,9 +129,9 @@ def test_its_json_has_exactly_the_promised_keys(tmp_path):
         tmp_path / "c.json", calibrate_detections(dict(list(tags.items())[:5]), SIZE, SMALL, "k1").numbers()
     )
     data = json.loads((tmp_path / "c.json").read_text())
-    assert list(data) == ["image_size", "model", "K", "dist", "sigma", "rms_px", "views", "boards", "warnings"]
-    assert list(data["views"][0]) == ["photo", "tags", "rms_px", "R_cam_board", "t_cam_board", "influence", "board"]
-    assert list(data["boards"][0]) == ["heights", "bend_mm", "bend_sigma_mm"]
+    assert list(data) == ["image_size", "model", "K", "dist", "sigma", "rms_px", "views", "board", "warnings"]
+    assert list(data["views"][0]) == ["photo", "tags", "rms_px", "R_cam_board", "t_cam_board", "influence"]
+    assert list(data["board"]) == ["heights", "bend_mm", "bend_sigma_mm"]
     assert list(data["warnings"][0]) == ["code", "text"]
     assert data["image_size"] == [1008, 756]
 
@@ -155,7 +155,7 @@ def test_real_sets_are_bent_predict_better_so_and_the_degenerate_one_has_the_low
     assert abs(fine.K[1][1] - 1014.4) < 3 * fine.sigma["fy"]
     # Its tags err as one: OpenCV's ± 0.66 on fx is a fifth of the truth.
     assert fine.sigma["fx"] > 2
-    assert 0.5 < fine.boards[0].bend_mm < 1.5
+    assert 0.5 < fine.board.bend_mm < 1.5
     # Taken for flat, cy = 638 ± 29 by OpenCV's word; the image's middle is 1511.5.
     assert abs(degenerate.K[1][2] - 1511.5) < 100
 

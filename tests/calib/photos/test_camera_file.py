@@ -28,7 +28,7 @@ def test_augment_uses_the_boards_shape_in_the_camera_file(shoot, bent_found, sce
     photo = shoot(14, bend=3e-3)[0] / bent_found.views[3].photo
     write_board(tmp_path / "board.toml", BOARD)
     report = pose_of_photo(bent_found, photo, BOARD)
-    write_camera_file(tmp_path / "c.toml", camera_at(bent_found, report.refined), bent_found.basis.boards)
+    write_camera_file(tmp_path / "c.toml", camera_at(bent_found, report.refined), bent_found.basis.board)
     (tmp_path / "out").mkdir()
     for name in ("fast_engine", "augment"):  # what is drawn is another test's
         monkeypatch.setattr(augment_photos, name, lambda pixels, *_, **__: SimpleNamespace(pixels=pixels))
@@ -42,7 +42,7 @@ def test_augment_uses_the_boards_shape_in_the_camera_file(shoot, bent_found, sce
 
 
 def test_the_file_gives_the_same_camera_and_the_same_board_back(tmp_path):
-    write_camera_file(tmp_path / "c.toml", a_camera(), [BENT])
+    write_camera_file(tmp_path / "c.toml", a_camera(), BENT)
     assert files.read_camera(tmp_path / "c.toml") == a_camera()
     shapes = read_board_shapes(tmp_path / "c.toml")
     assert with_shape(SMALL, shapes) == BENT
@@ -63,19 +63,19 @@ def test_the_file_gives_the_same_camera_and_the_same_board_back(tmp_path):
     ],
 )
 def test_another_board_does_not_get_the_shape(other, tmp_path):
-    write_camera_file(tmp_path / "c.toml", a_camera(), [BENT])
+    write_camera_file(tmp_path / "c.toml", a_camera(), BENT)
     assert with_shape(other, read_board_shapes(tmp_path / "c.toml")) == other
 
 
 def test_a_camera_file_without_shapes_still_reads(tmp_path):
     files.write_camera(tmp_path / "old.toml", a_camera())
-    write_camera_file(tmp_path / "flat.toml", a_camera(), [SMALL])
+    write_camera_file(tmp_path / "flat.toml", a_camera(), SMALL)
     assert (tmp_path / "old.toml").read_text() == (tmp_path / "flat.toml").read_text()
     assert read_board_shapes(tmp_path / "old.toml") == ()
 
 
 def test_a_shape_that_is_none_is_refused_with_its_place(tmp_path):
-    write_camera_file(tmp_path / "c.toml", a_camera(), [BENT])
+    write_camera_file(tmp_path / "c.toml", a_camera(), BENT)
     text = (tmp_path / "c.toml").read_text()
     (tmp_path / "c.toml").write_text(text.replace("degree = 2", "degree = 3"))
     with pytest.raises(InputError, match=r"c.toml: boards\[0\]: heights.coefficients: expected 7 finite numbers"):
@@ -88,7 +88,7 @@ def test_a_shape_that_is_none_is_refused_with_its_place(tmp_path):
 def test_calibrate_writes_the_camera_with_its_boards_shape(shoot, tmp_path):
     write_board(tmp_path / "board.toml", BOARD)
     photos = sorted(shoot(14, bend=3e-3)[0].glob("*.jpg"))
-    calibrate_command(photos, [tmp_path / "board.toml"], model="k1k2", out=tmp_path / "camera.toml")
+    calibrate_command(photos, tmp_path / "board.toml", model="k1k2", out=tmp_path / "camera.toml")
     (shape,) = read_board_shapes(tmp_path / "camera.toml")
     assert shape.board == BOARD.digest
     assert files.read_camera(tmp_path / "camera.toml").fx == pytest.approx(a_camera().fx, rel=1e-3)

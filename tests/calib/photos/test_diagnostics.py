@@ -28,9 +28,9 @@ def sound() -> Case:
     camera, rng = a_camera(*SIZE, dist=()), np.random.default_rng(0)
     tags = seen(camera, poses(BOARD, camera, 12, rng), noise=0.3, rng=rng)
     views = [Sighting(p, tuple(t)) for p, t in tags.items()]
-    found = fit(views, SIZE, [SMALL], ModelSpec("none"))
+    found = fit(views, SIZE, SMALL, ModelSpec("none"))
     made = calibrate_detections(tags, SIZE, SMALL, "none")
-    return Case(made, found, fit_uncertainty(found), views, [SMALL], {}, {})
+    return Case(made, found, fit_uncertainty(found), views, SMALL, {}, {})
 
 
 def texts(case: Case, code: str) -> list[str]:
@@ -94,15 +94,15 @@ def test_a_frame_is_doubted_of_which_less_than_a_quarter_is_covered(sound, cells
 
 def replace_tags(view: Sighting, places: list[tuple[float, float]]) -> Sighting:
     tags = tuple(Tag(t.id, p, t.corners, 1.0) for t, p in zip(view.tags, places, strict=False))
-    return Sighting(view.photo, tags, view.board)
+    return Sighting(view.photo, tags)
 
 
 @pytest.mark.parametrize(("count", "doubted"), [(7, 1), (8, 0)])
 def test_fewer_than_eight_photos_are_few(sound, count, doubted):
-    found = fit(sound.views[:count], SIZE, [SMALL], ModelSpec("none"))
+    found = fit(sound.views[:count], SIZE, SMALL, ModelSpec("none"))
     made = msgspec.structs.replace(sound.calibration, views=sound.calibration.views[:count])
     assert (
-        len(texts(Case(made, found, fit_uncertainty(found), sound.views[:count], [SMALL], {}, {}), "few-views"))
+        len(texts(Case(made, found, fit_uncertainty(found), sound.views[:count], SMALL, {}, {}), "few-views"))
         == doubted
     )
 
@@ -118,7 +118,7 @@ DIAGONAL = 1e3 * float(np.linalg.norm(np.ptp(list(SMALL.centers().values()), axi
     ],
 )  # fmt: skip
 def test_a_board_is_called_bent_beyond_its_size_and_its_sigma(sound, bend, sigma, doubted):
-    made = msgspec.structs.replace(sound.calibration, boards=(FoundBoard(None, bend, sigma),))
+    made = msgspec.structs.replace(sound.calibration, board=FoundBoard(None, bend, sigma))
     assert len(texts(replace(sound, calibration=made), "bent-board")) == doubted
 
 
@@ -140,7 +140,7 @@ def test_an_odd_photo_is_named_by_the_others_errors_with_it_and_without_it_from_
     ]
 
     def others(photos: dict) -> float:
-        made = fit([Sighting(p, tuple(t)) for p, t in photos.items()], SIZE, [SMALL], ModelSpec("none"))
+        made = fit([Sighting(p, tuple(t)) for p, t in photos.items()], SIZE, SMALL, ModelSpec("none"))
         errors = dict(zip(photos, fit_uncertainty(made).errors, strict=True))
         return float(np.exp(np.mean([np.log(e) for p, e in errors.items() if p != "view_02"])))
 

@@ -24,9 +24,9 @@ def test_auto_fits_all_coefficients_to_few_photos_and_chooses_with_more(count, m
 def test_a_bend_is_fitted_from_four_photos_on(count, degree):
     camera, _, tags = views(seed=2, count=count, bend=3e-3, noise=0.05)
     found = calibrate_detections(tags, SIZE, SMALL)
-    assert (found.boards[0].heights.degree if found.boards[0].heights else 0) == degree
+    assert (found.board.heights.degree if found.board.heights else 0) == degree
     if degree:
-        assert found.boards[0].bend_mm == pytest.approx(3, rel=0.3)
+        assert found.board.bend_mm == pytest.approx(3, rel=0.3)
         off = four(found) - (camera.fx, camera.fy, camera.cx, camera.cy)
         assert np.abs(off / [found.sigma[n] for n in FOUR]).max() < 3.5
 
@@ -45,12 +45,12 @@ def test_how_far_models_that_predict_alike_lie_apart_goes_into_sigma():
     """Two models a apart with equal errors: the mean square of 0 and a, of each number."""
     _, _, tags = views(seed=1, count=6)
     seen = [Sighting(p, tuple(t)) for p, t in tags.items()]
-    start = fit(seen, SIZE, [SMALL], ModelSpec("k1k2"))
-    taken, trials, gap = select_model(seen, SIZE, [SMALL], "auto", start)
+    start = fit(seen, SIZE, SMALL, ModelSpec("k1k2"))
+    taken, trials, gap = select_model(seen, SIZE, SMALL, "auto", start)
     assert taken.form.model == "full5"
     best = min(t.held_out_px for t in trials.values())
     fits = {
-        n: fit(seen, SIZE, [SMALL], ModelSpec(n.split(",")[0], int(n[-1]) if "bent" in n else 0), taken) for n in trials
+        n: fit(seen, SIZE, SMALL, ModelSpec(n.split(",")[0], int(n[-1]) if "bent" in n else 0), taken) for n in trials
     }
     cx = [fits[n].shared[2] - taken.shared[2] for n, t in trials.items() if t.held_out_px <= 1.1 * best]
     assert len(cx) > 2

@@ -1,6 +1,5 @@
 import math
 
-import cv2
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -21,20 +20,6 @@ def test_undistorting_and_distorting_comes_back_to_the_pixel(k1, k2, p1, p2):
         rays = np.c_[lens_model.undistort(pixels, camera.K, camera.dist), np.ones(len(pixels))]
         back = lens_model.project(rays, np.eye(3), np.zeros(3), camera.K, camera.dist)
         np.testing.assert_allclose(back, pixels, rtol=0, atol=1e-9)
-
-
-def test_opencvs_default_of_five_steps_would_not_come_back():
-    camera = a_camera(dist=(-0.35, 0.12))
-    corner = np.array([[[0.0, 0.0]]])
-    K, dist = np.array(camera.K), np.array(camera.coefficients)
-    ours = lens_model.undistort(corner, K, dist)
-    until = cv2.TERM_CRITERIA_COUNT, 5, 0
-    if hasattr(cv2, "undistortPointsIter"):  # OpenCV 4
-        five = cv2.undistortPointsIter(corner, K, dist, np.eye(3), np.eye(3), until).reshape(-1, 2)
-    else:
-        five = cv2.undistortPoints(corner, K, dist, criteria=until).reshape(-1, 2)
-    assert np.abs(lens_model.project(np.c_[ours, 1], np.eye(3), np.zeros(3), K, dist)).max() < 1e-7
-    assert np.abs(lens_model.project(np.c_[five, 1], np.eye(3), np.zeros(3), K, dist)).max() > 0.01
 
 
 @settings(derandomize=True, deadline=None)

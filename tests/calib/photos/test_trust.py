@@ -18,7 +18,6 @@ from raytwin.calib.photos.bias import center_bias
 from raytwin.calib.photos.fit import ModelSpec, Sighting, fit
 from raytwin.calib.photos.uncertainty import fit_uncertainty, leave_one_out
 from raytwin.calib.synthetic_photos import bow_of, poses
-from raytwin.errors import InputError
 
 SIZE = (1008, 756)
 FOUR = ("fx", "fy", "cx", "cy")
@@ -85,7 +84,7 @@ def test_on_a_flat_board_the_fit_is_opencvs(real_tags, real_board):
     pixels = [np.array([t.center for t in v.tags], np.float32) for v in known]
     criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 1000, 1e-12)
     rms, K, dist, *_ = cv2.calibrateCamera(points, pixels, size, None, None, criteria=criteria)
-    found = fit(known, size, [board], ModelSpec("full5"))
+    found = fit(known, size, board, ModelSpec("full5"))
     assert rms * (1 - 2e-5) < found.rms_px < rms * (1 + 1e-7)
     assert np.abs(found.K - K).max() < 2e-4 * K[0, 0]
     assert np.allclose(found.dist, dist.ravel(), atol=0.01)
@@ -94,10 +93,10 @@ def test_on_a_flat_board_the_fit_is_opencvs(real_tags, real_board):
 def test_the_fit_without_a_photo_is_told_without_making_it():
     _, _, tags = views(noise=0.3)
     known = [Sighting(p, tuple(found)) for p, found in tags.items()]
-    whole = fit(known, SIZE, [SMALL], ModelSpec("k1k2"))
+    whole = fit(known, SIZE, SMALL, ModelSpec("k1k2"))
     moves, errors = leave_one_out(whole)
     for i in (0, 11):
-        rest = fit(known[:i] + known[i + 1 :], SIZE, [SMALL], ModelSpec("k1k2"))
+        rest = fit(known[:i] + known[i + 1 :], SIZE, SMALL, ModelSpec("k1k2"))
         assert np.allclose(moves[i][:4], (rest.shared - whole.shared)[:4], atol=0.05 * np.abs(moves[i][:4]).max())
         points, pixels = SMALL.points(t.id for t in known[i].tags), np.array([t.center for t in known[i].tags])
         five = lens_model.five(rest.dist)
@@ -144,7 +143,7 @@ def test_over_a_hundred_sets_the_truth_lies_as_far_off_as_sigma_says():
             K, sigma = found.K, [found.sigma[n] for n in FOUR]
         else:  # what `calibrate_detections` ends in, without what it need not find out here
             made = fit(
-                [Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, [SMALL], ModelSpec("k1k2", 4 * (i % 5 == 2))
+                [Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, SMALL, ModelSpec("k1k2", 4 * (i % 5 == 2))
             )
             K, sigma = made.K, np.sqrt(np.diag(fit_uncertainty(made).covariance)[:4])
         off = np.array([K[0][0], K[1][1], K[0][2], K[1][2]]) - (camera.fx, camera.fy, camera.cx, camera.cy)
@@ -167,7 +166,7 @@ def test_few_photos_that_disagree_lie_as_far_off_as_sigma_says():
     for count in (4, 6, 8):
         for i in range(40):
             _, _, tags = views(seed=i, count=count, pool=pool, breath=3e-3)
-            made = fit([Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, [SMALL], ModelSpec("k1k2"))
+            made = fit([Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, SMALL, ModelSpec("k1k2"))
             off = made.shared[:4] - (camera.fx, camera.fy, camera.cx, camera.cy)
             z.append(off / np.sqrt(np.diag(fit_uncertainty(made).covariance)[:4]))
     assert 0.75 < np.median(np.abs(z)) / 0.6745 < 1.22
@@ -177,7 +176,7 @@ def test_few_photos_that_disagree_lie_as_far_off_as_sigma_says():
 def test_what_may_lead_all_tags_astray_widens_sigma_by_what_it_does():
     """Were all tags led systematic by one pixel to the right, cx would be wrong by one, and nothing else."""
     _, _, tags = views(bend=1e-3)
-    found = fit([Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, [SMALL], ModelSpec("k1k2", 6))
+    found = fit([Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, SMALL, ModelSpec("k1k2", 6))
     systematic = np.zeros_like(found.residuals)
     systematic[..., 0] = found.observations.weight
     more = fit_uncertainty(found, [systematic]).covariance - fit_uncertainty(found).covariance
@@ -210,7 +209,7 @@ def test_large_tags_on_a_sheet_that_bends_on_beyond_them_leave_k_within_sigma():
         at = dict(zip(ids, places, strict=True))
         tags[f"view_{i:02d}"] = [moved(tag, at[tag.id]) for tag in found if inside(at[tag.id])]
     found = calibrate_detections(tags, SIZE, board, "k1k2")
-    assert found.boards[0].bend_mm == pytest.approx(2, rel=0.1)
+    assert found.board.bend_mm == pytest.approx(2, rel=0.1)
     off = four(found) - (camera.fx, camera.fy, camera.cx, camera.cy)
     assert np.abs(off / [found.sigma[n] for n in FOUR]).max() < 3
     assert np.abs(off[:2]).max() < 4
@@ -220,9 +219,9 @@ def test_sigma_is_the_larger_of_the_jackknifes_and_that_of_errors_alike():
     """By fits without each photo: of a focus that moves, fx and fy are known worse than their tags say, others not."""
     _, _, tags = views(noise=0.1, breath=1e-3)
     known = [Sighting(p, tuple(t)) for p, t in tags.items()]
-    found = fit(known, SIZE, [SMALL], ModelSpec("k1k2"))
+    found = fit(known, SIZE, SMALL, ModelSpec("k1k2"))
     alike = found.variance * np.linalg.inv(found.H.sum(axis=0))
-    without = [fit(known[:i] + known[i + 1 :], SIZE, [SMALL], ModelSpec("k1k2")).shared for i in range(12)]
+    without = [fit(known[:i] + known[i + 1 :], SIZE, SMALL, ModelSpec("k1k2")).shared for i in range(12)]
     V = 11 / 12 * ((np.array(without) - found.shared) ** 2).sum(axis=0)
     wider = np.sqrt(np.maximum(V / np.diag(alike), 1))
     made = fit_uncertainty(found)
@@ -293,7 +292,7 @@ def test_on_a_bent_board_the_camera_lies_as_far_off_as_sigma_says():
             at = dict(zip(BOARD.centers(), rng.normal(crossings(1e-3 * bend, camera, stand), 0.05), strict=True))
             tags[f"{i}"] = [moved(t, at[t.id]) for t in found if inside(at[t.id])]
         found = calibrate_detections(tags, SIZE, BOARD, "k1k2")
-        assert found.boards[0].bend_mm == pytest.approx(bend, abs=0.06)
+        assert found.board.bend_mm == pytest.approx(bend, abs=0.06)
         assert found.basis.taken == "k1k2, bent 6"  # no photo tells what a poorer shape leaves out
         off = four(found) - (camera.fx, camera.fy, camera.cx, camera.cy)
         z.append(off / [found.sigma[n] for n in FOUR])
@@ -304,7 +303,7 @@ def test_on_a_bent_board_the_camera_lies_as_far_off_as_sigma_says():
 def test_on_photos_of_a_bent_board_the_bend_and_the_camera_are_the_truth(shoot, bent_found):
     """One set in eight would have one of the four numbers beyond two of its sigmas; this seed's has none."""
     (_, truth), found = shoot(14, bend=3e-3), bent_found
-    (board,) = found.boards
+    board = found.board
     assert board.bend_mm == pytest.approx(3, rel=0.02)
     true = np.array([truth.K[0][0], truth.K[1][1], truth.K[0][2], truth.K[1][2]])
     assert (np.abs(four(found) - true) < 2 * np.array([found.sigma[n] for n in FOUR])).all()
@@ -319,8 +318,8 @@ def test_what_few_rows_do_not_tell_of_a_shape_stays_nought():
     camera = a_camera(*SIZE)
     stands = poses(msgspec.structs.replace(board, tag_edge=0.03), camera, 8, np.random.default_rng(1))
     tags = seen(camera, stands, board, 0.05, np.random.default_rng(2))
-    found = fit([Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, [board], ModelSpec("k1k2", 4))
-    (shape,) = found.shapes
+    found = fit([Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, board, ModelSpec("k1k2", 4))
+    shape = found.shape
     assert shape.coefficients[-1] == 0
     assert found.determined == len(found.shared) - 1
     assert np.abs(shape.coefficients).max() < 1e-3
@@ -399,7 +398,7 @@ def test_a_pitch_wrong_in_one_direction_is_said_and_fitted_so_that_k_is_right(by
     assert codes(found) <= {"board-pitch", "few-views", "bent-board"}
     off = four(found) - (camera.fx, camera.fy, camera.cx, camera.cy)
     assert np.abs(off / [found.sigma[n] for n in FOUR]).max() < 3
-    (board,) = found.boards
+    board = found.board
     assert board.heights.stretch == pytest.approx(by - 1, abs=5e-4)
     assert board.bend_mm == pytest.approx(1e3 * bend, abs=0.1)
     shaped = found.shaped(stretched(SMALL, 1 / by)).points(SMALL.centers())
@@ -419,39 +418,3 @@ def test_a_mirrored_description_is_told_what_to_write():
         (text,) = [w.text for w in found.warnings if w.code == "mirrored-board"]
         assert advice in text
         assert codes(found) == {"mirrored-board"}
-
-
-# ---------------------------------------------------------------------------------- several boards
-
-
-def test_two_boards_give_one_camera_and_each_its_own_pose():
-    """The second is bent and of other ids; a photo that shows both is one photo."""
-    camera, stands, tags = views(count=12, noise=0.05)
-    second = Board("tag36h11", 0.001, Grid(5, 7, 0.038, first_id=100))
-    other, _, more = views(seed=3, count=12, noise=0.05, bend=2e-3)
-    assert other == camera
-    both = {p: [*tags[p], *(msgspec.structs.replace(t, id=t.id + 100) for t in more[p])] for p in tags}
-    found = calibrate_detections(both, SIZE, [SMALL, second])
-    assert [(v.photo, v.board) for v in found.views[:3]] == [("view_00", 0), ("view_00", 1), ("view_01", 0)]
-    assert (
-        np.abs(four(found) - (camera.fx, camera.fy, camera.cx, camera.cy))
-        < 3 * np.array([found.sigma[n] for n in FOUR])
-    ).all()
-    assert rotation_degrees(np.array(found.views[0].R_cam_board), np.array(stands[0][0])) < 0.1
-    assert found.boards[1].bend_mm == pytest.approx(2, rel=0.1)
-    assert found.boards[1].heights.stretch == 0
-    assert found.boards[0].bend_mm < 0.15
-    assert [w.text[:20] for w in found.warnings if w.code == "bent-board"] == ["the board 2 is bent "]
-    # Each board has a stretch of its own in y.
-    seen_there = [Sighting(p, tuple(t for t in both[p] if t.id in b.centers()), i)
-                  for p in both for i, b in enumerate((SMALL, second))]  # fmt: skip
-    made = fit(seen_there, SIZE, [stretched(SMALL, 1 / 1.02), stretched(second, 1 / 1.01)], ModelSpec("k1k2", 2, True))
-    assert [shape.stretch for shape in made.shapes] == pytest.approx([0.02, 0.01], abs=1e-3)
-    alone = calibrate_detections(tags, SIZE, SMALL)
-    assert sum(found.sigma[n] ** 2 for n in FOUR) < sum(alone.sigma[n] ** 2 for n in FOUR)
-
-
-def test_boards_that_share_an_id_are_refused():
-    _, _, tags = views(count=4)
-    with pytest.raises(InputError, match=r"board: expected boards whose tags differ, got id 30 on two of them"):
-        calibrate_detections(tags, SIZE, [SMALL, Board("tag36h11", 0.001, Grid(5, 7, 0.038, first_id=30))])

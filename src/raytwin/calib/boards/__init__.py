@@ -1,4 +1,4 @@
-"""What a board of AprilTags is: its tags' places in metres, its printed sheet, and boards from other people's files."""
+"""What a board of AprilTags is: its tags' places in metres, and its printed sheet."""
 
 from raytwin.calib.boards.board import (
     FAMILIES,

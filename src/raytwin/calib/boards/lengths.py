@@ -40,13 +40,6 @@ def parse_length(text: str, where: str, zero: bool = False) -> float:
     return metres
 
 
-def parse_unit(text: str, where: str) -> float:
-    """Metres in one `mm`, `cm`, `m`, `in` or `inch`."""
-    if text.lower() not in UNITS:
-        raise InputError(where, f"one of {', '.join(UNITS)}", repr(text[:40]))
-    return float(UNITS[text.lower()])
-
-
 def parse_paper(text: str, where: str) -> tuple[float, float]:
     """(width, height), metres, of a name in PAPERS or of `200mmx300mm`."""
     width, height = PAPERS.get(text.strip().lower(), text.lower().partition("x")[::2])

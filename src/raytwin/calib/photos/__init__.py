@@ -28,5 +28,4 @@ from raytwin.calib.photos.pose import (
     refined_pose,
     rotation_degrees,
 )
-from raytwin.calib.photos.tag_cache import detect_photo_once
 from raytwin.calib.photos.uncertainty import deviations, pose_deviation, uncertainty_map

@@ -1,7 +1,7 @@
-"""Photos of boards -> K and distortion, with standard deviations, poses, and warnings: detect, fit, choose, check.
+"""Photos of a board -> K and distortion, with standard deviations, poses, and warnings: detect, fit, choose, check.
 
-The fit minimises the distance of tag centres (`fit`); lens model and boards' shapes are chosen by how well they predict
-unseen photos (`model`); the uncertainty follows from how the photos disagree (`uncertainty`).
+The fit minimises the distance of tag centres (`fit`); lens model and the board's shape are chosen by how well they
+predict unseen photos (`model`); the uncertainty follows from how the photos disagree (`uncertainty`).
 """
 
 import math
@@ -20,7 +20,7 @@ from raytwin.calib.boards.board import spans_a_plane
 from raytwin.calib.photos import lens_model, pose
 from raytwin.calib.photos.bias import center_bias, unbiased
 from raytwin.calib.photos.calibration_result import Calibration, CalibrationWarning, Evidence, FoundBoard, View
-from raytwin.calib.photos.detection import Find, Read, Tag, detect, detect_photos
+from raytwin.calib.photos.detection import Find, Tag, detect, detect_photos
 from raytwin.calib.photos.diagnostics import Case, coverage, tilts, warnings_for
 from raytwin.calib.photos.fit import INTRINSICS, MODELS, Fit, ModelSpec, Sighting, fit, matched
 from raytwin.calib.photos.model import ModelTrial, name, select_model
@@ -51,181 +51,154 @@ than any lens bends a board."""
 
 def calibrate(
     photos: str | os.PathLike | Sequence[str | os.PathLike],
-    board: str | os.PathLike | Board | Sequence[str | os.PathLike | Board],
+    board: str | os.PathLike | Board,
     model: str = "auto",
     progress: Progress = silent,
     find: Find = detect,
     threads: int | None = None,
-    read: Read | None = None,
 ) -> Calibration:
-    """Return the camera that took `photos` of one or several boards, with standard deviations and warnings.
+    """Return the camera that took `photos` of a board, with standard deviations and warnings.
 
-    `photos` are files or folders, `board` a Board, its TOML file, or several. `model`: auto, none, k1, k1k2, k1k2p1p2,
-    k1k2k3 or full5. The photos have one size. `K` and distortion are in OpenCV's pixels, poses in metres. `progress`,
-    `find`, `threads` and `read` are those of `detect_photos`.
+    `photos` are files or folders, `board` a Board or its TOML file. `model`: auto, none, k1, k1k2, k1k2p1p2, k1k2k3 or
+    full5. The photos have one size. `K` and distortion are in OpenCV's pixels, poses in metres. `progress`, `find` and
+    `threads` are those of `detect_photos`.
     Photos without tags, and those of another size, are left out with a warning as long as three others remain. Raises
     InputError if the photos do not determine a camera.
     """
     named = [photos] if isinstance(photos, str | os.PathLike) else photos
     listed = [files.list_photos(path) if path.is_dir() else [path] for path in map(Path, named)]
     paths = list(dict.fromkeys(path for some in listed for path in some))
-    boards = _boards(board)
+    board = board if isinstance(board, Board) else read_board(board)
     where = str(paths[0].parent) if paths else "photos"
     _check_model(model)
     if len(paths) < LEAST_VIEWS:
         raise InputError(where, f"at least {LEAST_VIEWS} photos of the board, from different sides", len(paths))
     paths, image_size, warnings = _of_one_size(paths)
-    found: dict[str, dict[str, list[Tag]]] = {}
-    wrong: dict[str, str] = {}
-    kinds = list(dict.fromkeys(b.kind for b in boards))
-    for kind in kinds:
-        found[kind], without = detect_photos(paths, kind, progress, find, threads, read)
-        wrong |= without
-    wrong = {p: why for p, why in wrong.items() if not any(p in tags for tags in found.values())}
+    found, wrong = detect_photos(paths, board.kind, progress, find, threads)
     unique = len({p.name for p in paths}) == len(paths)
     shown = {str(p): p.name if unique else str(p) for p in paths}
     progress("fit", 0, 1)
-    result = _calibrate(
-        {key: {shown[p]: tags for p, tags in by_photo.items()} for key, by_photo in found.items()},
-        image_size, boards, model, where, {shown[p]: why for p, why in wrong.items()}, warnings,
+    result = calibrate_detections(
+        {shown[p]: tags for p, tags in found.items()},
+        image_size, board, model, where, {shown[p]: why for p, why in wrong.items()}, warnings,
     )  # fmt: skip
     progress("fit", 1, 1)
     # By path too, for whoever wants the pose of one of them.
-    kept = {key: {p: tuple(tags) for p, tags in by_photo.items()} for key, by_photo in found.items()}
+    kept = {p: tuple(tags) for p, tags in found.items()}
     return msgspec.structs.replace(result, evidence=msgspec.structs.replace(result.basis, found=kept))
 
 
+# BLAS sums in another order on several threads: the last bits would depend on their number, and nothing is faster.
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def calibrate_detections(
     detections: Mapping[str, Sequence[Tag]],
     image_size: tuple[int, int],
-    board: Board | Sequence[Board],
+    board: Board,
     model: str = "auto",
     where: str = "photos",
     wrong: Mapping[str, str] | None = None,
     warnings: Sequence[CalibrationWarning] = (),
 ) -> Calibration:
-    """The same from tags already found, by photo; those of several boards have ids of their own.
+    """The same from tags already found, by photo.
 
     `wrong` says of other photos why they have none, `warnings` are about the photos themselves.
     """
     _check_model(model)
-    boards = _boards(board)
-    found = {b.kind: detections for b in boards}
-    return _calibrate(found, image_size, boards, model, where, dict(wrong or {}), warnings)
-
-
-# BLAS sums in another order on several threads: the last bits would depend on their number, and nothing is faster.
-@threadpool_limits.wrap(limits=1, user_api="blas")
-def _calibrate(
-    found: Mapping[str, Mapping[str, Sequence[Tag]]],
-    image_size: tuple[int, int],
-    boards: Sequence[Board],
-    model: str,
-    where: str,
-    wrong: dict[str, str],
-    warnings: Sequence[CalibrationWarning],
-) -> Calibration:
-    """From tags by kind and by photo."""
-    if not any(tags for by_photo in found.values() for tags in by_photo.values()):
+    wrong = dict(wrong or {})
+    if not any(detections.values()):
         seen = "; ".join(f"{name}: {why}" for name, why in list(wrong.items())[:3])
-        raise InputError(where, f"photos of {' or '.join(found)} tags", seen or "none")
-    for key, by_photo in found.items():
-        pose.check_ids(list(by_photo.values()), [b for b in boards if b.kind == key], where)
-        _check_inside(by_photo, image_size)
-    views, straight = _first_views(found, image_size, boards, wrong)
+        raise InputError(where, f"photos of {board.kind} tags", seen or "none")
+    pose.check_ids(list(detections.values()), board, where)
+    _check_inside(detections, image_size)
+    views, straight = _first_views(detections, image_size, board, wrong)
     _check_enough(views, wrong, where)
     trials: dict[str, ModelTrial] = {}
     gap = np.zeros((0, 0))
-    result = fit(straight, image_size, boards, ModelSpec(PRELIMINARY if model == "auto" else model))
+    result = fit(straight, image_size, board, ModelSpec(PRELIMINARY if model == "auto" else model))
     for turn in range(1, BENT_ROUNDS):
         bent = result.form.degree > 0
         if turn >= ROUNDS and not bent:
             break
         # This fit reveals the detector's bias and the outliers; without both, the next fit is better.
-        views, straight = _inliers(views, boards, result, wrong)
+        views, straight = _inliers(views, board, result, wrong)
         _check_enough(views, wrong, where)
-        result = fit(straight, image_size, boards, result.form, result)
+        result = fit(straight, image_size, board, result.form, result)
         if turn == 1 or (turn == 2 and bent):
-            result, trials, gap = select_model(straight, image_size, boards, model, result)
+            result, trials, gap = select_model(straight, image_size, board, model, result)
     outliers = {
         v.photo: sorted({t.id for t in v.tags} - {t.id for t in s.tags}) for v, s in zip(views, straight, strict=True)
     }
     known = with_model_gap(
-        fit_uncertainty(result, _systematic(straight, boards, result) if result.form.degree else ()), gap
+        fit_uncertainty(result, _systematic(straight, board, result) if result.form.degree else ()), gap
     )
-    made = _calibration(straight, image_size, boards, result, known, trials, found)
-    more = warnings_for(Case(made, result, known, straight, boards, wrong, outliers))
+    made = _calibration(straight, image_size, board, result, known, trials, detections)
+    more = warnings_for(Case(made, result, known, straight, board, wrong, outliers))
     return msgspec.structs.replace(made, warnings=(*warnings, *(CalibrationWarning(*d) for d in more)))
 
 
 def _first_views(
-    found: Mapping[str, Mapping[str, Sequence[Tag]]],
+    detections: Mapping[str, Sequence[Tag]],
     image_size: tuple[int, int],
-    boards: Sequence[Board],
+    board: Board,
     wrong: dict[str, str],
 ) -> tuple[list[Sighting], list[Sighting]]:
-    """The boards in the photos, in the photos' order: all their tags, and those that one homography agrees with."""
+    """The board in the photos, in the photos' order: all its tags, and those that one homography agrees with."""
     views, straight = [], []
-    photos = dict.fromkeys(photo for by_photo in found.values() for photo in by_photo)
-    for photo in photos:
-        most = 0
-        for i, board in enumerate(boards):
-            known, flat = board.centers(), board.flat()
-            tags = [t for t in found[board.kind].get(photo, ()) if t.id in known]
-            most = max(most, len(tags))
-            inside = np.ones(len(tags), bool)
-            if spans_a_plane(flat.points(t.id for t in tags)[:, :2]):
-                inside = pose.consistent(*matched(tags, flat), GROSS * image_size[0])
-            if spans_a_plane(flat.points(t.id for t in tags)[inside, :2]):
-                views.append(Sighting(photo, tuple(tags), i))
-                straight.append(Sighting(photo, tuple(t for t, ok in zip(tags, inside, strict=True) if ok), i))
-        if not views or views[-1].photo != photo:
-            wrong.setdefault(photo, f"{most} tags of the board, too few or in one line")
+    known, flat = board.centers(), board.flat()
+    for photo, seen in detections.items():
+        tags = [t for t in seen if t.id in known]
+        inside = np.ones(len(tags), bool)
+        if spans_a_plane(flat.points(t.id for t in tags)[:, :2]):
+            inside = pose.consistent(*matched(tags, flat), GROSS * image_size[0])
+        if spans_a_plane(flat.points(t.id for t in tags)[inside, :2]):
+            views.append(Sighting(photo, tuple(tags)))
+            straight.append(Sighting(photo, tuple(t for t, ok in zip(tags, inside, strict=True) if ok)))
+        else:
+            wrong.setdefault(photo, f"{len(tags)} tags of the board, too few or in one line")
     return views, straight
 
 
-def _shaped(boards: Sequence[Board], result: Fit) -> tuple[Board, ...]:
-    return tuple(msgspec.structs.replace(b, heights=s) for b, s in zip(boards, result.shapes, strict=True))
+def _shaped(board: Board, result: Fit) -> Board:
+    return msgspec.structs.replace(board, heights=result.shape)
 
 
-def _systematic(views: Sequence[Sighting], boards: Sequence[Board], result: Fit) -> Sequence[np.ndarray]:
+def _systematic(views: Sequence[Sighting], board: Board, result: Fit) -> Sequence[np.ndarray]:
     """Return (2, v, t, 2) pixels, one standard deviation: the error of the detector's bias as modelled on bent sheets.
 
     First, a share of the bias that bending causes. Second, for a sheet that beyond the outermost centres is anything
     between straight and extrapolated, its root mean square difference from straight.
     """
     by = np.zeros((2, *result.residuals.shape))
-    shaped = _shaped(boards, result)
+    shaped = _shaped(board, result)
+    kinds = ((shaped, True), (board.flat(), True), (shaped, False))
     for i, (view, (R, t)) in enumerate(zip(views, result.poses, strict=True)):
-        ids, board = [tag.id for tag in view.tags], shaped[view.board]
-        kinds = ((board, True), (board.flat(), True), (board, False))
+        ids = [tag.id for tag in view.tags]
         bent, flat, on = (center_bias(ids, b, R, t, result.K, result.dist, straight) for b, straight in kinds)
         by[:, i, : len(ids)] = BENT_BIAS_SD[result.form.degree] * (bent - flat), (on - bent) / math.sqrt(3)
     return list(by)
 
 
 def _inliers(
-    views: Sequence[Sighting], boards: Sequence[Board], result: Fit, wrong: dict[str, str]
+    views: Sequence[Sighting], board: Board, result: Fit, wrong: dict[str, str]
 ) -> tuple[list[Sighting], list[Sighting]]:
     """The views that keep enough tags by `result`: all their tags, and the inliers without the detector's bias.
 
     Every tag is tested again, so that one which an outlier had pulled away comes back.
     """
     moved, errors = [], []
-    shaped = _shaped(boards, result)
+    shaped = _shaped(board, result)
     for view, (R, t) in zip(views, result.poses, strict=True):
-        board = shaped[view.board]
-        tags = unbiased(view.tags, board, R, t, result.K, result.dist)
-        points, pixels = matched(tags, board)
+        tags = unbiased(view.tags, shaped, R, t, result.K, result.dist)
+        points, pixels = matched(tags, shaped)
         moved.append(tags)
         errors.append(np.linalg.norm(lens_model.project(points, R, t, result.K, result.dist) - pixels, axis=1))
     limit = pose.outlier_limit(np.concatenate(errors))
     kept, straight = [], []
     for view, tags, error in zip(views, moved, errors, strict=True):
         inside = tuple(t for t, e in zip(tags, error, strict=True) if e <= limit)
-        if spans_a_plane(shaped[view.board].points(t.id for t in inside)[:, :2]):
+        if spans_a_plane(shaped.points(t.id for t in inside)[:, :2]):
             kept.append(view)
-            straight.append(Sighting(view.photo, inside, view.board))
+            straight.append(Sighting(view.photo, inside))
         else:
             wrong[view.photo] = "too few of its tags agree with the camera of the others: another camera or zoom?"
     return kept, straight
@@ -234,11 +207,11 @@ def _inliers(
 def _calibration(
     views: Sequence[Sighting],
     image_size: tuple[int, int],
-    boards: Sequence[Board],
+    board: Board,
     result: Fit,
     known: FitUncertainty,
     trials: dict[str, ModelTrial],
-    found: Mapping[str, Mapping[str, Sequence[Tag]]],
+    detections: Mapping[str, Sequence[Tag]],
 ) -> Calibration:
     names = result.form.names
     sigma = np.sqrt(np.diag(known.covariance)[: len(names)])
@@ -247,31 +220,29 @@ def _calibration(
     square = (result.residuals**2).sum(axis=(1, 2)) / result.observations.weight.sum(axis=1)
     shown = tuple(
         View(
-            view.photo, len(view.tags), math.sqrt(square[i]), pose.rotation(R), tuple(t.tolist()),
-            float(influence[result.observations.photo[i]]), view.board,
+            view.photo, len(view.tags), math.sqrt(square[i]), pose.rotation(R), tuple(t.tolist()), float(influence[i])
         )
         for i, (view, (R, t)) in enumerate(zip(views, result.poses, strict=True))
     )  # fmt: skip
-    shaped = _shaped(boards, result)
-    middles = [np.append(np.mean(list(b.centers().values()), axis=0), 0.0) for b in boards]
-    away = [np.linalg.norm(R @ middles[v.board] + t) for v, (R, t) in zip(views, result.poses, strict=True)]
+    middle = np.append(np.mean(list(board.centers().values()), axis=0), 0.0)
+    away = [np.linalg.norm(R @ middle + t) for R, t in result.poses]
     seen = tuple((float(t.center[0]), float(t.center[1])) for v in views for t in v.tags)
     evidence = Evidence(
         coverage=coverage(np.array(seen), image_size),
-        tilts=tuple(tilts(shown, boards)),
+        tilts=tuple(tilts(shown, board)),
         distance=float(np.median(away)),
         covariance=tuple(map(tuple, with_poses(result, known).tolist())),
         noise_px=known.noise_px,
         trials=trials,
         taken=name(result.form),
-        boards=shaped,
+        board=_shaped(board, result),
         seen=seen,
         residuals=tuple(
             (float(du), float(dv))
             for view, of in zip(views, result.residuals, strict=True)
             for du, dv in of[: len(view.tags)]
         ),
-        found={key: {photo: tuple(tags) for photo, tags in by_photo.items()} for key, by_photo in found.items()},
+        found={photo: tuple(tags) for photo, tags in detections.items()},
     )
     return Calibration(
         image_size=(int(image_size[0]), int(image_size[1])),
@@ -281,38 +252,20 @@ def _calibration(
         sigma=dict(zip(names, sigma.tolist(), strict=True)),
         rms_px=result.rms_px,
         views=shown,
-        boards=_found_boards(result, known),
+        board=_found_board(result, known),
         evidence=evidence,
     )
 
 
-def _found_boards(result: Fit, known: FitUncertainty) -> tuple[FoundBoard, ...]:
-    boards, at = [], len(result.form.names)
-    for shape, bent in zip(result.shapes, result.observations.bendings, strict=True):
-        bend = bend_sigma = 0.0
-        if shape is not None and bent is not None:
-            n = len(shape.coefficients)
-            heights = bent.heights @ np.array(shape.coefficients)
-            across = bent.heights[heights.argmax()] - bent.heights[heights.argmin()]
-            variance = float(across @ known.covariance[at : at + n, at : at + n] @ across)
-            bend, bend_sigma = 1e3 * float(np.ptp(heights)), 1e3 * math.sqrt(max(variance, 0.0))
-            at += n
-        at += result.form.stretch
-        boards.append(FoundBoard(shape, bend, bend_sigma))
-    return tuple(boards)
-
-
-def _boards(board: str | os.PathLike | Board | Sequence[str | os.PathLike | Board]) -> tuple[Board, ...]:
-    """As a tuple; InputError where two share a tag, which could be either's."""
-    named = (board,) if isinstance(board, str | os.PathLike | Board) else board
-    boards = tuple(b if isinstance(b, Board) else read_board(b) for b in named)
-    if not boards:
-        raise InputError("board", "at least one", "none")
-    for i, b in enumerate(boards):
-        for other in boards[:i]:
-            if b.kind == other.kind and (shared := set(b.centers()) & set(other.centers())):
-                raise InputError("board", "boards whose tags differ", f"id {min(shared)} on two of them")
-    return boards
+def _found_board(result: Fit, known: FitUncertainty) -> FoundBoard:
+    shape, bent, at = result.shape, result.observations.bending, len(result.form.names)
+    if shape is None or bent is None:
+        return FoundBoard(shape)
+    of_heights = slice(at, at + len(shape.coefficients))
+    heights = bent.heights @ np.array(shape.coefficients)
+    across = bent.heights[heights.argmax()] - bent.heights[heights.argmin()]
+    variance = float(across @ known.covariance[of_heights, of_heights] @ across)
+    return FoundBoard(shape, 1e3 * float(np.ptp(heights)), 1e3 * math.sqrt(max(variance, 0.0)))
 
 
 def _of_one_size(paths: Sequence[Path]) -> tuple[list[Path], tuple[int, int], list[CalibrationWarning]]:
@@ -363,10 +316,9 @@ def _check_inside(detections: Mapping[str, Sequence[Tag]], image_size: tuple[int
 
 
 def _check_enough(views: Sequence[Sighting], wrong: dict[str, str], where: str) -> None:
-    photos = {v.photo for v in views}
-    if len(photos) < LEAST_VIEWS:
+    if len(views) < LEAST_VIEWS:
         reasons = "".join(f"; {name}: {why}" for name, why in list(wrong.items())[:3])
-        raise InputError(where, f"at least {LEAST_VIEWS} photos that show the board", f"{len(photos)}{reasons}")
+        raise InputError(where, f"at least {LEAST_VIEWS} photos that show the board", f"{len(views)}{reasons}")
 
 
 def _check_model(model: str) -> None:

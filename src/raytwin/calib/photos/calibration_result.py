@@ -9,15 +9,13 @@ from raytwin.calib.boards import Board, Heights
 from raytwin.calib.photos.detection import Tag
 from raytwin.calib.photos.model import ModelTrial, TrialRow, trial_rows
 from raytwin.errors import InputError
-from raytwin.notebook import InNotebook
 from raytwin.scene import Matrix, Record, Vector
 
 
 class View(Record, frozen=True):
-    """One board in one photo: tags used, root mean squared distance, `p_cam = R_cam_board @ p_board + t_cam_board` (m).
+    """The board in one photo: tags used, root mean squared distance, `p_cam = R_cam_board @ p_board + t_cam_board` (m).
 
     `influence`: by how many of their standard deviations fx, fy, cx and cy move (rms) when the photo is left out.
-    `board`: which of the boards, counted from 0.
     """
 
     photo: str
@@ -26,11 +24,10 @@ class View(Record, frozen=True):
     R_cam_board: Matrix
     t_cam_board: Vector
     influence: float = 0.0
-    board: int = 0
 
 
 class FoundBoard(Record, frozen=True):
-    """A board as fitted: `heights` is None where a flat one predicts as well. `bend_mm`: from the lowest tag's
+    """The board as fitted: `heights` is None where a flat one predicts as well. `bend_mm`: from the lowest tag's
     height to the highest's, `bend_sigma_mm` one standard deviation of it."""
 
     heights: Heights | None = None
@@ -52,8 +49,8 @@ class Evidence(Record, frozen=True):
     normal and the line of sight, degrees, by view. `distance`: the board's middle from the camera, the median over the
     views, metres. `covariance`: of (fx, fy, cx, cy, the model's coefficients, omega, tau), see `uncertainty`; pixels,
     radians, metres; `noise_px`: one standard deviation of a tag's coordinate that goes with it. `trials`: what came of
-    each model, `taken` among them. `boards`: with their shapes. `seen`: the tags' centres, by view; `residuals`:
-    projected minus seen of each, pixels. `found`: by kind of tag and by photo, all tags that were detected.
+    each model, `taken` among them. `board`: with its shape. `seen`: the tags' centres, by view; `residuals`:
+    projected minus seen of each, pixels. `found`: by photo, all tags that were detected.
     """
 
     coverage: float
@@ -63,13 +60,13 @@ class Evidence(Record, frozen=True):
     noise_px: float
     trials: dict[str, ModelTrial]
     taken: str
-    boards: tuple[Board, ...]
+    board: Board
     seen: tuple[tuple[float, float], ...]
     residuals: tuple[tuple[float, float], ...]
-    found: dict[str, dict[str, tuple[Tag, ...]]]
+    found: dict[str, tuple[Tag, ...]]
 
 
-class Calibration(Record, InNotebook, frozen=True):
+class Calibration(Record, frozen=True):
     """The camera and how well it is known; its fields, `evidence` aside, are the keys of the JSON.
 
     `K` in pixels (OpenCV's: (0, 0) is a pixel's centre); `dist` is a prefix of k1, k2, p1, p2, k3; `sigma` holds one
@@ -83,14 +80,9 @@ class Calibration(Record, InNotebook, frozen=True):
     sigma: dict[str, float]
     rms_px: float
     views: tuple[View, ...]
-    boards: tuple[FoundBoard, ...] = ()
+    board: FoundBoard = FoundBoard()
     warnings: tuple[CalibrationWarning, ...] = ()
     evidence: Evidence | None = None
-
-    @property
-    def photos(self) -> tuple[str, ...]:
-        """The photos used: fewer than the views where one shows several boards."""
-        return tuple(dict.fromkeys(v.photo for v in self.views))
 
     def numbers(self) -> dict[str, Any]:
         """What the JSON holds."""
@@ -102,12 +94,12 @@ class Calibration(Record, InNotebook, frozen=True):
         return plain
 
     def table(self) -> list[dict[str, Any]]:
-        """Return a row per board and photo: what `pandas.DataFrame` takes."""
+        """Return a row per photo: what `pandas.DataFrame` takes."""
         return [view.to_dict() for view in self.views]
 
     def __repr__(self) -> str:
         found = f"fx {self.K[0][0]:.6g}, fy {self.K[1][1]:.6g}, rms {self.rms_px:.3f} px"
-        return f"<raytwin.calibrate {len(self.photos)} photos, model {self.model}, {found}>"
+        return f"<raytwin.calibrate {len(self.views)} photos, model {self.model}, {found}>"
 
     @property
     def basis(self) -> Evidence:
@@ -117,19 +109,18 @@ class Calibration(Record, InNotebook, frozen=True):
         return self.evidence
 
     def shaped(self, board: Board) -> Board:
-        """The board with the shape that was found for it; as it is if it is none of those calibrated from."""
-        known = self.evidence.boards if self.evidence is not None else ()
-        return next((b for b in known if b.flat() == board.flat()), board)
+        """The board with the shape that was found for it; as it is if it is not the one calibrated from."""
+        known = self.evidence.board if self.evidence is not None else board
+        return known if known.flat() == board.flat() else board
 
     def tags_of(self, photo: str | os.PathLike, board: Board) -> tuple[Tag, ...] | None:
         """The tags that were found in a photo, so that it need not be searched again; None for any other photo."""
-        if self.evidence is None:
+        if self.evidence is None or self.evidence.board.kind != board.kind:
             return None
-        found = self.evidence.found.get(board.kind, {})
-        return found.get(str(photo))
+        return self.evidence.found.get(str(photo))
 
 
 def model_table(calibration: Calibration) -> list[TrialRow]:
     """Why the model was taken, and the others were not; empty for a calibration that was read back."""
     known = calibration.evidence
-    return [] if known is None else trial_rows(known.trials, known.taken, len(calibration.photos))
+    return [] if known is None else trial_rows(known.trials, known.taken, len(calibration.views))

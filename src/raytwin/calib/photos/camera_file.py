@@ -1,4 +1,4 @@
-"""camera.toml: the calibrated camera, and beside it the shape of each bent board that it was found with.
+"""camera.toml: the calibrated camera, and beside it the shape of the board that it was found with, if that is bent.
 
     [[boards]]
     board = "3f0c..."             # Board.digest: the shape is that of this board and of no other
@@ -29,12 +29,11 @@ class _ShapesOnly(Record, frozen=True):
     boards: tuple[BoardShape, ...] = ()
 
 
-def write_camera_file(path: str | os.PathLike, camera: Camera, boards: Iterable[Board] = (), comment: str = "") -> None:
-    """Write the camera, and the shapes of those of the boards that are bent."""
-    shapes = [BoardShape(b.digest, b.heights) for b in boards if b.heights is not None]
+def write_camera_file(path: str | os.PathLike, camera: Camera, board: Board, comment: str = "") -> None:
+    """Write the camera, and the board's shape if it is bent."""
     table = files.plain(camera)
-    if shapes:
-        table["boards"] = files.plain(shapes)
+    if board.heights is not None:
+        table["boards"] = files.plain([BoardShape(board.digest, board.heights)])
     files.write_toml(path, table, comment)
 
 

@@ -24,9 +24,6 @@ from raytwin.scene import Record
 Find = Callable[[np.ndarray, str], "list[Tag]"]
 """find(grey, kind) -> the tags in a photo, in the photo's own pixels; `detect` is one."""
 
-Read = Callable[[str | os.PathLike, str], "list[Tag]"]
-"""read(path, kind) -> the tags in a photo's file, or NoTags."""
-
 
 class NoTags(InputError):
     """The photo is sound, but shows no tag of the family that can be read."""
@@ -172,18 +169,17 @@ def detect_photos(
     progress: Progress = silent,
     find: Find = detect,
     threads: int | None = None,
-    read: Read | None = None,
 ) -> tuple[dict[str, list[Tag]], dict[str, str]]:
     """Tags by photo's path, and by photo's path what is wrong with those that show none.
 
-    `threads`: how many photos are read in parallel, by default one per core. `read` replaces `detect_photo`.
+    `threads`: how many photos are read in parallel, by default one per core.
     """
     tags: dict[str, list[Tag]] = {}
     wrong: dict[str, str] = {}
 
     def look(photo: str | os.PathLike) -> list[Tag] | NoTags:
         try:
-            return read(photo, kind) if read else detect_photo(photo, kind, find)
+            return detect_photo(photo, kind, find)
         except NoTags as error:
             return error
 

@@ -62,7 +62,7 @@ class Case:
     found: Fit
     known: FitUncertainty
     views: Sequence[Sighting]
-    boards: Sequence[Board]
+    board: Board
     wrong: Mapping[str, str]
     outliers: Mapping[str, Sequence[int]]
 
@@ -72,14 +72,14 @@ class Case:
 
     @property
     def photos(self) -> list[str]:
-        return list(dict.fromkeys(v.photo for v in self.views))
+        return [v.photo for v in self.views]
 
     def without(self, photo: str) -> "Case":
         """The same without one photo."""
         kept = [i for i, v in enumerate(self.views) if v.photo != photo]
         views = [self.views[i] for i in kept]
         start = replace(self.found, R=self.found.R[kept], t=self.found.t[kept])
-        found = fit(views, self.image_size, self.boards, start.form, start)
+        found = fit(views, self.image_size, self.board, start.form, start)
         return replace(self, views=views, found=found, known=fit_uncertainty(found))
 
 
@@ -100,10 +100,10 @@ def normal_spread(rotations: Sequence[np.ndarray]) -> float:
     return float(np.degrees(np.arccos(np.clip((normals @ normals.T).min(), -1, 1))))
 
 
-def tilts(views, boards: Sequence[Board]) -> list[float]:
+def tilts(views, board: Board) -> list[float]:
     """The angle between the board's normal and the line of sight to its middle, degrees, by view."""
-    middles = [np.append(np.mean(list(b.centers().values()), axis=0), 0.0) for b in boards]
-    sights = [np.array(v.R_cam_board) @ middles[v.board] + v.t_cam_board for v in views]
+    middle = np.append(np.mean(list(board.centers().values()), axis=0), 0.0)
+    sights = [np.array(v.R_cam_board) @ middle + v.t_cam_board for v in views]
     cosines = [abs(np.array(v.R_cam_board)[:, 2] @ s) / np.linalg.norm(s) for v, s in zip(views, sights, strict=True)]
     return np.degrees(np.arccos(np.clip(cosines, 0, 1))).tolist()
 
@@ -188,32 +188,29 @@ def bare_sides(pixels: np.ndarray, image_size: tuple[int, int]) -> dict[str, flo
 
 
 def _mirrored(case: Case) -> Warnings:
-    for i, board in enumerate(case.boards):
-        of = [v for v in case.views if v.board == i]
-        behind = [v for v in of if is_mirrored(*matched(v.tags, board.flat()))]
-        if behind:
-            advice = "swap the sign of x"
-            if board.grid is not None:
-                advice = f'write order = "{"up" if board.grid.order == "down" else "down"}" into its [grid]'
-            text = f"the board is seen from behind in {len(behind)} of {len(of)} views: its description is mirrored"
-            yield "mirrored-board", f"{text} ({advice})"
+    board, views = case.board, case.views
+    behind = [v for v in views if is_mirrored(*matched(v.tags, board.flat()))]
+    if behind:
+        advice = "swap the sign of x"
+        if board.grid is not None:
+            advice = f'write order = "{"up" if board.grid.order == "down" else "down"}" into its [grid]'
+        text = f"the board is seen from behind in {len(behind)} of {len(views)} views: its description is mirrored"
+        yield "mirrored-board", f"{text} ({advice})"
 
 
 def _pitch(case: Case) -> Warnings:
-    for i, at in enumerate(case.found.stretch_at):
-        which = f" (board {i + 1})" if len(case.boards) > 1 else ""
-        sigma = math.sqrt(case.known.covariance[at, at])
-        text = f"the board's pitch in y is {1 + case.found.shared[at]:.4f} (± {sigma:.1g}) times what its file says"
-        yield "board-pitch", f"{text}{which}: fitted along with the camera; measure it both ways"
+    if case.found.form.stretch:  # the last parameter
+        sigma = math.sqrt(case.known.covariance[-1, -1])
+        text = f"the board's pitch in y is {1 + case.found.shared[-1]:.4f} (± {sigma:.1g}) times what its file says"
+        yield "board-pitch", f"{text}: fitted along with the camera; measure it both ways"
 
 
 def _bent(case: Case) -> Warnings:
-    for i, (board, found) in enumerate(zip(case.boards, case.calibration.boards, strict=True)):
-        diagonal = 1e3 * float(np.linalg.norm(np.ptp(list(board.centers().values()), axis=0)))
-        if found.bend_mm > max(BENT * diagonal, SURELY * found.bend_sigma_mm):
-            which = f" {i + 1}" if len(case.boards) > 1 else ""
-            text = f"the board{which} is bent by {found.bend_mm:.2g} ± {found.bend_sigma_mm:.1g} mm"
-            yield "bent-board", f"{text}: fitted along with the camera; glue it to something flat"
+    found = case.calibration.board
+    diagonal = 1e3 * float(np.linalg.norm(np.ptp(list(case.board.centers().values()), axis=0)))
+    if found.bend_mm > max(BENT * diagonal, SURELY * found.bend_sigma_mm):
+        text = f"the board is bent by {found.bend_mm:.2g} ± {found.bend_sigma_mm:.1g} mm"
+        yield "bent-board", f"{text}: fitted along with the camera; glue it to something flat"
 
 
 def _odd(case: Case) -> Warnings:
@@ -284,7 +281,7 @@ def _ambiguous(case: Case) -> Warnings:
     c = case.calibration
     for view, shown in zip(case.views, c.views, strict=True):
         start = pose.Pose(shown.R_cam_board, shown.t_cam_board, shown.rms_px)
-        _, ratio = pose.refined_pose(c.K, c.dist, view.tags, c.basis.boards[view.board], start)
+        _, ratio = pose.refined_pose(c.K, c.dist, view.tags, c.basis.board, start)
         if ratio is not None and pose.ambiguous(ratio, len(view.tags)):
             yield "ambiguous-pose", f"{view.photo}: a second pose fits with only {ratio:.2f} times the error"
 

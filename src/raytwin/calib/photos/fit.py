@@ -1,4 +1,4 @@
-"""Tags of boards, seen from many sides -> K, distortion, poses and the boards' shapes: min Σ |project(board) - tag|².
+"""Tags of a board, seen from many sides -> K, distortion, poses and the board's shape: min Σ |project(board) - tag|².
 
 OpenCV's first fit gives the start; from there it is Gauss-Newton with Marquardt's damping, where every view's six
 numbers of pose are eliminated first. With A = d residuals / d shared, B = d residuals / d pose of the view i (Schur
@@ -54,17 +54,16 @@ def one_thread() -> Iterator[None]:
 
 
 class Sighting(Record, frozen=True):
-    """One board's tags in one photo, none of them unknown to the board; internal to the fit. `board`: its index."""
+    """The board's tags in one photo, none of them unknown to the board; internal to the fit."""
 
     photo: str
     tags: tuple[Tag, ...]
-    board: int = 0
 
 
 @dataclass(frozen=True)
 class ModelSpec:
-    """What is fitted besides K and poses: a row of MODELS, the degree of the boards' heights (0: flat), and whether a
-    stretch of the boards' y is free."""
+    """What is fitted besides K and poses: a row of MODELS, the degree of the board's heights (0: flat), and whether a
+    stretch of the board's y is free."""
 
     model: str
     degree: int = 0
@@ -87,17 +86,15 @@ class Observations:
     """What v views saw, a row each, padded to the most tags t that any has.
 
     `points` (v, t, 3) metres on the flat board; `pixels` (v, t, 2); `weight` (v, t): 1, or 0 where padded; `rows` (v,
-    t): the tag's place in its board's list; `board`, `photo` (v,): of which board in which photo, by number.
+    t): the tag's place in the board's list; `middle_y`: the mean y of the board's centres, metres.
     """
 
     points: np.ndarray
     pixels: np.ndarray
     weight: np.ndarray
     rows: np.ndarray
-    board: np.ndarray
-    photo: np.ndarray
-    bendings: tuple[Bending | None, ...]
-    height: tuple[float, ...]
+    bending: Bending | None
+    middle_y: float
     image_size: tuple[int, int]
 
     def count(self) -> int:
@@ -107,7 +104,7 @@ class Observations:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """The fit at one place: `shared` (m,) is fx, fy, cx, cy, the coefficients of `form`, then the boards' shapes.
+    """The fit at one place: `shared` (m,) is fx, fy, cx, cy, the coefficients of `form`, then the board's shape.
 
     R (v, 3, 3), t (v, 3): the poses. `residuals` (v, t, 2): projected minus seen, pixels; `A` (v, 2 t, m), `B` (v, 2 t,
     6): see above. `cost`: the sum of squares.
@@ -163,41 +160,31 @@ class Fit(Step):
         return int((np.diag(self.H.sum(axis=0)) > 0).sum())
 
     @property
-    def shapes(self) -> tuple[Heights | None, ...]:
-        """Each board's fitted shape; None for a board taken as flat and of the described pitch."""
+    def shape(self) -> Heights | None:
+        """The board's fitted shape; None for a board taken as flat and of the described pitch."""
         if not (self.form.degree or self.form.stretch):
-            return (None,) * len(self.observations.bendings)
-        degree, flat = self.form.degree or DEGREES[0], (0.0,) * count(DEGREES[0])
-        parts = _parts(self.shared, self.form, self.observations)
-        return tuple(Heights(degree, tuple(c.tolist()) or flat, stretch) for c, stretch in parts)
-
-    @property
-    def stretch_at(self) -> list[int]:
-        """Where in `shared` the boards' stretches are."""
-        at, places = len(self.form.names), []
-        for b in self.observations.bendings:
-            at += 0 if b is None else b.heights.shape[1]
-            places += [at] if self.form.stretch else []
-            at += self.form.stretch
-        return places
+            return None
+        c, stretch = _shape_of(self.shared, self.form)
+        flat = (0.0,) * count(DEGREES[0])
+        return Heights(self.form.degree or DEGREES[0], tuple(c.tolist()) or flat, stretch)
 
 
 def fit(
     views: Sequence[Sighting],
     image_size: tuple[int, int],
-    boards: Sequence[Board],
+    board: Board,
     form: ModelSpec,
     start: Fit | None = None,
 ) -> Fit:
-    """The camera, poses and shapes of least squared pixel distance; from `start`, a fit of the same views, where
+    """The camera, poses and the shape of least squared pixel distance; from `start`, a fit of the same views, where
     given."""
-    seen = _observe(views, image_size, boards, form)
+    seen = _observe(views, image_size, board, form)
     if start is None or len(start.R) != len(views):
-        K, dist, R, t = _first(views, image_size, boards)
+        K, dist, R, t = _first(views, image_size, board)
     else:
         K, dist, R, t = start.K, start.dist, start.R, start.t
     value = dict(zip(lens_model.NAMES, dist, strict=False))
-    shared = np.zeros(4 + len(MODELS[form.model]) + _shape_count(seen, form))
+    shared = np.zeros(4 + len(MODELS[form.model]) + _shape_count(form))
     shared[: len(form.names)] = K[0, 0], K[1, 1], K[0, 2], K[1, 2], *(value.get(n, 0.0) for n in MODELS[form.model])
     if start is not None and (start.form.degree, start.form.stretch) == (form.degree, form.stretch):
         shared[len(form.names) :] = start.shared[len(start.form.names) :]
@@ -214,10 +201,10 @@ def matched(tags: Sequence[Tag], board: Board) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _first(
-    views: Sequence[Sighting], image_size: tuple[int, int], boards: Sequence[Board]
+    views: Sequence[Sighting], image_size: tuple[int, int], board: Board
 ) -> tuple[np.ndarray, tuple[float, ...], np.ndarray, np.ndarray]:
-    """K, distortion and poses of flat boards, by OpenCV: Zhang's closed form, and steps from there."""
-    both = [matched(v.tags, boards[v.board].flat()) for v in views]
+    """K, distortion and poses of the flat board, by OpenCV: Zhang's closed form, and steps from there."""
+    both = [matched(v.tags, board.flat()) for v in views]
     points, pixels = ([one.astype(np.float32) for one in side] for side in zip(*both, strict=True))
     flags = cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
     try:
@@ -234,59 +221,45 @@ def _first(
     return K, tuple(dist.ravel()[:5].tolist()), R, t
 
 
-def _observe(
-    views: Sequence[Sighting], image_size: tuple[int, int], boards: Sequence[Board], form: ModelSpec
-) -> Observations:
+def _observe(views: Sequence[Sighting], image_size: tuple[int, int], board: Board, form: ModelSpec) -> Observations:
     most = max(len(v.tags) for v in views)
     points, pixels = np.zeros((len(views), most, 3)), np.zeros((len(views), most, 2))
     weight, rows = np.zeros((len(views), most)), np.zeros((len(views), most), int)
-    flat = [b.flat() for b in boards]
-    places = [{tag: i for i, tag in enumerate(b.centers())} for b in boards]
-    photos: dict[str, int] = {}
+    flat, centers = board.flat(), board.centers()
+    place = {tag: i for i, tag in enumerate(centers)}
     for i, view in enumerate(views):
         n = len(view.tags)
-        points[i, :n], pixels[i, :n] = matched(view.tags, flat[view.board])
+        points[i, :n], pixels[i, :n] = matched(view.tags, flat)
         points[i, n:] = points[i, 0]  # in front of the camera wherever the others are
         weight[i, :n] = 1
-        rows[i, :n] = [places[view.board][tag.id] for tag in view.tags]
-        photos.setdefault(view.photo, len(photos))
-    middle = tuple(float(np.mean([y for _, y in b.centers().values()])) for b in boards)
-    bendings = tuple(bending(tuple(b.centers().values()), form.degree) if form.degree else None for b in boards)
-    board, photo = (np.array(a) for a in ([v.board for v in views], [photos[v.photo] for v in views]))
-    return Observations(points, pixels, weight, rows, board, photo, bendings, middle, image_size)
+        rows[i, :n] = [place[tag.id] for tag in view.tags]
+    middle_y = float(np.mean([y for _, y in centers.values()]))
+    bent = bending(tuple(centers.values()), form.degree) if form.degree else None
+    return Observations(points, pixels, weight, rows, bent, middle_y, image_size)
 
 
-def _shape_count(seen: Observations, form: ModelSpec) -> int:
-    return sum((0 if b is None else b.heights.shape[1]) + form.stretch for b in seen.bendings)
+def _shape_count(form: ModelSpec) -> int:
+    return count(form.degree) + form.stretch
 
 
-def _parts(shared: np.ndarray, form: ModelSpec, seen: Observations) -> list[tuple[np.ndarray, float]]:
-    """By board: the coefficients of its heights, and the stretch of its y."""
-    parts, at = [], len(form.names)
-    for b in seen.bendings:
-        n = 0 if b is None else b.heights.shape[1]
-        parts.append((shared[at : at + n], float(shared[at + n]) if form.stretch else 0.0))
-        at += n + form.stretch
-    return parts
+def _shape_of(shared: np.ndarray, form: ModelSpec) -> tuple[np.ndarray, float]:
+    """The coefficients of the board's heights, and the stretch of its y, which is the last parameter."""
+    at = len(form.names)
+    return shared[at : at + count(form.degree)], float(shared[-1]) if form.stretch else 0.0
 
 
 def _shaped(seen: Observations, form: ModelSpec, shared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The boards' points with their shape (v, t, 3), and how they move with its numbers (v, t, s, 3), metres."""
+    """The board's points with its shape (v, t, 3), and how they move with its numbers (v, t, s, 3), metres."""
     points = seen.points.copy()
-    moves = np.zeros((*points.shape[:2], _shape_count(seen, form), 3))
-    at = 0
-    for i, (b, (c, stretch)) in enumerate(zip(seen.bendings, _parts(shared, form, seen), strict=True)):
-        mine = seen.board == i
-        rows = seen.rows[mine]
-        if b is not None:
-            points[mine] += b.move(c)[rows]
-            moves[mine, :, at : at + len(c)] = b.moves(c)[rows]
-            at += len(c)
-        if form.stretch:
-            along = seen.points[mine][..., 1] - seen.height[i]
-            points[mine, :, 1] += stretch * along
-            moves[mine, :, at, 1] = along
-            at += 1
+    moves = np.zeros((*points.shape[:2], _shape_count(form), 3))
+    c, stretch = _shape_of(shared, form)
+    if seen.bending is not None:
+        points += seen.bending.move(c)[seen.rows]
+        moves[:, :, : len(c)] = seen.bending.moves(c)[seen.rows]
+    if form.stretch:
+        along = seen.points[..., 1] - seen.middle_y
+        points[..., 1] += stretch * along
+        moves[:, :, -1, 1] = along
     return points, moves
 
 

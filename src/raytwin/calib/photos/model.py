@@ -1,4 +1,4 @@
-"""Choose the lens model and the boards' shape by how well they predict photos that the fit has not seen.
+"""Choose the lens model and the board's shape by how well they predict photos that the fit has not seen.
 
 The five coefficients of a plain OpenCV fit on a flat board are always among the candidates. A smaller model is taken
 only where it predicts as well, a bent board only where it predicts better, and then the richest shape that does.
@@ -36,7 +36,8 @@ STRETCHED, EXPLAINED, SURELY = 0.002, 0.8, 4.0
 fitting it lowers the rms to less than this fraction."""
 
 LEAST_FOR_SHAPE, LEAST_FOR_ANY_SHAPE = 4, 6
-"""Photos: with fewer than the first, boards are taken for flat; with fewer than the second, for flat or of degree 2."""
+"""Photos: with fewer than the first, the board is taken for flat; with fewer than the second, for flat or of
+degree 2."""
 
 
 class ModelTrial(Record, frozen=True):
@@ -56,7 +57,7 @@ class TrialRow(NamedTuple):
 
 
 def name(form: ModelSpec) -> str:
-    """`full5`, or `full5, bent 3`: the lens, and the degree of the boards' heights."""
+    """`full5`, or `full5, bent 3`: the lens, and the degree of the board's heights."""
     return form.model if form.degree == 0 else f"{form.model}, bent {form.degree}"
 
 
@@ -74,25 +75,25 @@ Chosen = tuple[Fit, dict[str, ModelTrial], np.ndarray]
 
 
 def select_model(
-    views: Sequence[Sighting], image_size: tuple[int, int], boards: Sequence[Board], model: str, start: Fit
+    views: Sequence[Sighting], image_size: tuple[int, int], board: Board, model: str, start: Fit
 ) -> Chosen:
-    """Choose the boards' shape, then the lens; and both again with the boards' pitch in y where it is surely wrong."""
-    chosen = _select(views, image_size, boards, model, start, False)
+    """Choose the board's shape, then the lens; and both again with the board's pitch in y where it is surely wrong."""
+    chosen = _select(views, image_size, board, model, start, False)
     try:
-        free = fit(views, image_size, boards, replace(chosen[0].form, stretch=True), chosen[0])
+        free = fit(views, image_size, board, replace(chosen[0].form, stretch=True), chosen[0])
     except InputError:
         return chosen
-    sigma = np.sqrt(np.diag(fit_uncertainty(free).covariance)[free.stretch_at])
-    wrong = np.abs(free.shared[free.stretch_at]) > np.maximum(STRETCHED, SURELY * sigma)
-    if not wrong.any() or free.rms_px > EXPLAINED * chosen[0].rms_px:
+    sigma = math.sqrt(fit_uncertainty(free).covariance[-1, -1])  # of the stretch, the last parameter
+    wrong = abs(free.shared[-1]) > max(STRETCHED, SURELY * sigma)
+    if not wrong or free.rms_px > EXPLAINED * chosen[0].rms_px:
         return chosen
-    return _select(views, image_size, boards, model, free, True)
+    return _select(views, image_size, board, model, free, True)
 
 
 def _select(
     views: Sequence[Sighting],
     image_size: tuple[int, int],
-    boards: Sequence[Board],
+    board: Board,
     model: str,
     start: Fit,
     stretch: bool,
@@ -102,13 +103,13 @@ def _select(
 
     def attempt(form: ModelSpec, begin: Fit) -> None:
         try:
-            fits[name(form)] = fit(views, image_size, boards, form, begin)
+            fits[name(form)] = fit(views, image_size, board, form, begin)
             trials[name(form)] = ModelTrial(held_out(fits[name(form)]))
         except InputError:
             trials[name(form)] = ModelTrial(math.inf, "the fit does not converge")
 
     richest = LADDER[-1] if model == "auto" else model
-    photos = len({v.photo for v in views})
+    photos = len(views)
     for degree in _degrees(photos):
         if degree == DEGREES[-1] and _as_good(trials, list(trials))[0] == richest:
             continue  # a shape that no lower degree hints at
@@ -154,7 +155,7 @@ def _gap(fits: Mapping[str, Fit], trials: Mapping[str, ModelTrial], taken: Fit, 
 
 
 def _degrees(photos: int) -> tuple[int, ...]:
-    """Which degrees of the boards' heights are tried; 0 is flat."""
+    """Which degrees of the board's heights are tried; 0 is flat."""
     if photos < LEAST_FOR_SHAPE:
         return (0,)
     return (0, *DEGREES) if photos >= LEAST_FOR_ANY_SHAPE else (0, DEGREES[0])

@@ -11,7 +11,7 @@ small by chance, and that makes sigma some 8 % too large where photos do err ali
 
 A camera that is a little wrong is for the most part a camera that looks a little elsewhere, and every pose found with
 it looks elsewhere by the same amount: such an error is invisible in use. What counts is what is left. So a point fixed
-to the boards, not to the camera, is followed: the perturbed poses carry it along, on average over the views, by a turn
+to the board, not to the camera, is followed: the perturbed poses carry it along, on average over the views, by a turn
 omega and a shift tau, and only then is it projected through the perturbed lens:
 
     q' = project(p + omega x p + tau; intrinsics + d),  J = dq' / d(intrinsics, omega, tau),  Var[q] = J C J^T.
@@ -38,17 +38,15 @@ CELL = 16
 def leave_one_out(found: Fit) -> tuple[np.ndarray, np.ndarray]:
     """By photo: how the shared numbers move without it (n, m), and the rms distance of its own tags then (n,),
     pixels."""
-    photo = found.observations.photo
     total = found.H.sum(axis=0)
     moves, errors = [], []
-    for i in range(photo.max() + 1):
-        mine = photo == i
-        move = solve_scaled(total - found.H[mine].sum(axis=0), found.g[mine].sum(axis=0))
+    for i, residuals in enumerate(found.residuals):
+        move = solve_scaled(total - found.H[i], found.g[i])
         # Its pose follows as well as it can.
-        by = ((found.A[mine] + found.B[mine] @ found.follow[mine]) @ move).reshape(found.residuals[mine].shape)
-        squares = float(((found.residuals[mine] + by) ** 2).sum())
+        by = ((found.A[i] + found.B[i] @ found.follow[i]) @ move).reshape(residuals.shape)
+        squares = float(((residuals + by) ** 2).sum())
         moves.append(move)
-        errors.append(math.sqrt(squares / found.observations.weight[mine].sum()))
+        errors.append(math.sqrt(squares / found.observations.weight[i].sum()))
     return np.array(moves), np.array(errors)
 
 
@@ -128,7 +126,7 @@ def cell_middles(image_size: tuple[int, int]) -> tuple[np.ndarray, tuple[int, in
 
 
 def uncertainty_map(calibration) -> np.ndarray:
-    """(h, w): `deviations` at `cell_middles`, as far off as the boards were."""
+    """(h, w): `deviations` at `cell_middles`, as far off as the board was."""
     pixels, shape = cell_middles(calibration.image_size)
     return deviations(calibration, pixels, calibration.basis.distance).reshape(shape)
 

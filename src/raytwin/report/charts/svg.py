@@ -106,18 +106,18 @@ class Axes:
             return math.log(value / ends[0]) / math.log(ends[1] / ends[0])
         return (value - ends[0]) / (ends[1] - ends[0])
 
-    def grid(self, size: float = 10.5, lines: bool = True) -> list[str]:
-        """Return round numbers along both axes, and a line at each."""
+    def grid(self) -> list[str]:
+        """Return round numbers along both logarithmic axes, and a line at each."""
         (left, top), (right, bottom) = self.corners
-        ticks, shapes = log_ticks if self.logarithmic else even_ticks, []
-        for value in ticks(self.x_range):
+        shapes = []
+        for value in log_ticks(self.x_range):
             x, _ = self.at(value, self.y_range[0])
-            shapes += [stroke(((x, top), (x, bottom)), GRID, 1)] if lines else []
-            shapes.append(words(short(value), (x, bottom + 12), size, anchor="middle", role="tick"))
-        for value in ticks(self.y_range):
+            shapes.append(stroke(((x, top), (x, bottom)), GRID, 1))
+            shapes.append(words(short(value), (x, bottom + 12), 10.5, anchor="middle", role="tick"))
+        for value in log_ticks(self.y_range):
             _, y = self.at(self.x_range[0], value)
-            shapes += [stroke(((left, y), (right, y)), GRID, 1)] if lines else []
-            shapes.append(words(short(value), (left - 6, y), size, anchor="end", role="tick"))
+            shapes.append(stroke(((left, y), (right, y)), GRID, 1))
+            shapes.append(words(short(value), (left - 6, y), 10.5, anchor="end", role="tick"))
         return shapes
 
 
@@ -133,13 +133,6 @@ def log_ticks(ends: Range) -> list[float]:
         if len(found) > 2:
             break
     return found[:: max(1, math.ceil(len(found) / 9))]
-
-
-def even_ticks(ends: Range) -> list[float]:
-    """Return three to eight round numbers."""
-    low, high = sorted(ends)
-    step = round_down((high - low) / 3.5)
-    return [float(n * step) for n in range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)]
 
 
 def round_down(value: float) -> float:

@@ -1,13 +1,16 @@
-"""A mirror ball in the twin shows the sky along reflected rays; the sun's image in it holds a distant ball's flux."""
+"""The photos that `raytwin light` is measured by: their mirror ball shows the sky along reflected rays, and the sun's
+image in it holds a distant ball's flux."""
 
 import numpy as np
 import pytest
+from measure.light_photos import photograph, rendered, sun_glint
+from photo_helpers import BOARD, a_camera
 
-from raytwin.calib.synthetic_photos import sun_glint
-from raytwin.errors import InputError
+from raytwin import files, twin
+from raytwin.calib.photos import detect_photo, lens_model
+from raytwin.calib.synthetic_photos import read_truth
 from raytwin.lights.environment_map import environment_map
-from raytwin.scene import Camera, Environment, Lambert, Scene, Sphere, Sun
-from raytwin.twin import render
+from raytwin.scene import Camera, Environment, Lambert, Scene, Sky, Sphere, Sun
 
 SIDE = 24
 CAMERA = Camera(
@@ -19,12 +22,12 @@ CAMERA = Camera(
 BALL = Sphere((0.01, 0.02, 0.03), 0.1, Lambert((0.9, 0.8, 0.7)))
 
 
-def test_a_mirror_ball_shows_the_sky_along_the_reflected_ray(variant):
+def test_a_mirror_ball_shows_the_sky_along_the_reflected_ray():
     """A smooth map that differs in every direction: a mirrored or turned ball would show another part of it."""
     texels = np.random.default_rng(3).uniform(0.2, 1, (4, 8, 3)).astype("<f4")
     around = Environment((8, 4), texels.tobytes())
-    image = render(Scene("mirror", CAMERA, (BALL,), (around,)), "path", sampling="area", samples=64, mirrors=(0,),
-                   variant=variant, cache=False)  # fmt: skip
+    twin.activate()
+    image = rendered(Scene("mirror", CAMERA, (BALL,), (around,)), {}, 64, seed=0)
     R, eye, c = np.array(CAMERA.R_cam_board), np.array(CAMERA.eye), np.array(BALL.center)
     u, v = np.meshgrid(np.arange(SIDE), np.arange(SIDE))
     d = np.stack([(u - 11.5) / 40, (v - 11.5) / 40, np.ones_like(u)], axis=-1) @ R
@@ -36,13 +39,8 @@ def test_a_mirror_ball_shows_the_sky_along_the_reflected_ray(variant):
     out = (d - 2 * (d * n).sum(axis=-1, keepdims=True) * n)[inside]
     expected = np.stack(environment_map(around).radiance(tuple(out.T)), axis=1) * BALL.material.albedo
     assert inside.sum() > 80
-    assert np.abs(image.mean[inside] - expected).max() < 0.08
-    assert np.abs(image.mean[inside] - expected).mean() < 0.01
-
-
-def test_mirrors_are_for_sampled_areas_alone(variant):
-    with pytest.raises(InputError, match=r"mirrors: expected area sampling.*got center"):
-        render(Scene("mirror", CAMERA, (BALL,), (Sun((0, 0, 1.0)),)), "path", mirrors=(0,), variant=variant)
+    assert np.abs(image[inside] - expected).max() < 0.08
+    assert np.abs(image[inside] - expected).mean() < 0.01
 
 
 def test_the_suns_image_in_a_distant_ball_holds_a_quarter_of_its_squared_radius():
@@ -62,3 +60,20 @@ def test_the_suns_image_in_a_distant_ball_holds_a_quarter_of_its_squared_radius(
     x, y, _ = half / np.linalg.norm(half) * r * f / far
     v, u = np.unravel_index(spot[..., 0].argmax(), spot.shape[:2])
     assert (u - 99.5, v - 99.5) == pytest.approx((x, -y), abs=0.8)
+
+
+def test_each_photo_shows_the_whole_board_and_both_balls(tmp_path):
+    """The mirror ball, the orange one, and white paper that the sun lights to about 0.75."""
+    sun, sky = Sun((0.3, 0.4, 0.8), (2.2, 2.2, 2.2)), Sky((0.2, 0.2, 0.2))
+    balls = Sphere((-0.075, 0.05, 0.028), 0.03, Lambert((0.9,) * 3)), Sphere((-0.065, 0.15, 0.018), 0.02, BALL.material)
+    photograph(BOARD, a_camera(504, 378), 2, tmp_path, (sun, sky), *balls, (0.095, 0.095, 0.03), samples=8, seed=1)
+    truth = read_truth(tmp_path / "truth.toml")
+    assert sorted(truth.photos) == ["photo_00.jpg", "photo_01.jpg"]
+    for name, (R, t) in truth.photos.items():
+        seen = detect_photo(tmp_path / name)
+        assert len(seen) > 0.8 * len(BOARD.centers())
+        for ball in balls:
+            at = lens_model.project(np.array([ball.center]), R, t, truth.K, truth.dist)[0]
+            assert (at > 10).all()
+            assert (at < np.array(truth.image_size) - 11).all()
+        assert 0.6 < np.quantile(files.from_bytes(files.read_photo(tmp_path / name)), 0.95) < 0.95

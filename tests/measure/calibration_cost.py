@@ -1,0 +1,158 @@
+"""Time whole calibrations over image scale and the detector's settings, each beside its error in unseen photos.
+
+    python -m measure.calibration_cost [PHOTOS [WIDTH [REPEATS]]]
+
+Timed as users meet it: photos on disk -> decode, find the tags, fit -> camera. The photos are synthetic (15 of 4032 x
+3024 by default). *Held out* is the rms error in photos that the fit did not use, in pixels of the photos as taken,
+against the true centres of the tags. `python -m measure.paper` shows some of the settings beside the paper's times.
+"""
+
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from raytwin import files
+from raytwin.calib import boards, photos, synthetic_photos
+from raytwin.calib.boards import Board, Grid
+from raytwin.calib.photos import Calibration, Tag
+from raytwin.errors import InputError
+from raytwin.workflows.photograph import photograph_board
+
+BOARD = Board("tag36h11", 0.030, Grid(5, 7, 0.038))
+FOLDS = 5
+"""Parts of the photos; each is held out once."""
+
+
+class Setting(NamedTuple):
+    """One way to calibrate: `shrink` the photos to 1/n of their side, or search at `reductions` and refine."""
+
+    shrink: int = 1
+    reductions: tuple[float, ...] | None = (1.0,)
+    threads: int | None = None
+
+    def find(self, grey: np.ndarray, family: str) -> list[Tag]:
+        if self.shrink > 1:
+            return detect_shrunk(grey, family, self.shrink)
+        return photos.detect(grey, family, self.reductions)
+
+
+WHOLE, OURS, QUARTER = "full size, one thread", "raytwin's own", "photos shrunk to 1/4"
+SETTINGS = {
+    WHOLE: Setting(threads=1),
+    OURS: Setting(reductions=None),
+    f"{QUARTER}, one thread": Setting(4, threads=1),
+    **{f"photos shrunk to 1/{n}": Setting(n) for n in (2, 4, 8)},
+    **{f"searched at 1/{n}, refined": Setting(reductions=(float(n),)) for n in (1, 2, 4, 8)},
+}
+"""What the paper does is to shrink the photos."""
+
+
+class Cost(NamedTuple):
+    """`heldout`: the rms error in pixels; `focal`: the focal length's error in percent."""
+
+    seconds: float
+    heldout: float
+    focal: float
+
+
+@contextmanager
+def photographed(count: int, size: tuple[int, int]) -> Iterator[Path]:
+    """Give a folder with synthetic photos of BOARD and their truth."""
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        boards.write_board(folder / "board.toml", BOARD)
+        photograph_board(folder / "board.toml", folder / "photos", count=count, size=size, samples=4)
+        yield folder / "photos"
+
+
+def detect_shrunk(grey: np.ndarray, family: str, n: int) -> list[Tag]:
+    """Return the tags of a grey photo shrunk to 1/n of its side, in the photo's own pixels.
+
+    A small pixel is the mean of n x n: its centre u' lies at u = (u' + 1/2) n - 1/2, pixel centres being whole numbers.
+    """
+    from PIL import Image as Pillow
+
+    def back(point: tuple[float, float]) -> tuple[float, float]:
+        return (point[0] + 0.5) * n - 0.5, (point[1] + 0.5) * n - 0.5
+
+    small = np.asarray(Pillow.fromarray(grey).reduce(n))
+    return [
+        msgspec.structs.replace(tag, center=back(tag.center), corners=tuple(map(back, tag.corners)))
+        for tag in photos.detect(small, family, (1.0,))
+    ]
+
+
+def true_tags(truth: synthetic_photos.Truth) -> dict[str, list[Tag]]:
+    """Return where the true camera sees the centres of the tags within the frame, by photo."""
+    points = np.array([(*center, 0.0) for center in BOARD.centers().values()])
+    shown = {}
+    for photo, (R, t) in truth.photos.items():
+        pixels = photos.project(points, np.array(R), np.array(t), np.array(truth.K), truth.dist)
+        inside = np.all((pixels > -0.5) & (pixels < np.array(truth.image_size) - 0.5), axis=1)
+        at = zip(BOARD.centers(), pixels.tolist(), inside.tolist(), strict=True)
+        shown[photo] = [Tag(i, tuple(p), (tuple(p),) * 4, 0.0) for i, p, ok in at if ok]
+    return shown
+
+
+def held_out(tags: Mapping[str, Sequence[Tag]], found: Calibration, true: Mapping[str, Sequence[Tag]]) -> float:
+    """Return the rms over photos that a fit of `found`'s model has not seen; only their poses are fitted to `true`."""
+    names = [view.photo for view in found.views]
+    squares, count, folds = 0.0, 0, min(FOLDS, len(names))
+    for k in range(folds):
+        rest = {name: tags[name] for i, name in enumerate(names) if i % folds != k}
+        camera = photos.calibrate_detections(rest, found.image_size, BOARD, found.model)
+        for name in names[k::folds]:
+            pose, _ = photos.refined_pose(camera.K, camera.dist, true[name], BOARD)
+            squares, count = squares + len(true[name]) * pose.rms_px**2, count + len(true[name])
+    return float((squares / count) ** 0.5)
+
+
+def medians(calls: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, float]:
+    """Return the median seconds of each call; they are made in turn."""
+    seconds: dict[str, list[float]] = {name: [] for name in calls}
+    for _ in range(repeats):
+        for name, call in calls.items():
+            start = time.perf_counter()
+            call()
+            seconds[name].append(time.perf_counter() - start)
+    return {name: statistics.median(taken) for name, taken in seconds.items()}
+
+
+def costs(folder: Path, repeats: int, names: Iterable[str] = SETTINGS) -> dict[str, Cost]:
+    """Return what each setting costs on the synthetic photos in `folder`, where that can be told."""
+    taken, truth = files.list_photos(folder), synthetic_photos.read_truth(folder / "truth.toml")
+    true = true_tags(truth)
+
+    def calibrate(setting: Setting) -> Calibration:
+        return photos.calibrate(taken, BOARD, find=setting.find, threads=setting.threads)
+
+    errors = {}
+    for name in names:
+        try:
+            camera = calibrate(SETTINGS[name])
+            tags, _ = photos.detect_photos(taken, BOARD.kind, find=SETTINGS[name].find)
+            unseen = held_out({Path(photo).name: found for photo, found in tags.items()}, camera, true)
+        except InputError as error:
+            print(f"{name}: {error}", file=sys.stderr)
+            continue
+        errors[name] = unseen, 100 * max(abs(camera.K[i][i] / truth.K[i][i] - 1) for i in (0, 1))
+    seconds = medians({name: lambda s=SETTINGS[name]: calibrate(s) for name in errors}, repeats)
+    return {name: Cost(seconds[name], *error) for name, error in errors.items()}
+
+
+def main(count: str = "15", width: str = "4032", repeats: str = "3") -> None:
+    with photographed(int(count), (int(width), int(width) * 3 // 4)) as folder:
+        for name, cost in costs(folder, int(repeats)).items():
+            print(f"{name:<34} {cost.seconds:8.3g} s {cost.heldout:8.3g} px held out {cost.focal:8.3g} % focal length")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

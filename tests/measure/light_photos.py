@@ -1,0 +1,125 @@
+"""Photos for `raytwin light` under a known light: a mirror ball, a matt ball and a pin stand beside a board.
+
+Mitsuba's own path tracer renders them. It sees no sun in a mirror, since that is a direction: `sun_glint` adds its
+image. The sunlight that the mirror throws on what surrounds it is left out.
+"""
+
+import itertools
+import math
+from pathlib import Path
+
+import numpy as np
+
+from raytwin import files, twin
+from raytwin.calib.boards.board import Board, BoardTag, draw_board, write_board
+from raytwin.calib.photos import lens_model
+from raytwin.calib.synthetic_photos import QUALITY, Truth, expose, poses, sheet_of, write_truth
+from raytwin.scene import Camera, Environment, Lambert, Matrix, Rectangle, Scene, Sky, Sphere, Sun, Vector
+from raytwin.twin.twin_scene import UNIT, load, translate
+from raytwin.workflows.photograph import TABLE
+
+TEXELS_PER_METRE = 4500.0
+"""Of the board's texture: two per pixel at the nearest."""
+
+SAMPLES_PER_PASS = 8
+"""Samples per pixel that Mitsuba holds in memory at once."""
+
+GLINT_BLUR = 0.7
+"""Pixels, one standard deviation: how far a lens spreads the sun's image."""
+
+POST_SHARE = 0.05
+"""The pin's thickness, as a share of its height."""
+
+BORDER = 5
+"""Pixels between a ball's outline and the frame, at least."""
+
+
+def photograph(
+    board: Board, camera: Camera, count: int, out: Path, lights: tuple[Sun, Sky | Environment], mirror: Sphere,
+    ball: Sphere, pin: tuple[float, float, float], samples: int, seed: int,
+) -> None:  # fmt: skip
+    """Write `count` photos that show all of board, balls and pin, board.toml and truth.toml to `out`.
+
+    The camera's pose is not used. The mirror's albedo is its reflectance. `pin`: x and y of its foot, and its height.
+    """
+    twin.activate()
+    rng = np.random.default_rng(seed)
+    texture, extent = draw_board(board, TEXELS_PER_METRE)
+    x, y, height = pin
+    around = (mirror, ball, Sphere((x, y, height / 2), height / 2))
+    objects = (mirror, ball, sheet_of(extent), TABLE, *post(x, y, height))
+    taken = {}
+    for i, (R, t) in enumerate(stands(board, camera, count, around, rng)):
+        view = Camera(camera.image_size, camera.K, R, t, camera.dist)
+        light = rendered(Scene("light", view, objects, lights), {2: texture}, samples, seed)
+        taken[f"photo_{i:02d}.jpg"] = R, t
+        pixels = expose(light + sun_glint(view, mirror, lights[0]), rng, view)
+        files.write_picture(out / f"photo_{i:02d}.jpg", pixels, quality=QUALITY)
+    write_board(out / "board.toml", board)
+    write_truth(out / "truth.toml", Truth(camera.image_size, camera.K, camera.dist, taken))
+
+
+def stands(
+    board: Board, camera: Camera, count: int, around: tuple[Sphere, ...], rng: np.random.Generator
+) -> list[tuple[Matrix, Vector]]:
+    """Poses that show all of the board and of the spheres: those of a wider board, which reaches as far as they do."""
+    corners = np.array(list(itertools.product((-1, 1), repeat=3)))
+    points = np.concatenate([np.array(s.center) + s.radius * corners for s in around])
+    flat = np.concatenate([points[:, :2], list(board.centers().values())])
+    ends = zip(flat.min(axis=0).tolist(), flat.max(axis=0).tolist(), strict=True)
+    tags = tuple(BoardTag(i, place) for i, place in enumerate(itertools.product(*ends)))
+    wide, found = Board(board.family, board.tag_edge, tags=tags), []
+    while len(found) < count:
+        ((R, t),) = poses(wide, camera, 1, rng)
+        at = lens_model.project(points, R, t, camera.K, camera.dist)
+        if (at > BORDER).all() and (at < np.array(camera.image_size) - 1 - BORDER).all():
+            found.append((R, t))
+    return found
+
+
+def post(x: float, y: float, height: float) -> tuple[Rectangle, ...]:
+    """A square post: four sides and a top."""
+    a, grey = POST_SHARE * height / 2, Lambert((0.3, 0.3, 0.3))
+    up = (0.0, 0.0, height / 2)
+    sides = [((x + a * i, y + a * j, height / 2), (a * j, -a * i, 0.0)) for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+    top = Rectangle((x, y, height), (a, 0.0, 0.0), (0.0, a, 0.0), grey)
+    return (*(Rectangle(middle, along, up, grey) for middle, along in sides), top)
+
+
+def rendered(scene: Scene, textures: dict[int, np.ndarray], samples: int, seed: int) -> np.ndarray:
+    """Linear radiance (H, W, 3) by Mitsuba's path tracer; object 0 is a mirror, whose albedo is its reflectance."""
+    import mitsuba as mi
+
+    world = translate(scene, textures)
+    reflectance = {"type": "rgb", "value": list(scene.objects[0].material.albedo)}
+    world["object-0"]["bsdf"] = {"type": "conductor", "material": "none", "specular_reflectance": reflectance}
+    world["sensor"] = twin.mitsuba_sensor(scene.camera, unit=UNIT, frame="camera")
+    world["integrator"] = {"type": "path", "max_depth": 8}
+    loaded, passes = load(world), math.ceil(samples / SAMPLES_PER_PASS)
+    total = np.zeros((scene.camera.height, scene.camera.width, 3))
+    for number in np.random.SeedSequence(seed).generate_state(passes).tolist():
+        total += np.asarray(mi.render(loaded, spp=SAMPLES_PER_PASS, seed=number))
+    return total / passes
+
+
+def sun_glint(camera: Camera, ball: Sphere, sun: Sun) -> np.ndarray:
+    """(H, W, 3): the radiance that the sun's image in a mirror ball adds, blurred by GLINT_BLUR pixels.
+
+    A point at infinity is seen where the normal halves the angle between eye and light. Its image holds, over all
+    pixels, E times the reflectance times the area in pixels that a steradian about it fills in the mirror.
+    """
+    to_sun = np.array(sun.to_light)
+    sideways = np.linalg.svd(to_sun[None])[2][1:]
+    step = 1e-4
+    lights = np.stack([to_sun, *(to_sun + step * s for s in sideways)])
+    n = np.broadcast_to(to_sun, lights.shape)
+    for _ in range(100):
+        to_eye = np.array(camera.eye) - (np.array(ball.center) + ball.radius * n)
+        half = to_eye / np.linalg.norm(to_eye, axis=1, keepdims=True) + lights
+        n = half / np.linalg.norm(half, axis=1, keepdims=True)
+    R, t = np.array(camera.R_cam_board), np.array(camera.t_cam_board)
+    at = lens_model.project(np.array(ball.center) + ball.radius * n, R, t, np.array(camera.K), camera.dist)
+    area = abs(np.linalg.det((at[1:] - at[0]) / step))
+    x, y = np.arange(camera.width) - at[0, 0], np.arange(camera.height) - at[0, 1]
+    spot = np.exp(-(y[:, None] ** 2 + x**2) / (2 * GLINT_BLUR**2)) / (2 * np.pi * GLINT_BLUR**2)
+    return spot[..., None] * (area * np.array(sun.irradiance) * np.array(ball.material.albedo))
