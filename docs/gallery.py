@@ -15,7 +15,7 @@ MADE = ROOT / "docs" / "made"
 """Where the pages go: ignored by git, part of the site."""
 WIDTH, HEIGHT = 1100, 760
 """Of the browser's window for a thumbnail, pixels."""
-LINKED = ("results.csv", "results.json", "matrix.csv", "matrix.json", "junit.xml")
+LINKED = ("results.csv", "results.json")
 """Files of numbers that a page links to."""
 THUMB = 420
 """A thumbnail's width, pixels."""
@@ -71,24 +71,17 @@ ENTRIES = (
     ),
     Entry(
         "bench", "out/bench.html", "Speed against accuracy",
-        "A few methods with a budget of seconds: the frontier of error against time.",
+        "A student's tracer and a few methods on two scenes: verdicts, and the frontier of error against time.",
         (
-            "bench single --methods numpy32-shadow-*,drjit32-shadow-*,loop-shadow-conic,mitsuba-llvm-direct-*"
-            " --sizes 0.01 --budget 25 --repeats 4 --truth-samples 256 -o out",
-        ),
+            "bench single overlap --subject class/cleo.py --methods"
+            " numpy32-shadow-*,drjit32-shadow-*,loop-shadow-conic,mitsuba-llvm-direct-*"
+            " --sizes 0.01 --budget 50 --repeats 4 --truth-samples 256 -o out",
+        ), (1,),
     ),
     Entry(
         "class", "out/index.html", "A class",
         "The three submissions of the instructor's tutorial: points, mistakes by frequency, and a page per student.",
         ("grade class --rubric rubric.toml -o out",),
-    ),
-    Entry(
-        "matrix", "out/index.html", "Several renderers on several scenes",
-        "Two renderers on two scenes: a cell per comparison with verdict, error and cause, and a chart per scene.",
-        (
-            "matrix overlap wedge --subject numpy64-shadow-conic --subject cleo=class/cleo.py --rung shadow"
-            " --size 120x90 -o out",
-        ), (1,),
     ),
     Entry(
         "light", "light.html", "The light of a photo",

@@ -7,7 +7,7 @@ import pytest
 
 from raytwin import files, tracer
 from raytwin.calib.denoise import non_local_means
-from raytwin.contract.subject import find_subject
+from raytwin.contract.subject import find_subject, method
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.renderers.renderer_table import RENDERERS
@@ -102,10 +102,22 @@ def test_an_image_and_a_folder_of_images_are_subjects(tmp_path, single):
     image = tracer.trace(single)
     files.write_exr(tmp_path / "single.exr", Image(image.mean))
     for text in (tmp_path / "single.exr", tmp_path):
-        method = find_subject(str(text), "shadow")
-        np.testing.assert_array_equal(method(single).mean, image.mean)
+        np.testing.assert_array_equal(find_subject(str(text), "shadow")(single).mean, image.mean)
     with pytest.raises(InputError, match=r"other\.exr"):
         find_subject(str(tmp_path), "shadow")(single.__class__("other", single.camera))
+
+
+def test_a_method_is_made_of_whatever_a_subject_may_be(theirs, single, scenes):
+    named = method(f"{theirs}:render", "mine", rung="lambert", sampling="area")
+    assert (named.name, named.rung, named.sampling) == ("mine", "lambert", "area")
+    given = method(f"{theirs}:render")
+    assert (given.name, given.rung, given.sampling) == (f"{theirs}:render", "shadow", "center")
+    np.testing.assert_array_equal(given(single).mean, find_subject(f"{theirs}:render", "shadow")(single).mean)
+    assert method("twin-llvm-path-4") == RENDERERS["twin-llvm-path-4"]
+    with pytest.raises(InputError, match=r"--subject: expected a method's name .*, got nonsense"):
+        method("nonsense")
+    with pytest.raises(InputError, match="a function beside `renders` or `records`"):
+        method(f"{theirs}:render", records=True)
 
 
 def test_a_program_reads_the_scene_and_writes_an_image(tmp_path, single):
@@ -117,8 +129,7 @@ def test_a_program_reads_the_scene_and_writes_an_image(tmp_path, single):
         "rows = np.broadcast_to(sky, (scene['height'], scene['width'], 3))\n"
         "open(sys.argv[2], 'wb').write(b'PF\\n%d %d\\n-1.0\\n' % (scene['width'], scene['height']) + rows.tobytes())\n"
     )
-    method = find_subject(f"{sys.executable} {program} {{scene}} {{out}}.pfm", "shadow")
-    made = method(single)
+    made = find_subject(f"{sys.executable} {program} {{scene}} {{out}}.pfm", "shadow")(single)
     np.testing.assert_array_equal(made.mean, np.broadcast_to(np.float32(single.sky.radiance), made.mean.shape))
     for code, said in (("1/0", "1, no image: ZeroDivisionError"), ("exit(3)", "3, no image$")):
         with pytest.raises(InputError, match=rf"expected an image at \{{out\}}, got exit code {said}"):

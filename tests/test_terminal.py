@@ -117,11 +117,6 @@ def test_a_working_folder_that_vanished_is_named(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def test_a_run_of_100_000_nested_lists_is_refused(tmp_path):
-    (tmp_path / "deep.json").write_text("[" * 100_000 + "]" * 100_000)
-    refused(raytwin("bench", "single", "--against", tmp_path / "deep.json"), "deep.json", "bench --save")
-
-
 def test_ctrl_c_during_the_first_imports_ends_in_one_line(tmp_path):
     (tmp_path / "typer.py").write_text("raise KeyboardInterrupt\n")
     run = raytwin_alone("--help", PYTHONPATH=str(tmp_path))

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from raytwin.compare.sequential import SequentialComparison as SequentialComparison
     from raytwin.compare.verdict import compare as _compare_images
     from raytwin.contract.check import check as check
+    from raytwin.contract.subject import method as method
     from raytwin.errors import InputError as InputError
     from raytwin.files import read_image as read_image
     from raytwin.files import read_scene as read_scene
@@ -49,7 +50,6 @@ if TYPE_CHECKING:
     from raytwin.files import write_image as write_image
     from raytwin.image import Image as Image
     from raytwin.references import reference as reference
-    from raytwin.renderers.user_renderers import method as method
     from raytwin.scene import Camera as Camera
     from raytwin.scene import Lambert as Lambert
     from raytwin.scene import Rectangle as Rectangle
@@ -94,7 +94,7 @@ _HOME = {
     "compare_scene": "workflows.compare_scene",
     "diff_files": "workflows.diff_files:compare",
     "ladder": "analysis.ladder",
-    "method": "renderers.user_renderers",
+    "method": "contract.subject",
     "mitsuba_sensor": "twin",
     "needs": "analysis.recommend",
     "read_board": "calib.boards",

@@ -3,7 +3,10 @@
 from collections.abc import Sequence
 
 COMMANDS: dict[str, str] = {
+    "bench --against": "Use pytest-benchmark (pip install 'raytwin[bench]'), as docs/howto/measure-speed.md shows.",
     "bench --flip": "Use diff --flip on two images.",
+    "bench --save": "Use pytest-benchmark (pip install 'raytwin[bench]'), as docs/howto/measure-speed.md shows.",
+    "bench --spheres": "Use pytest-benchmark (pip install 'raytwin[bench]') with scenes of so many spheres.",
     "bench calibration": "Use `python -m measure.calibration_cost`, in tests/ of the repository.",
     "bench paper": "Use `python -m measure.paper`, in tests/ of the repository.",
     "board --import": 'Use a board.toml: "Use your own photos" in the docs writes one from a trusted pickle.',
@@ -29,6 +32,7 @@ COMMANDS: dict[str, str] = {
     "diff --warnpercent": "Use OpenImageIO's idiff -warnpercent.",
     "diff --warnrelative": "Use OpenImageIO's idiff -warnrelative.",
     "grade --shard": "Use --jobs N on one machine, or --dask ADDRESS on several.",
+    "matrix": "Use `raytwin bench SCENE... --subject A --subject B`, or pytest as docs/howto/pytest.md shows.",
     "needs --out": "Use --json FILE for the answer and `raytwin ladder SCENE` for a picture of each light level.",
     "needs -o": "Use --json FILE for the answer and `raytwin ladder SCENE` for a picture of each light level.",
     "photograph --ball": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",

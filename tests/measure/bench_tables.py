@@ -14,8 +14,7 @@ import msgspec
 from measure import record
 
 from raytwin.atlas import EXPERIMENTS, Atlas, Curve, Found
-from raytwin.bench import Bench, fit_power, read_bench
-from raytwin.bench.bench_record import Growth
+from raytwin.bench import Bench
 from raytwin.bench.bench_reference import WHOLE
 from raytwin.report.atlas_page import edge, fate
 from raytwin.report.numbers import shown
@@ -23,10 +22,6 @@ from raytwin.report.numbers import shown
 FRONTIER = (
     "raytwin bench scenes/desk --sizes 0.05 --budget 300"
     " --methods 'numpy32-*-conic,drjit32-*,loop-shadow-conic,mitsuba-llvm-*'"
-)
-GROWTH = (
-    "raytwin bench scenes/single --spheres 30,100,300,1000"
-    " --methods 'numpy32-*-conic,drjit32-*-conic,mitsuba-llvm-direct-1' --budget 300"
 )
 EDGES = "raytwin stability"
 """What makes each file again."""
@@ -40,21 +35,6 @@ def frontier_rows(bench: Bench) -> Iterable[list[str]]:
         ranked = sorted((seconds[e.method, w, h], e.rmse, e.method) for e in of_size)
         for taken, rmse, method in ranked:
             yield [f"{w} x {h}", method, shown(taken / ranked[0][0]), shown(rmse)]
-
-
-def growth_rows(growth: Iterable[Growth]) -> list[list[str]]:
-    """Return a row per method: the fitted exponent, its standard error, and seconds over the fastest's at the most
-    spheres."""
-    by_name = attrgetter("method")
-    found = {
-        name: list(points) for name, points in groupby(sorted(growth, key=attrgetter("method", "spheres")), by_name)
-    }
-    fastest = min(points[-1].seconds_median for points in found.values())
-    return [
-        [name, f"{law.exponent:.2f} ± {law.sigma:.2f}", shown(points[-1].seconds_median / fastest)]
-        for name, points in found.items()
-        if (law := fit_power([p.spheres for p in points], [p.seconds_median for p in points]))
-    ]
 
 
 def edge_row(f: Found) -> list[str]:
@@ -74,10 +54,8 @@ def main(*paths: str) -> None:
             found = msgspec.json.decode(path.read_bytes(), type=Atlas)
             columns = ["experiment", "parameter", "fails first", "at", "predicted", "raytwin's own"]
             record.table("atlas", "edges", columns, map(edge_row, found.experiments), EDGES)
-        elif growth := (bench := read_bench(path)).growth:
-            most = f"seconds over the fastest's, {max(point.spheres for point in growth)} spheres"
-            record.table("bench", "spheres", ["method", "exponent", most], growth_rows(growth), GROWTH)
         else:
+            bench = msgspec.json.decode(path.read_bytes(), type=Bench)
             columns = ["pixels", "method", "seconds over the fastest's", "RMSE against all light"]
             record.table("bench", "frontier", columns, frontier_rows(bench), FRONTIER)
 

@@ -1,34 +1,17 @@
 """The bench's page and pictures, from a made-up run: complete, offline, labels apart, alive in a browser."""
 
 import itertools
-import math
+import json
 from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from msgspec.structs import replace as replace_row
 
-from raytwin.bench import (
-    RENDERERS,
-    Bench,
-    Converged,
-    Deviation,
-    Growth,
-    LeftOut,
-    Measurement,
-    Repeats,
-    against,
-)
-from raytwin.bench.regression import Changes, MethodChange, better_or_worse
-from raytwin.report.bench_charts import error_chart, growth_charts
-from raytwin.report.bench_page import (
-    bench_summary,
-    change_lines,
-    error_charts,
-    frontier_rows,
-    write_bench_all,
-    write_bench_page,
-)
+from raytwin.bench import RENDERERS, Bench, Converged, Deviation, LeftOut, Measurement
+from raytwin.report.bench_charts import error_chart, pixels_chart
+from raytwin.report.bench_page import bench_summary, error_charts, frontier_rows, write_bench_all, write_bench_page
 from raytwin.report.charts.chart import HEIGHT, LEFT, LINE, TOP, WIDTH, log_range, svg_text
 from raytwin.report.charts.svg import log_ticks
 from raytwin.report.numbers import shown
@@ -45,7 +28,7 @@ def made() -> Bench:
 def every_method(sizes: tuple[tuple[int, int], ...] = SIZES) -> Bench:
     """Every method that a machine without CUDA has, at three sizes, with seconds and errors that look the part."""
     rng = np.random.default_rng(4)
-    rows, errors, repeats = [], [], []
+    rows, errors = [], []
     methods = [m for m in RENDERERS.values() if "cuda" not in m.library]
     for w, h in sizes:
         for m in methods:
@@ -53,12 +36,11 @@ def every_method(sizes: tuple[tuple[int, int], ...] = SIZES) -> Bench:
             exact = m.sampling == "center" and m.rung == "shadow"
             own = 0.0 if m.precision == 64 else 3e-8 * rng.lognormal(0, 0.5) if exact else 0.2 / m.samples**0.5
             whole = max(0.2 / m.samples**0.5 * rng.lognormal(0, 0.3), 5e-4)
-            repeats.append(Repeats(m.name, w, h, tuple(seconds * rng.lognormal(0, 0.02, 9)), (own,)))
             e = own if exact else whole
             truth = "shadow-center" if exact else "path-area"
             rows.append(
                 Measurement(m.name, m.library, f"float{m.precision}", m.rung, m.trim, m.step, m.samples, w, h, seconds,
-                    0.1 * seconds, 0.2, 12.5, e, e * e, 3 * e, FLOOR[truth], False)
+                    0.1 * seconds, 0.2, 12.5, e, e * e, 3 * e, FLOOR[truth], False, "pass", "they agree")
             )  # fmt: skip
             for t, value in (("path-area", whole), *((("shadow-center", own),) if exact else ())):
                 errors.append(Deviation(m.name, w, h, t, value, value**2, 3 * value, False))
@@ -66,13 +48,9 @@ def every_method(sizes: tuple[tuple[int, int], ...] = SIZES) -> Bench:
         Converged(t, w, h, 1024, 2.0, {"rmse": f, "relmse": f * f, "p999_abs": 3 * f})
         for w, h in sizes for t, f in FLOOR.items()
     )  # fmt: skip
-    growth = tuple(
-        Growth(m, n, 400, 300, 1e-3 * n**0.5, 0.0, 0.1)
-        for m in ("numpy32-shadow-conic", "drjit32-shadow-conic") for n in (1, 10, 100, 1000)
-    )  # fmt: skip
     left = (LeftOut("cuda32-shadow-conic", 400, 300, "no <CUDA> here"),)
     return Bench("made up", {"processor": "one", "cores": "2"}, {"numpy": "2"}, 60.0, 59.0, tuple(rows), truths,
-                 tuple(errors), growth, left, tuple(repeats))  # fmt: skip
+                 tuple(errors), left)  # fmt: skip
 
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -94,7 +72,7 @@ def labels(chart) -> list[tuple[float, float, float, str]]:
 
 
 def test_no_label_lies_over_another_or_beyond_the_frame(made):
-    for chart in (*error_charts(made), *growth_charts(made)):
+    for chart in (*error_charts(made), pixels_chart(made)):
         found = labels(chart)
         for a, b in itertools.combinations(found, 2):
             assert a[1] <= b[0] or b[1] <= a[0] or abs(a[2] - b[2]) > LINE - 2, (chart.key, a[3], b[3])
@@ -121,60 +99,35 @@ def test_guides_have_the_slope_that_is_said(made):
             assert np.diff(np.log(g.ys)) / np.diff(np.log(g.xs)) == pytest.approx(slope)
 
 
-def test_growth_says_its_exponents(made):
-    by_pixels, by_spheres = growth_charts(made)
-    assert (by_pixels.key, by_spheres.key) == ("pixels", "spheres")
-    assert [text for *_, text in labels(by_spheres)] == [
-        f"{m}-shadow-conic: 0.50 ± 0.00" for m in ("numpy32", "drjit32")
-    ]
+def test_seconds_against_pixels_have_their_exponents(made):
+    rows = [
+        replace_row(r, method=m, seconds_median=1e-3 * (r.width * r.height) ** 0.5)
+        for m in ("fill", "mine") for r in made.rows if r.method == "fill"
+    ]  # fmt: skip
+    chart = pixels_chart(replace_row(made, rows=tuple(rows)))
+    assert [text for *_, text in labels(chart)] == ["fill: 0.50 ± 0.00", "mine: 0.50 ± 0.00"]
+    assert pixels_chart(every_method(SIZES[:2])) is None
 
 
 def test_the_folder_has_every_number_and_each_chart(made, tmp_path):
-    write_bench_all(made, tmp_path / "out", against(made, made))
+    write_bench_all([made], tmp_path / "out")
     names = {p.name for p in (tmp_path / "out").iterdir()}
-    keys = {"pixels", "spheres", *(f"{w}x{h}-{t}-relmse" for w, h in SIZES for t in FLOOR)}
+    keys = {"pixels", *(f"{w}x{h}-{t}-relmse" for w, h in SIZES for t in FLOOR)}
     assert names == {"bench.html", "bench.json"} | {f"{k}.svg" for k in keys}
-    svg = (tmp_path / "out" / "spheres.svg").read_text(encoding="utf-8")
-    assert "numpy32-shadow-conic" in svg  # text stays text
+    svg = (tmp_path / "out" / "pixels.svg").read_text(encoding="utf-8")
+    assert "fill" in svg  # text stays text
     page = (tmp_path / "out" / "bench.html").read_text(encoding="utf-8")
-    for said in ("no &lt;CUDA&gt; here", "Against the earlier run", *(f'"row">{r.method}</th>' for r in made.rows)):
+    for said in ("no &lt;CUDA&gt; here", *(f'"row">{r.method}</th>' for r in made.rows)):
         assert said in page
 
 
-def test_the_terminal_names_what_changed(made):
-    said = bench_summary(made, against(made, made))
-    assert ("nothing became slower" in said) != ("undecided for" in said)
-
-
-@pytest.mark.parametrize(
-    ("seconds", "undecided", "said"),
-    [
-        ((1.0, 0.97, 1.03), False, "nothing became slower or less accurate (would have seen a slowdown by 1.08 times)"),
-        ((1.0, 0.066, 14.0), True, "undecided for 1 of 1 methods"),
-        ((1.0, 0.066, 14.0), True, "by 15.9 times in fill"),
-        ((1.0, 0.0, math.inf), True, "no factor at all"),
-    ],
-)
-def test_what_too_wide_an_interval_hides_is_undecided_and_the_slowdown_that_shows_is_named(seconds, undecided, said):
-    change = MethodChange("fill", 4, 3, seconds, (1.0, 1.0, 1.0), better_or_worse(seconds, (1.0, 1.0, 1.0), 1.0))
-    found = Changes((change,), 1.0, ())
-    text = "\n".join(change_lines(found))
-    assert said in text
-    assert bool(found.undecided) == undecided
-    assert ("nothing became slower" in text) != undecided
-    if not undecided:  # that slowdown is seen, and one a little smaller is not
-        slow = tuple(change.seen * 1.001 * x for x in seconds)
-        assert "slower" in better_or_worse(slow, (1.0, 1.0, 1.0), 1.0)
-        assert "slower" not in better_or_worse(tuple(0.998 * x for x in slow), (1.0, 1.0, 1.0), 1.0)
-
-
 def test_the_choice_of_truth_and_metric_shows_another_chart(made, tmp_path, browse):
-    write_bench_page(made, tmp_path / "bench.html")
+    write_bench_page([made], tmp_path / "bench.html")
     script = r"""
       const shown = () => [...document.querySelectorAll("[data-chart]")].filter((e) => !e.hidden);
       result.first = shown().map((e) => e.dataset.chart);
       const pick = (name, value) => {
-        const select = document.getElementById(`choose-${name}`);
+        const select = document.querySelector(`[data-choice="${name}"]`);
         select.value = value; select.dispatchEvent(new Event("change"));
       };
       pick("size", "1600x1200"); pick("truth", "shadow-center"); pick("metric", "rmse");
@@ -237,6 +190,56 @@ def test_a_chart_has_every_point_at_its_place_in_its_colour_and_escapes_every_te
         assert x == pytest.approx(LEFT + WIDTH * (np.log(p.x) - x0) / (x1 - x0), abs=1)
         assert y == pytest.approx(TOP + HEIGHT * (1 - (np.log(p.y) - y0) / (y1 - y0)), abs=1)
     assert chart.title in [e.text for e in shapes(chart, "text")]
+
+
+@pytest.fixture
+def judged(made) -> list[Bench]:
+    """Two scenes, of which the first has a subject that fails, and one that was not measured."""
+    few = every_method(SIZES[:1])
+    rows = tuple(
+        replace_row(r, verdict="fail", reason="too <dark>") if r.method == "numpy32-shadow-conic" else r
+        for r in few.rows
+    )  # fmt: skip
+    crash = LeftOut("mine.py:crash", *SIZES[0], "IndexError: seven")
+    subjects = "numpy32-shadow-conic", "mine.py:crash"
+    wrong = replace_row(few, rows=rows, subjects=subjects, left_out=(*few.left_out, crash))
+    return [replace_row(few, scene="calm", subjects=subjects[:1]), replace_row(wrong, scene="wild")]
+
+
+def test_the_subjects_alone_decide_the_exit_code_and_the_terminal_says_their_verdicts_first(judged):
+    calm, wild = judged
+    assert (calm.exit_code, wild.exit_code) == (0, 1)
+    assert replace_row(wild, subjects=()).exit_code == 0
+    assert replace_row(wild, subjects=("mine.py:crash",)).exit_code == 2
+    lines = bench_summary(wild).splitlines()
+    assert lines[1].startswith("FAIL  wild, 400 x 300: numpy32-shadow-conic: ")
+    assert lines[1].endswith(": too <dark>")
+    assert lines[2] == "UNDECIDED  wild, 400 x 300: mine.py:crash: not measured: IndexError: seven"
+    assert bench_summary(calm).splitlines()[1].startswith("PASS  calm")
+
+
+def test_one_page_has_every_scenes_frontier_and_verdicts(judged, tmp_path, browse):
+    write_bench_all(judged, tmp_path)
+    assert [one["scene"] for one in json.loads((tmp_path / "bench.json").read_text())] == ["calm", "wild"]
+    assert {p.name for p in tmp_path.iterdir()} == {"bench.html", "bench.json", "calm", "wild"}
+    assert (tmp_path / "wild" / "400x300-path-area-relmse.svg").exists()
+    script = r"""
+      const sections = [...document.querySelectorAll("[data-choices]")];
+      const shown = () => sections.map((s) => s.querySelector(".chart:not([hidden])").dataset.chart);
+      result.first = shown();
+      const select = sections[1].querySelector('[data-choice="truth"]');
+      select.value = "path-area"; select.dispatchEvent(new Event("change"));
+      result.then = shown();
+      result.titles = sections.map((s) => s.querySelector("h2").textContent);
+      result.verdicts = [...document.querySelectorAll(".verdicts tbody tr")].map((row) => row.innerText);"""
+    read, console = browse(tmp_path / "bench.html", "", script)
+    assert console == []
+    assert read["first"] == 2 * ["400x300/shadow-center/relmse"]
+    assert read["then"] == ["400x300/shadow-center/relmse", "400x300/path-area/relmse"]
+    assert read["titles"] == ["calm: error against seconds", "wild: error against seconds"]
+    calm, wild = read["verdicts"]
+    assert "✓ pass" in calm
+    assert all(said in wild for said in ("✗ fail", "too <dark>", "not measured", "IndexError: seven"))
 
 
 @pytest.mark.parametrize(("ends", "expected"), [((0.5, 300.0), [1, 10, 100]), ((1.1, 4.6), [1.5, 2, 3])])

@@ -39,13 +39,10 @@ from raytwin.report.calibration_page import write_calibration
 from raytwin.report.compare_page import write_report
 from raytwin.report.data_urls import png_url
 from raytwin.report.ladder_page import write_ladder
-from raytwin.report.matrix_page import write_matrix
 from raytwin.report.view import view_of
 from raytwin.scene import Camera
 from raytwin.workflows.diff_files import compare as compare_files
 from raytwin.workflows.estimate_light import LightEstimate
-from raytwin.workflows.matrix import Cell
-from raytwin.workflows.matrix_history import Past
 
 pytestmark = pytest.mark.slow
 
@@ -98,7 +95,10 @@ def test_run(folder: Path, make_result, scenes) -> list[Path]:
 
 def bench(folder: Path, make_result, scenes) -> list[Path]:
     found = msgspec.structs.replace(every_method(((400, 300),)), scene=EVIL, machine={"cpu": EVIL})
-    write_bench_page(found, folder / "bench.html")
+    subjects = "numpy32-shadow-conic", EVIL
+    rows = tuple(msgspec.structs.replace(r, verdict="fail", reason=EVIL) for r in found.rows)
+    wrong = msgspec.structs.replace(found, scene=f"{EVIL}2", rows=rows, subjects=subjects)
+    write_bench_page([msgspec.structs.replace(found, subjects=subjects), wrong], folder / "bench.html")
     return [folder / "bench.html"]
 
 
@@ -124,22 +124,6 @@ def calibration(folder: Path, make_result, scenes) -> list[Path]:
     warning = (photos.CalibrationWarning("few_views", EVIL),)
     write_calibration(msgspec.structs.replace(found, views=views, warnings=warning), folder / "camera.html", EVIL)
     return [folder / "camera.html"]
-
-
-def matrix(folder: Path, make_result, scenes) -> list[Path]:
-    """Two scenes by two subjects: a pass, a failure, a crash, and one undecided that hovers near its limit."""
-    cells = [
-        Cell("a", EVIL, "tracer", "shadow", "pass", rmse=1e-7, seconds=0.01, report="cells/a.html", margin=0.1),
-        Cell(
-            "b", EVIL, EVIL, "shadow", "fail", EVIL, EVIL, 0.1, seconds=0.2, thumbnail=png_url(files.to_bytes(noise()))
-        ),
-        Cell("c", "floor", "tracer", "path", "error", EVIL),
-        Cell("d", "floor", EVIL, "path", "undecided", EVIL, rmse=0.02, seconds=0.3, twin_seconds=1.0, margin=0.9),
-    ]
-    past = {("floor", EVIL, "path"): Past(3, ("pass", "undecided", "pass"), "verdicts changed", 0.4, 0.9)}
-    write_matrix(cells, folder, past, EVIL)
-    (folder / "cells" / "a.html").write_text("<!DOCTYPE html>", encoding="utf-8")
-    return [folder / "index.html"]
 
 
 def light(folder: Path, make_result, scenes) -> list[Path]:
@@ -189,7 +173,6 @@ KINDS: dict[str, Write] = {
     "stability": atlas,
     "ladder": ladder,
     "calibrate": calibration,
-    "matrix": matrix,
     "light": light,
     "grade": graded_class,
 }

@@ -48,6 +48,26 @@ def test_of_many_parts_one_is_found_in_few_questions():
     assert len(asked) < 25
 
 
+LIGHT = """
+[sun]
+to_light = [0.0, 0.6, 0.8]
+irradiance = [3.0, 1.0, 0.5]
+[sky]
+radiance = [0.1, 0.2, 0.3]
+[paper]
+albedo = 0.85
+color = [1.0, 1.0, 1.0]
+"""
+
+
+def test_the_small_scene_has_the_light_that_is_asked_for(scenes, tmp_path):
+    (tmp_path / "light.toml").write_text(LIGHT)
+    found = shrink(
+        scenes / "overlap", subject=Planted("shadow", "no shadows"), size=(48, 36), light=tmp_path / "light.toml"
+    )
+    assert found.after.written.sun.irradiance == (3.0, 1.0, 0.5)
+
+
 @pytest.mark.parametrize(
     ("fault", "left", "cause"),
     [

@@ -1,20 +1,16 @@
-"""Every method's seconds beside its error: RENDERERS, one run over them, the frontier, and two runs compared.
+"""Every method's seconds beside its error: RENDERERS, one run over them, and the frontier.
 
-RENDERERS -> prepare -> measure (interleaved) -> truth -> Bench (JSON) -> frontier, fits, against -> report
+RENDERERS -> prepare -> measure (interleaved) -> truth -> Bench (JSON) -> frontier, fits -> report
 """
 
 from raytwin.bench.bench_record import (
     Bench,
     Converged,
     Deviation,
-    Growth,
     LeftOut,
     Measurement,
-    Repeats,
-    read_bench,
     write_bench,
 )
-from raytwin.bench.bench_run import GROWTH, bench
-from raytwin.bench.frontier import fit_power, on_frontier, ratio_interval, staircase
-from raytwin.bench.regression import Changes, MethodChange, against
+from raytwin.bench.bench_run import bench, bench_scenes
+from raytwin.bench.frontier import fit_power, on_frontier, staircase
 from raytwin.renderers.renderer_table import RENDERERS, choose

@@ -1,12 +1,11 @@
 """What the bench writes and reads back: plain records, one JSON file."""
 
 import os
+from collections.abc import Sequence
 from typing import Any
 
-import msgspec
-
 from raytwin import files
-from raytwin.errors import InputError
+from raytwin.compare import Verdict
 from raytwin.notebook import InNotebook
 from raytwin.scene.record_base import Row
 
@@ -19,7 +18,8 @@ class Measurement(Row, frozen=True):
 
     `seconds_median`, `seconds_iqr` of the warm calls; `compile_seconds`: what only the first calls cost; `peak_mib`:
     the most memory beyond what the process held before the call; `truth_floor`: the truth's own RMSE, below which
-    `rmse` tells nothing. null: not measured.
+    `rmse` tells nothing. null: not measured. `verdict` of the first image beside the twin of the same rung; `reason`:
+    its first reason, in words.
     """
 
     method: str
@@ -40,6 +40,8 @@ class Measurement(Row, frozen=True):
     p999_abs: float
     truth_floor: float
     on_frontier: bool
+    verdict: Verdict
+    reason: str
 
 
 class Converged(Row, frozen=True):
@@ -66,34 +68,6 @@ class Deviation(Row, frozen=True):
     on_frontier: bool
 
 
-class Growth(Row, frozen=True):
-    """Seconds of a method with so many small spheres in the picture."""
-
-    method: str
-    spheres: int
-    width: int
-    height: int
-    seconds_median: float
-    seconds_iqr: float
-    compile_seconds: float
-
-
-class Equal(Row, frozen=True):
-    """Where a family of methods falls to one relMSE against its own rung's truth: seconds a frame, samples a pixel.
-
-    Interpolated between two measured sample counts if `measured`, else extrapolated beyond the last one.
-    """
-
-    family: str
-    truth: str
-    width: int
-    height: int
-    relmse: float
-    seconds: float
-    samples: float
-    measured: bool = True
-
-
 class LeftOut(Row, frozen=True):
     """A method that was asked for and not measured, and why."""
 
@@ -103,18 +77,8 @@ class LeftOut(Row, frozen=True):
     why: str
 
 
-class Repeats(Row, frozen=True):
-    """Every timed call, in seconds, and the RMSE of its image where that was taken."""
-
-    method: str
-    width: int
-    height: int
-    seconds: tuple[float, ...]
-    rmse: tuple[float, ...]
-
-
 class Bench(Row, InNotebook, frozen=True):
-    """A whole run. `repeats` is what two runs are compared by; `--json` leaves it out."""
+    """A whole run. `subjects`: the names of the methods that were given themselves, not by a pattern."""
 
     scene: str
     machine: dict[str, str]
@@ -124,10 +88,17 @@ class Bench(Row, InNotebook, frozen=True):
     rows: tuple[Measurement, ...]
     truths: tuple[Converged, ...] = ()
     errors: tuple[Deviation, ...] = ()
-    growth: tuple[Growth, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
-    repeats: tuple[Repeats, ...] = ()
-    equal: tuple[Equal, ...] = ()
+    subjects: tuple[str, ...] = ()
+
+    @property
+    def exit_code(self) -> int:
+        """1 if a subject fails, else 2 if one is undecided or was not measured, else 0: nothing else decides."""
+        verdicts = [row.verdict for row in self.rows if row.method in self.subjects]
+        if "fail" in verdicts:
+            return 1
+        measured = {row.method for row in self.rows}
+        return 2 if "undecided" in verdicts or not measured.issuperset(self.subjects) else 0
 
     def table(self) -> list[dict[str, Any]]:
         """Return a row per method and size: what `pandas.DataFrame` takes."""
@@ -137,16 +108,6 @@ class Bench(Row, InNotebook, frozen=True):
         return f"<raytwin.bench of {self.scene}: {len(self.rows)} measurements, {len(self.left_out)} left out>"
 
 
-def write_bench(bench: Bench, path: str | os.PathLike[str], repeats: bool = True) -> None:
-    """As JSON; NaN and infinity, which JSON lacks, become null."""
-    files.write_json(path, bench if repeats else msgspec.structs.replace(bench, repeats=()))
-
-
-def read_bench(path: str | os.PathLike[str]) -> Bench:
-    """What `write_bench` wrote. Raises InputError with the file and the field that is wrong."""
-    path = files.check_file(path, "a file that `raytwin bench --save` wrote")
-    try:
-        data = msgspec.json.decode(path.read_bytes())
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(path, "JSON that `raytwin bench --save` wrote", error) from None
-    return files.to_record(path, data, Bench)
+def write_bench(benches: Sequence[Bench], path: str | os.PathLike[str]) -> None:
+    """As JSON: one scene's result, or a list of several; NaN and infinity, which JSON lacks, become null."""
+    files.write_json(path, benches[0] if len(benches) == 1 else list(benches))

@@ -1,4 +1,4 @@
-"""A scene, methods and sizes in; a Bench out, within a budget of seconds."""
+"""Scenes, methods and sizes in; a Bench per scene out, within a budget of seconds."""
 
 import math
 import os
@@ -6,7 +6,7 @@ import platform
 import time
 import warnings
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from math import gcd, sqrt
 from pathlib import Path
 from typing import Any
@@ -14,20 +14,19 @@ from typing import Any
 import numpy as np
 
 from raytwin import files, twin
-from raytwin.bench.bench_record import Bench, Converged, Deviation, Growth, LeftOut, Measurement, Repeats
-from raytwin.bench.bench_reference import WHOLE, converge, measure, truth_of
-from raytwin.bench.equal_error import equal_error
+from raytwin.bench.bench_record import Bench, Converged, Deviation, LeftOut, Measurement
+from raytwin.bench.bench_reference import WHOLE, converge, judge, measure, truth_of, twin_of
 from raytwin.bench.frontier import median_iqr, on_frontier
-from raytwin.bench.sphere_field import crowded
 from raytwin.bench.timing import Clock, Errors, Look, Measured, guess, repeat, warm
 from raytwin.calib.find_camera import find_camera
+from raytwin.compare import Comparison
+from raytwin.contract.subject import method as as_method
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.progress import Progress, silent
 from raytwin.renderers.renderer import Call, Renderer
-from raytwin.renderers.renderer_table import choose
-from raytwin.renderers.user_renderers import method as as_method
-from raytwin.scene import Camera, Scene, SceneFile
+from raytwin.renderers.renderer_table import RENDERERS, choose
+from raytwin.scene import Camera, Scene, SceneFile, Tolerance
 from raytwin.workflows.versions import versions
 
 PREPARE_SHARE, TRUTH_SHARE = 0.6, 0.3
@@ -40,72 +39,101 @@ Parts = dict[str, list[Any]]
 CALLS = 4
 """Calls of a method that must fit what is left of the time: one to warm up, three to time."""
 
-GROWTH = (
-    "loop-shadow-conic",
-    "numpy32-shadow-none",
-    "numpy32-shadow-conic",
-    "numpy32-lambert-conic",
-    "drjit32-shadow-none",
-    "drjit32-shadow-conic",
-    "drjit32-lambert-conic",
-    "twin-llvm-shadow",
-    "mitsuba-llvm-direct-1",
-    "cuda32-shadow-conic",
-    "mitsuba-cuda-direct-1",
-)
-"""The methods whose cost is charted against pixels and spheres."""
-
 
 def bench(
     path: str | Path | Scene | SceneFile,
     *,
     methods: Sequence[str | Renderer | Callable[..., Any]] = ("*",),
     sizes: Sequence[float] = (0.2,),
-    spheres: Sequence[int] = (),
     budget: float = 300.0,
     repeats: int = 15,
     truth_samples: int = 4096,
     progress: Progress = silent,
 ) -> Bench:
     """Measure each method's time and error on a scene (`path`: its folder, name, or a Scene), at each of `sizes`
-    (megapixels).
+    (megapixels), and judge its picture beside the twin's.
 
-    `methods`: patterns of names (`raytwin bench list`), and functions of a scene of your own: see `method`.
-    `spheres`: also time the methods of GROWTH
-    with so many small spheres in the picture, at the first size. `budget`: seconds for all, preparing and truths too;
-    methods that do not fit are named in `left_out`, and InputError says so if none does. `repeats`: most timed calls of
-    each. `truth_samples`: most samples a pixel of each truth. `table()` of what is
-    returned has a row per method and size: seconds, errors, and whether it is on the frontier. `progress(stage, done,
-    total)` is called as work goes on.
+    `methods`: patterns of names (`raytwin bench list`), and renderers of your own, which come first: functions of a
+    scene, and what `method` returns. `budget`: seconds for all, preparing and truths too; methods that do not fit are
+    named in `left_out`, and InputError says so if none does. `repeats`: most timed calls of each. `truth_samples`: most
+    samples a pixel of each truth. `table()` of what is returned has a row per method and size: seconds, errors,
+    verdict, and whether it is on the frontier. `progress(stage, done, total)` is called as work goes on.
+    """
+    (found,) = bench_scenes(
+        (path,), methods=methods, sizes=sizes, budget=budget, repeats=repeats, truth_samples=truth_samples,
+        progress=progress,
+    )  # fmt: skip
+    return found
+
+
+def bench_scenes(
+    paths: Sequence[str | Path | Scene | SceneFile],
+    *,
+    methods: Sequence[str | Renderer | Callable[..., Any]] = ("*",),
+    sizes: Sequence[float] = (0.2,),
+    budget: float = 300.0,
+    repeats: int = 15,
+    truth_samples: int = 4096,
+    progress: Progress = silent,
+) -> tuple[Bench, ...]:
+    """Measure on each scene, in turn: see `bench`. `budget`: seconds for all scenes, each of which has an equal share.
+
+    Raises InputError for a scene or a method that cannot be, before anything is measured.
     """
     for where, numbers, most in (
-        ("--budget", (budget,), math.inf), ("--sizes", sizes or (0,), 1000), ("--spheres", spheres, 100_000),
+        ("--budget", (budget,), math.inf), ("--sizes", sizes or (0,), 1000),
         ("--repeats", (repeats,), math.inf), ("--truth-samples", (truth_samples,), math.inf),
     ):  # fmt: skip
         check_numbers(where, numbers, most)
-    chosen = choose([m if isinstance(m, str | Renderer) else as_method(m) for m in methods])
+    chosen, subjects = chosen_methods(methods)
+    scenes = [files.read_scene(path) for path in paths]
+    check_names("SCENE", [scene.name for scene in scenes])
     start = time.perf_counter()
-    deadline = start + budget
     twin.activate()
-    scene = find_camera(files.read_scene(path), progress=progress)[0]
-    growing = [m for m in chosen if m.name in GROWTH] if spheres else []
-    parts = len(sizes) + (1 if growing else 0)
-    found: Parts = defaultdict(list)
-    for i, megapixels in enumerate(sizes):
-        view = scene.with_camera(sized(scene.camera, megapixels))
-        measure_size(found, view, chosen, portion(deadline, parts - i), repeats, truth_samples, progress)
-    if growing:
-        view = scene.with_camera(sized(scene.camera, sizes[0]))
-        for i, count in enumerate(sorted(spheres)):
-            until = portion(deadline, len(spheres) - i)
-            measure_growth(found, crowded(view, count), count, growing, until, repeats, progress)
-    if not found["rows"] and not found["growth"]:
-        raise _nothing(found["left_out"], budget, time.perf_counter() - start)
-    return Bench(
-        scene=scene.name, machine=machine(), versions=versions(), budget=float(budget),
-        seconds=time.perf_counter() - start, equal=equal_error(found["rows"], found["truths"]),
-        **{name: tuple(part) for name, part in found.items()},
-    )  # fmt: skip
+    made = []
+    for number, written in enumerate(scenes):
+        began = time.perf_counter()
+        deadline = portion(start + budget, len(scenes) - number)
+        scene = find_camera(written, progress=progress)[0]
+        found: Parts = defaultdict(list)
+        for i, megapixels in enumerate(sizes):
+            measure_size(
+                found, scene.with_camera(sized(scene.camera, megapixels)), written.tolerance, chosen, subjects,
+                portion(deadline, len(sizes) - i), repeats, truth_samples, progress,
+            )  # fmt: skip
+        made.append(
+            Bench(
+                scene=scene.name, machine=machine(), versions=versions(), budget=float(deadline - began),
+                seconds=time.perf_counter() - began, subjects=subjects,
+                **{name: tuple(part) for name, part in found.items()},
+            )
+        )  # fmt: skip
+    if not any(one.rows for one in made):
+        raise _nothing([o for one in made for o in one.left_out], subjects, budget, time.perf_counter() - start)
+    return tuple(made)
+
+
+def chosen_methods(
+    methods: Sequence[str | Renderer | Callable[..., Any]],
+) -> tuple[list[Renderer], tuple[str, ...]]:
+    """Return the methods, those that are given themselves first, and the names of these, which no pattern repeats.
+
+    A method of the table is timed as it is there, and does not also say what each ray met.
+    """
+    given = [m if isinstance(m, Renderer) else as_method(m) for m in methods if not isinstance(m, str)]
+    own = [RENDERERS.get(m.name, m) for m in given]
+    names = tuple(m.name for m in own)
+    check_names("--subject", names)
+    globs = [m for m in methods if isinstance(m, str)]
+    listed = choose(globs) if globs or not own else []
+    return [*own, *(m for m in listed if m.name not in names)], names
+
+
+def check_names(where: str, names: Sequence[str]) -> None:
+    """Raise InputError for a name that stands twice."""
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(where, "each once, under a name of its own", f"{twice} twice")
 
 
 def check_numbers(where: str, numbers: Sequence[float], most: float = math.inf) -> None:
@@ -122,46 +150,50 @@ def portion(until: float, parts: int) -> float:
     return now + (until - now) / parts
 
 
-def _nothing(left: Sequence[LeftOut], budget: float, spent: float) -> InputError:
+def _nothing(left: Sequence[LeftOut], subjects: Collection[str], budget: float, spent: float) -> InputError:
     """Why nothing was measured, and what to give."""
     late = {o.method for o in left if o.why.startswith(OUT_OF_TIME)}
     if not late:
         want = "one that this scene and this machine can have"
-        return InputError("--methods", want, f"{left[0].method}: {left[0].why}")
+        where = "--subject" if left[0].method in subjects else "--methods"
+        return InputError(where, want, f"{left[0].method}: {left[0].why}")
     want = f"more seconds, or fewer --methods: none of {len(late)} could be prepared and timed"
     return InputError("--budget", want, f"{budget:g}; preparing and truths took {spent:.2g} s")
 
 
 def measure_size(
-    found: Parts, scene: Scene, methods: Sequence[Renderer], deadline: float, repeats: int, truth_samples: int,
-    progress: Progress,
+    found: Parts, scene: Scene, tolerance: Tolerance, methods: Sequence[Renderer], subjects: Collection[str],
+    deadline: float, repeats: int, truth_samples: int, progress: Progress,
 ) -> None:  # fmt: skip
     """Measure references and methods at one size of picture."""
     size = scene.camera.image_size
-    images, truths = {}, {}
-    names = sorted({truth_of(m) for m in methods} | {WHOLE})
+    images, truths, twins = {}, {}, {}
+    own_truths = {truth_of(m) for m in methods}
+    names = sorted(own_truths | {WHOLE})
     until = time.perf_counter() + TRUTH_SHARE * (deadline - time.perf_counter())
     for i, name in enumerate(names):
         progress("truths", i, len(names))
         seconds = (until - time.perf_counter()) / (len(names) - i)
-        images[name], truths[name] = converge(scene, name, truth_samples, seconds)
+        truth, truths[name] = converge(scene, name, truth_samples, seconds)
+        images[name] = truth.mean
+        if name in own_truths:
+            twins[name] = twin_of(scene, name, truth)
     progress("truths", len(names), len(names))
+    verdicts: dict[str, Comparison] = {}
 
     def look(method: Renderer, image: Image) -> Errors:
         own = truth_of(method)
+        if method.name not in verdicts:
+            verdicts[method.name] = judge(method, image, twins[own], scene, tolerance)
         return {name: measure(image.mean, images[name]) for name in names if name == own or comparable(name)}
 
-    done, left = time_methods(scene, methods, look, deadline, repeats, progress)
+    done, left = time_methods(scene, methods, look, deadline, repeats, progress, first=subjects)
     truths = {name: truth for name, truth in truths.items() if any(name in m.errors[0] for m in done)}
-    rows, errors = summarize(done, truths, size)
+    rows, errors = summarize(done, truths, verdicts, size)
     found["rows"] += rows
     found["errors"] += errors
     found["truths"] += truths.values()
     found["left_out"] += left
-    found["repeats"] += [
-        Repeats(m.method.name, *size, tuple(m.seconds), tuple(number(e[truth_of(m.method)]["rmse"]) for e in m.errors))
-        for m in done
-    ]
 
 
 def comparable(truth: str) -> bool:
@@ -177,17 +209,21 @@ def time_methods(
     repeats: int,
     progress: Progress,
     clock: Clock = time.perf_counter,
+    first: Collection[str] = (),
 ) -> tuple[list[Measured], list[LeftOut]]:
     """Prepare each method and call it once, then time them in turn; return those timed, and why the others are not.
 
-    One of each family comes before the second of any, those of few samples first, so that time that is too short leaves
-    some of every kind. Two thumbnails tell what a call will take; none is prepared whose calls do not fit.
+    Those named in `first` come first. One of each family comes before the second of any, those of few samples first, so
+    that time that is too short leaves some of every kind. Two thumbnails tell what a call will take; none is prepared
+    whose calls do not fit.
     """
     size, start = scene.camera.image_size, clock()
     until = start + PREPARE_SHARE * (deadline - start)
     cheapest_first = sorted(methods, key=lambda m: m.samples)
     families = [m.family for m in cheapest_first]
-    in_turn = sorted(cheapest_first, key=lambda m: families[: cheapest_first.index(m)].count(m.family))
+    in_turn = sorted(
+        cheapest_first, key=lambda m: (m.name not in first, families[: cheapest_first.index(m)].count(m.family))
+    )
     ready: list[Measured] = []
     reasons: dict[str, str] = {}
     absent: dict[str, str] = {}
@@ -237,7 +273,7 @@ def expected_seconds(method: Renderer, scene: Scene, clock: Clock) -> tuple[floa
 
 
 def summarize(
-    done: list[Measured], truths: dict[str, Converged], size: tuple[int, int]
+    done: list[Measured], truths: dict[str, Converged], verdicts: dict[str, Comparison], size: tuple[int, int]
 ) -> tuple[list[Measurement], list[Deviation]]:
     """Rows against each method's own truth, and the errors against every truth, each with its frontier."""
     times = {m.method.name: median_iqr(m.seconds) for m in done}
@@ -255,12 +291,12 @@ def summarize(
     rows = []
     for m in done:
         own = truth_of(method := m.method)
-        e = errors[method.name, own]
+        e, judged = errors[method.name, own], verdicts[method.name]
         rows.append(
             Measurement(
                 method.name, method.library, f"float{method.precision}", method.rung, method.trim, method.step,
                 method.samples, *size, *times[method.name], m.compile_seconds, m.peak_mib, e.rmse, e.relmse, e.p999_abs,
-                number(truths[own].floor["rmse"]), e.on_frontier,
+                number(truths[own].floor["rmse"]), e.on_frontier, judged.verdict, judged.reasons[0],
             )
         )  # fmt: skip
     return rows, list(errors.values())
@@ -276,17 +312,6 @@ def number(value: float | None) -> float:
     if value is None:
         raise ValueError("an error that was not measured")
     return value
-
-
-def measure_growth(
-    found: Parts, scene: Scene, count: int, methods: Sequence[Renderer], deadline: float, repeats: int,
-    progress: Progress,
-) -> None:  # fmt: skip
-    """The methods' seconds on a picture of `count` spheres."""
-    size = scene.camera.image_size
-    done, left = time_methods(scene, methods, lambda method, image: {}, deadline, repeats, progress)
-    found["growth"] += [Growth(m.method.name, count, *size, *median_iqr(m.seconds), m.compile_seconds) for m in done]
-    found["left_out"] += [LeftOut(f"{o.method} with {count} spheres", *size, o.why) for o in left]
 
 
 # ------------------------------------------------------------------------------------------ sizes, machine
@@ -318,7 +343,7 @@ def timed(call: Call, clock: Clock) -> float:
 
 
 def machine() -> dict[str, str]:
-    """What two runs must share before their seconds can be compared."""
+    """What seconds depend on."""
     rows = dict(twin.doctor())
     return {
         "processor": rows.get("processor", "?"),

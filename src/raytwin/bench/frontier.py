@@ -1,4 +1,4 @@
-"""Statistics of the bench: quartiles, the speed-accuracy frontier, exponents of growth, ratios of two runs."""
+"""Statistics of the bench: quartiles, the speed-accuracy frontier, exponents of growth."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -60,18 +60,3 @@ def fit_power(x: Sequence[float], seconds: Sequence[float]) -> PowerLaw | None:
     line = linregress(x, y)
     sigma = float(line.stderr) if len(x) > 2 else float("nan")
     return PowerLaw(float(line.slope), sigma, float(np.exp(line.intercept)), tuple(float(v) for v in np.exp(x)))
-
-
-def ratio_interval(
-    new: Sequence[float], old: Sequence[float], confidence: float = 0.99, draws: int = 4000, seed: int = 0
-) -> tuple[float, float, float]:
-    """median(new) / median(old) and its bootstrap interval; (ratio, 0, inf) where either has fewer than 3 values."""
-    ratio = float(np.median(new) / np.median(old))
-    if min(len(new), len(old)) < 3:
-        return ratio, 0.0, float("inf")
-    rng = np.random.default_rng(seed)
-    above, below = (
-        np.median(rng.choice(np.asarray(values, float), (draws, len(values))), axis=1) for values in (new, old)
-    )
-    low, high = np.quantile(above / below, ((1 - confidence) / 2, (1 + confidence) / 2))
-    return ratio, float(low), float(high)

@@ -39,7 +39,6 @@ COMMANDS: dict[str, tuple[str, Any]] = {
     "diff": (COMPARE, compare_commands.diff_command),
     "ladder": (COMPARE, method_commands.ladder_command),
     "needs": (COMPARE, method_commands.needs_command),
-    "matrix": (COMPARE, method_commands.matrix_command),
     "shrink": (COMPARE, method_commands.shrink_command),
     "explore": (COMPARE, method_commands.explore_command),
     "calibrate": (PHOTOS, photo_commands.calibrate_command),
@@ -117,8 +116,7 @@ NEEDS = {
     "augment": ("photos",), "bench": ("twin", "llvm"), "board": ("photos",), "calibrate": ("photos",),
     "compare": ("twin", "llvm"), "explore": ("live", "twin", "llvm"), "ladder": ("twin", "llvm"), "light": ("photos",),
     "needs": ("twin", "llvm"), "photograph": ("photos", "twin", "llvm"), "reference": ("twin", "llvm"),
-    "matrix": ("twin", "llvm"), "shrink": ("twin", "llvm"),
-    "stability": ("photos",),
+    "shrink": ("twin", "llvm"), "stability": ("photos",),
 }  # fmt: skip
 """The extras that a command needs whatever it is given: named all at once where one of them is missing."""
 

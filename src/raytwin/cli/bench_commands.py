@@ -5,10 +5,10 @@ from pathlib import Path
 
 import typer
 
-from raytwin.cli.option_values import check_outputs, parse_counts, parse_numbers
+from raytwin.cli.option_values import check_outputs, parse_numbers
 from raytwin.cli.options import group, register
 from raytwin.cli.progress_bar import show_progress
-from raytwin.cli.terminal import say, say_wrapped
+from raytwin.cli.terminal import say, say_wrapped, worst_code
 from raytwin.errors import check_one_of
 from raytwin.rungs import RUNGS
 
@@ -16,48 +16,41 @@ app = group("scene")
 
 
 def scene_command(
-    scene: Path, methods: str = "*", subject: list[str] | None = None, rung: str = "shadow",
-    sizes: str = "0.2", spheres: str = "",
-    budget: float = 300, repeats: int = 15, truth_samples: int = 4096, json: Path | None = None,
-    out: Path | None = None, save: Path | None = None, against: Path | None = None,
+    scenes: list[Path], methods: str = "*", subject: list[str] | None = None, rung: str = "shadow",
+    sizes: str = "0.2", budget: float = 300, repeats: int = 15, truth_samples: int = 4096,
+    json: Path | None = None, out: Path | None = None,
 ) -> None:  # fmt: skip
-    """Measure each method's time and error.
+    """Measure time and error of each method, and judge each picture.
 
-    The folder gets bench.html, bench.json and charts.
-
-    With --against, exit code 1 means that a method became slower or less accurate.
+    The folder gets bench.html, bench.json and charts. Exit code 1: a --subject fails; 2: none fails, but one is
+    undecided or could not be measured.
     """
-    from raytwin.bench import against as compared
-    from raytwin.bench import bench, read_bench, write_bench
+    from raytwin.bench import bench_scenes, write_bench
     from raytwin.contract.subject import find_subject
     from raytwin.report import bench_page
 
     check_one_of("--rung", rung, RUNGS)
-    check_outputs(folders=(out or Path("out"),), files=(json, save))
-    megapixels, counts = parse_numbers(sizes, "--sizes"), parse_counts(spheres, "--spheres")
-    earlier = read_bench(against) if against else None
+    check_outputs(folders=(out or Path("out"),), files=(json,))
+    megapixels = parse_numbers(sizes, "--sizes")
     with show_progress() as progress:
-        found = bench(
-            scene,
+        found = bench_scenes(
+            scenes,
             methods=[*split(methods), *(find_subject(what, rung) for what in subject or ())],
             sizes=megapixels,
-            spheres=counts,
             budget=budget,
             repeats=repeats,
             truth_samples=truth_samples,
             progress=progress,
         )
-        changes = compared(found, earlier) if earlier else None
-        folder = out or Path("out") / f"bench-{found.scene}"
+        folder = out or Path("out") / (f"bench-{found[0].scene}" if len(found) == 1 else "bench")
         with progress.stage("page"):
-            bench_page.write_bench_all(found, folder, changes)
-    if save:
-        write_bench(found, save)
+            bench_page.write_bench_all(found, folder)
     if json:
-        write_bench(found, json, repeats=False)
-    say_wrapped(bench_page.bench_summary(found, changes))
+        write_bench(found, json)
+    for of_scene in found:
+        say_wrapped(bench_page.bench_summary(of_scene))
     say(f"report: {folder / 'bench.html'}")
-    raise typer.Exit(1 if changes and changes.worse else 0)
+    raise typer.Exit(worst_code(of_scene.exit_code for of_scene in found))
 
 
 def list_command(methods: str = "*") -> None:

@@ -1,9 +1,8 @@
-"""raytwin ladder, needs, matrix, shrink, explore: a scene by many methods."""
+"""raytwin ladder, needs, shrink, explore: a scene by many methods."""
 
 import os
 import shlex
 import sys
-from functools import partial
 from pathlib import Path
 
 import typer
@@ -11,7 +10,7 @@ import typer
 from raytwin.cli.option_values import check_outputs
 from raytwin.cli.options import Size
 from raytwin.cli.progress_bar import show_progress
-from raytwin.cli.terminal import say, say_wrapped, worst_code
+from raytwin.cli.terminal import say, say_wrapped
 from raytwin.workflows.settings import CompareSettings
 
 
@@ -60,51 +59,6 @@ def needs_command(
         files.write_json(json, found)
     say_wrapped(needs_summary(found))
     raise typer.Exit(0 if found.choice else 2)
-
-
-def matrix_command(
-    settings: CompareSettings, scenes: list[Path] | None = None, subjects: list[str] | None = None,
-    listed: Path | None = None, references: Path | None = None, history: Path | None = None,
-    jobs: int = 1, dask: str = "", again: bool = False, json: Path | None = None,
-    junit: Path | None = None, out: Path = Path("out/matrix"), allow: list[str] | None = None,
-) -> None:  # fmt: skip
-    """Compare several renderers with the twin on several scenes.
-
-    One page shows all results. Run it again to continue an interrupted run. Exit code 1: a comparison failed; 2: none
-    failed, but one is undecided or could not be made.
-    """
-    from raytwin.parallel import Stored, parse_workers
-    from raytwin.report import matrix_page
-    from raytwin.report.junit import write_junit
-    from raytwin.workflows import matrix, matrix_history
-
-    check_outputs(folders=(out,), files=(history, json, junit))
-    workers = parse_workers(jobs, dask)
-    asked, named = [str(s) for s in scenes or ()], list(subjects or ())
-    if listed is not None:
-        more, others, chosen = matrix.read_list(listed)
-        asked, named = [*asked, *more], [*named, *others]
-        settings = matrix.with_settings(settings, chosen, listed)
-    found = matrix.jobs_of(asked, named, settings, references)
-    if history is not None:
-        matrix_history.read_history(history)  # for its checks
-    store = Stored(out / "results", matrix.Cell)
-    with show_progress() as progress:
-        cells = store.run(
-            partial(matrix_page.make_cell, folder=str(out.absolute())), found, workers, failed=matrix.failed,
-            redo=lambda cell: cell.verdict == "error", again=again, progress=progress, stage="matrix",
-        )  # fmt: skip
-    for cell in cells:
-        why = "" if cell.verdict == "pass" else f": {cell.cause or cell.reason}"
-        say_wrapped(f"{cell.verdict.upper():<10} {cell.scene}: {cell.subject}{why}")
-    past = matrix_history.pasts(matrix_history.add_to_history(history, cells)) if history is not None else {}
-    matrix_page.write_matrix(cells, out, past)
-    if json is not None:
-        json.write_text((out / "matrix.json").read_text(encoding="utf-8"), encoding="utf-8")
-    if junit is not None:
-        write_junit(map(matrix_page.case_of, cells), junit, "raytwin matrix")
-    say(f"{len(cells)} comparisons; report: {out / 'index.html'}")
-    raise typer.Exit(worst_code(cell.exit_code for cell in cells))
 
 
 def shrink_command(

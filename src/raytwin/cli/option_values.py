@@ -61,14 +61,6 @@ def parse_stand(text: str, option: str) -> tuple[float, float, float]:
     return numbers[0], numbers[1], numbers[2]
 
 
-def parse_counts(text: str, option: str) -> tuple[int, ...]:
-    """'1,10,100' as (1, 10, 100)."""
-    numbers = parse_numbers(text, option)
-    if not all(n == n // 1 for n in numbers):
-        raise InputError(option, "whole numbers", text)
-    return tuple(int(n) for n in numbers)
-
-
 def check_outputs(*, folders: tuple[Path | None, ...] = (), files: tuple[Path | None, ...] = ()) -> None:
     """InputError where an output cannot be written, before the work that it is to hold. Nothing is made."""
     kinds = {True: "a folder", False: "a file"}

@@ -14,7 +14,7 @@ from raytwin.cli.examples import EXAMPLES
 from raytwin.cli.option_values import parse_size
 from raytwin.cli.terminal import say
 from raytwin.rungs import SAMPLINGS
-from raytwin.workflows.settings import OF_MANY, CompareSettings
+from raytwin.workflows.settings import CompareSettings
 
 Size = tuple[int, int] | None
 """Width and height in pixels, as `--size` gives them."""
@@ -27,6 +27,10 @@ def _known_scene(path: Path | None) -> Path | None:
     if path is not None:
         find_scene(path)
     return path
+
+
+def _known_scenes(paths: list[Path]) -> list[Path]:
+    return [path for path in paths if _known_scene(path)]
 
 
 def _allow(names: list[str] | None) -> list[str] | None:
@@ -81,10 +85,8 @@ SOLVERS = "robust", "stable", "paper", "textbook"
 MODELS = "auto", "none", "k1", "k1k2", "k1k2p1p2", "k1k2k3", "full5"
 ANY_SCENE = "A scene's folder, its scene.toml or its name; or a Mitsuba file (XML)."
 METRICS = "rmse", "relmse", "mae", "max_abs", "p999_abs", "p999_rel"
-ONE_PAIR_ALONE = {
-    field.name: None for field in dataclasses.fields(CompareSettings) if field.name not in ("subject", *OF_MANY)
-}
-"""Settings of `compare` that `matrix` and `shrink` do not have."""
+OF_SHRINK = "subject", "rung", "samples", "seed", "size", "light"
+"""Settings of `compare` that `shrink` has, too."""
 
 OPTIONS: dict[str, dict[str, Any]] = {
     "": {
@@ -166,24 +168,13 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "tolerance": _opt("Largest error, in the metric's units."),
         "metric": _opt(f"{', '.join(METRICS[:-1])} or {METRICS[-1]}.", among=METRICS),
     },
-    "matrix": {
-        "scenes": _arg("Scenes: folders, names, Mitsuba files (XML).", among=_scenes),
-        "subjects": _opt("Renderer, as in compare, or NAME=RENDERER; repeatable.", "WHAT", "--subject"),
-        "subject": None,
-        "listed": _opt("TOML file with scenes, subjects and settings.", "FILE", "--from"),
-        "references": _opt("Compare with stored references instead of the twin.", "DIR"),
-        "history": _opt("Add a line per comparison to this file, and show which drift or near their limit.", "FILE"),
-        "again": _opt("Repeat finished comparisons.", None, "--again"),
-        "out": _opt("Folder for page and results.", "DIR", *OUT),
-        **ONE_PAIR_ALONE,
-    },
     "shrink": {
         "scene": _arg(ANY_SCENE, among=_scenes, callback=_known_scene),
         "subject": _opt("Renderer that fails: a method, FILE.py:FUNCTION, or a command with {scene} and {out}.", "WHAT",
                         kind=str | None),
         "time_limit": _opt("Try no further step after this time.", "SECONDS"),
         "out": _opt("Folder for the small scene (out/shrink-SCENE).", "DIR", *OUT),
-        **ONE_PAIR_ALONE,
+        **{field.name: None for field in dataclasses.fields(CompareSettings) if field.name not in OF_SHRINK},
     },
     "explore": {
         "subject": _opt("Renderer to show; see `raytwin compare --subject`.", "WHAT"),
@@ -298,15 +289,15 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "grade.gradescope-zip": {"rubric": _arg("The rubric, TOML."), "out": _opt("Zip to write.", "FILE", *OUT)},
     "bench": {
         "methods": _opt("Patterns of method names, which `raytwin bench list` prints.", "GLOB,...", "--methods"),
-        "subject": _opt("Renderer of your own to measure too, as in compare; repeatable.", "WHAT", "--subject"),
+        "scenes": _arg("Scenes: folders, scene.toml or names.", "SCENE", among=_scenes, callback=_known_scenes),
+        "subject": _opt(
+            "Renderer to judge and measure, as in compare; repeatable. Decides the exit code.", "WHAT", "--subject"
+        ),
         "rung": _opt("Light level of --subject.", among=LEVELS),
         "sizes": _opt("Picture sizes in megapixels.", "MP,..."),
-        "spheres": _opt("Also time pictures of N small spheres, at the first size.", "N,..."),
-        "budget": _opt("Total time; methods that do not fit are listed.", "SECONDS"),
+        "budget": _opt("Time for all scenes; methods that do not fit are listed.", "SECONDS"),
         "repeats": _opt("At most this many timed calls per method."),
         "truth_samples": _opt("At most this many samples per pixel of the reference."),
-        "save": _opt("Save this run for a later --against.", "FILE"),
-        "against": _opt("Compare with a run saved on this machine.", "FILE"),
         "out": _opt("Folder for page and charts (in out/).", "DIR", *OUT),
     },
     "stability": {

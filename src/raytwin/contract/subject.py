@@ -1,4 +1,4 @@
-"""What `raytwin compare --subject` takes: a method by its name, or a submission of any kind."""
+"""What `raytwin compare --subject` and `raytwin.method` take: a method by its name, or a renderer of any kind."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,13 +9,14 @@ from raytwin import files
 from raytwin.contract.composed_tracer import PARTS
 from raytwin.contract.subject_process import SubjectFunction, SubjectProcess
 from raytwin.contract.submission import Shown, load
-from raytwin.errors import InputError
+from raytwin.errors import InputError, check_one_of
 from raytwin.image_input import RENDERS
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.renderer_table import RENDERERS
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.renderers.subject_renderers import Traced
-from raytwin.renderers.user_renderers import FEW, UserRenderer, method, takes_of
+from raytwin.renderers.user_renderers import FEW, UserRenderer, takes_of
+from raytwin.rungs import RUNGS, SAMPLINGS
 from raytwin.scene import Scene
 
 
@@ -58,6 +59,52 @@ def find_subject(what: str | Renderer | Callable[..., Any], rung: str, sampling:
         rung, f"{text} ({made})" if made else text, render, describe, own, seeded="seed" in takes,
         renders=RENDERS if "seed" in takes else 1, samples=FEW if takes >= {"seed", "samples"} else 0,
     )  # fmt: skip
+
+
+def method(
+    what: Callable[..., Any] | str,
+    name: str = "",
+    *,
+    rung: str = "shadow",
+    sampling: str = "center",
+    renders: int = 1,
+    records: bool = False,
+) -> Renderer:
+    """Return a renderer of your own as a method: for `compare_scene(subject=...)` and `bench(methods=[...])`.
+
+    `what` is a function, or a text as `--subject` takes it: "mine.py:render", a command with {scene} and {out}, an
+    image, a folder of images, or a method's name. `function(scene)` returns linear radiance (H, W, 3), row 0 on top, or
+    an Image. `scene` is a dict of plain values and arrays, in metres, as programs of `--subject` read it; with
+    `records`, the Scene itself. A function that also takes `seed` has noise: of `renders` seeds the mean is taken, and
+    their spread gives its noise (4 or more). `name`: what charts call it, by default the function's own. `rung`: the
+    light level that it renders. `sampling`: whether its rays go through the pixel's "center" or over its "area". An
+    image of another size raises InputError when it is made. `renders` and `records` hold for functions alone.
+
+    >>> import numpy as np
+    >>> def grey(scene):
+    ...     return np.full((scene["height"], scene["width"], 3), 0.5)
+    >>> method(grey).name, method("numpy32-shadow-conic").name
+    ('grey', 'numpy32-shadow-conic')
+    """
+    check_one_of("rung", rung, RUNGS)
+    check_one_of("sampling", sampling, SAMPLINGS)
+    if isinstance(what, str):
+        if renders != 1 or records:
+            raise InputError("method", "a function beside `renders` or `records`", what)
+        found = find_subject(what, rung)
+        return replace(found, title=name or found.title, rays=sampling) if isinstance(found, UserRenderer) else found
+    title = name or getattr(what, "__name__", type(what).__name__)
+    if not callable(what):
+        raise InputError("method", "a function of a scene, or a text as --subject takes it", repr(what))
+    takes = takes_of(what)
+    few = FEW if takes >= {"seed", "samples"} else 0
+    return UserRenderer(
+        rung, title, what, _itself if records else as_arrays, {}, "seed" in takes, renders, sampling, few
+    )
+
+
+def _itself(scene: Scene, rung: str) -> Scene:
+    return scene
 
 
 def _name(scene: Scene, rung: str) -> dict[str, Any]:

@@ -47,7 +47,7 @@ def read_scene(path: str | os.PathLike | Scene | SceneFile) -> SceneFile:
         return scene
     file = find_scene(path)
     if file.suffix.lower() == ".xml":
-        raise InputError(file, "a scene.toml: only compare, reference, matrix and shrink take a Mitsuba file", "XML")
+        raise InputError(file, "a scene.toml: only compare, reference and shrink take a Mitsuba file", "XML")
     data = read_toml(file)
     for key in ("name", "folder", "photos"):  # of the record, not of the file
         if key in data:

@@ -50,14 +50,12 @@ RENDERERS: dict[str, Renderer] = {
 """name -> method, in the order in which the bench lists them."""
 
 
-def choose(named: Sequence[str | Renderer] = ("*",)) -> list[Renderer]:
-    """Return the methods whose name matches a pattern, in the table's order, then those that are given themselves.
+def choose(globs: Sequence[str] = ("*",)) -> list[Renderer]:
+    """Return the methods whose name matches a pattern, in the table's order.
 
     Raises InputError for a pattern that matches none.
     """
-    globs = [one for one in named if isinstance(one, str)]
-    own = [one for one in named if isinstance(one, Renderer)]
-    for glob in globs or ([] if own else [""]):
+    for glob in globs or [""]:
         if not any(fnmatchcase(name, glob) for name in RENDERERS):
             raise InputError("--methods", "patterns of names as drjit32-* (`raytwin bench list`)", glob or "none")
-    return [method for name, method in RENDERERS.items() if any(fnmatchcase(name, glob) for glob in globs)] + own
+    return [method for name, method in RENDERERS.items() if any(fnmatchcase(name, glob) for glob in globs)]

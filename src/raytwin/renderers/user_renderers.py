@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.errors import InputError, check_one_of
+from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.image_input import as_image
 from raytwin.renderers.renderer import Call, Renderer
 from raytwin.renderers.scene_exchange import as_arrays, as_file
-from raytwin.rungs import RUNGS
 from raytwin.scene import MitsubaScene, Scene
 
 
@@ -74,40 +73,6 @@ class UserRenderer(Renderer):
         return call
 
 
-def method(
-    function: Callable[..., Any],
-    name: str = "",
-    *,
-    rung: str = "shadow",
-    sampling: str = "center",
-    renders: int = 1,
-    records: bool = False,
-) -> UserRenderer:
-    """Return a function of your own as a method: for `compare_scene(subject=...)` and `bench(methods=[...])`.
-
-    `function(scene)` returns linear radiance (H, W, 3), row 0 on top, or an Image. `scene` is a dict of plain values
-    and arrays, in metres, as programs of `--subject` read it; with `records`, the Scene itself. A function that also
-    takes `seed` has noise: of `renders` seeds the mean is taken, and their spread gives its noise (4 or more). `name`:
-    what charts call it, by default the function's own. `rung`: the light level that it renders. `sampling`: whether its
-    rays go through the pixel's "center" or over its "area". An image of another size raises InputError when it is made.
-
-    >>> import numpy as np
-    >>> def grey(scene):
-    ...     return np.full((scene["height"], scene["width"], 3), 0.5)
-    >>> method(grey).name
-    'grey'
-    """
-    check_one_of("rung", rung, RUNGS)
-    check_one_of("sampling", sampling, ("center", "area"))
-    title = name or getattr(function, "__name__", type(function).__name__)
-    if not callable(function):
-        raise InputError("method", "a function of a scene", repr(function))
-    takes = takes_of(function)
-    describe = _itself if records else as_arrays
-    few = FEW if takes >= {"seed", "samples"} else 0
-    return UserRenderer(rung, title, function, describe, {}, "seed" in takes, renders, sampling, few)
-
-
 FEW = 16
 """Samples per pixel that a function is asked for, where nothing else is said."""
 
@@ -119,7 +84,3 @@ def takes_of(function: Callable[..., Any]) -> set[str]:
     except (TypeError, ValueError):
         return set()
     return {"seed", "samples"} & set(names)
-
-
-def _itself(scene: Scene, rung: str) -> Scene:
-    return scene

@@ -1,4 +1,4 @@
-"""What the bench's charts hold: error against seconds, growth."""
+"""What the bench's charts hold: error against seconds, seconds against pixels."""
 
 import math
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from raytwin.bench import GROWTH, RENDERERS, Bench, Measurement, fit_power, on_frontier, staircase
+from raytwin.bench import RENDERERS, Bench, Measurement, fit_power, on_frontier, staircase
 from raytwin.compare import METRICS
 from raytwin.report.charts.chart import Chart, Line, Point, by_family, family_chart
 from raytwin.report.charts.svg import INK, SOFT, Range
@@ -31,6 +31,9 @@ COLOURS = {
 }  # fmt: skip
 """By the family's first word."""
 
+OWN_COLOUR = "#111827"
+"""Colour of renderers that are no methods of the table."""
+
 PALETTE = "#0f8b8d", "#e07b00", "#8e44ad", "#c02f4a", "#3b82c4", "#a16207", "#2e9e44", "#111827", "#d455a5", "#5a6575"
 """Colours of lines that are no family of methods: one each, in turn."""
 
@@ -40,11 +43,13 @@ GUIDE = "#b9c0ca"
 
 
 def family_of(method: str) -> str:
-    return RENDERERS[method].family if method in RENDERERS else method.split("-")[0]
+    return RENDERERS[method].family if method in RENDERERS else method
 
 
-def colour_of(family: str) -> str:
-    return next((c for start, c in COLOURS.items() if family.startswith(start)), SOFT)
+def colour_of(method: str) -> str:
+    if method not in RENDERERS:
+        return OWN_COLOUR
+    return next((c for start, c in COLOURS.items() if RENDERERS[method].family.startswith(start)), SOFT)
 
 
 def sizes_of(bench: Bench) -> list[tuple[int, int]]:
@@ -73,12 +78,12 @@ def error_chart(bench: Bench, size: tuple[int, int], truth: str, metric: str) ->
             y,
             r.method,
             family_of(r.method),
-            colour_of(family_of(r.method)),
+            colour_of(r.method),
             MARKERS.get(r.rung, "circle"),
             value <= floor,
             strong,
             row_tip(r),
-            r.method if strong else "",
+            r.method if strong or r.method in bench.subjects else "",
             strong,
         )
         for (r, value), y, strong in rows
@@ -126,6 +131,7 @@ def row_tip(r: Measurement) -> str:
             f"first calls {seconds(r.compile_seconds)} more",
             f"memory {shown(r.peak_mib)} MiB",
             f"{r.samples} sample{'s' * (r.samples != 1)} a pixel",
+            f"{r.verdict} beside the twin",
             f"RMSE {shown(r.rmse)}, relMSE {shown(r.relmse)}, 99.9 % {shown(r.p999_abs)}",
         )
     )
@@ -152,39 +158,24 @@ def guides(x_range: Range, y_range: Range, slope: float) -> list[Line]:
     return lines
 
 
-# ------------------------------------------------------------------------------------------ growth
+# ------------------------------------------------------------------------------------------ seconds against pixels
 
-Series = dict[str, list[tuple[float, float]]]
-"""Renderer -> (size of the task, seconds)."""
-
-
-def growth_charts(bench: Bench) -> list[Chart]:
-    """Seconds against pixels (from three sizes on) and against spheres, each with its fitted exponent."""
-    size = f"{bench.growth[0].width} x {bench.growth[0].height} pixels" if bench.growth else ""
-    by_spheres: Series = {}
-    for g in bench.growth:
-        by_spheres.setdefault(g.method, []).append((g.spheres, g.seconds_median))
-    made = [
-        growth_chart("pixels", f"{bench.scene}: seconds against pixels", "megapixels", seconds_by_pixels(bench)),
-        growth_chart("spheres", f"seconds against small spheres, {size}", "spheres", by_spheres),
-    ]
-    return [chart for chart in made if chart is not None]
+CHARTED_METHODS = 12
+"""Methods in the chart of seconds against pixels: the quickest at the largest size."""
+FEWEST_SIZES = 3
+"""Sizes from which on seconds are charted against pixels."""
 
 
-def seconds_by_pixels(bench: Bench) -> Series:
-    """Return the dozen methods of GROWTH that are quickest at the largest size measured."""
-    series: Series = {}
-    if len(sizes_of(bench)) > 2:
-        for r in bench.rows:
-            series.setdefault(r.method, []).append((r.width * r.height / 1e6, r.seconds_median))
-    if shared := [name for name in series if name in GROWTH]:
-        series = {name: series[name] for name in shared}
-    return dict(sorted(series.items(), key=lambda item: item[1][-1][1])[:12])
-
-
-def growth_chart(key: str, title: str, x_label: str, series: Series) -> Chart | None:
+def pixels_chart(bench: Bench) -> Chart | None:
+    """Return seconds against pixels with each method's fitted exponent; None below FEWEST_SIZES sizes."""
+    if len(sizes_of(bench)) < FEWEST_SIZES:
+        return None
+    series: dict[str, list[tuple[float, float]]] = {}
+    for r in bench.rows:
+        series.setdefault(r.method, []).append((r.width * r.height / 1e6, r.seconds_median))
+    quickest = sorted(series.items(), key=lambda item: item[1][-1][1])[:CHARTED_METHODS]
     points, lines = [], []
-    for (name, found), colour in zip(series.items(), PALETTE * 9, strict=False):
+    for (name, found), colour in zip(quickest, PALETTE * 9, strict=False):
         if len(found) < 2:
             continue
         label = name
@@ -193,13 +184,15 @@ def growth_chart(key: str, title: str, x_label: str, series: Series) -> Chart | 
             ends = fit.used[0], fit.used[-1]
             lines.append(Line(ends, tuple(fit.factor * x**fit.exponent for x in ends), colour, 1.2, "dashed"))
         points += [
-            Point(x, s, name, name, colour, tip=f"{name}\n{short(x)} {x_label}, {seconds(s)}") for x, s in sorted(found)
+            Point(x, s, name, name, colour, tip=f"{name}\n{short(x)} megapixels, {seconds(s)}")
+            for x, s in sorted(found)
         ]
         points[-1] = replace(points[-1], label=label)
     if not points:
         return None
+    title = f"{bench.scene}: seconds against pixels"
     note = "dashed and in numbers: the exponent fitted to the upper half of the points, with its standard error"
-    drawn = family_chart(key, title, x_label, "seconds (median)", points, None, (note,), lines, 0.08)
+    drawn = family_chart("pixels", title, "megapixels", "seconds (median)", points, None, (note,), lines, 0.08)
     low, high = drawn.x_range
     return replace(drawn, x_range=(low, high * (high / low) ** 0.45))  # the labels stand to the right
 

@@ -1,14 +1,12 @@
 // Charts in a page: the one that is chosen, a point's numbers by pointer, tap and arrow keys. Everything is drawn already.
 "use strict";
 (() => {
-  const names = ["size", "truth", "metric"];
-  const choice = (name) => document.getElementById(`choose-${name}`);
-
-  function show() {
-    const key = names.map((name) => choice(name).value).join("/");
-    const all = [...document.querySelectorAll("[data-chart]")];
+  // Shows the chart that is chosen among those of a section.
+  function show(section) {
+    const key = [...section.querySelectorAll("[data-choice]")].map((select) => select.value).join("/");
+    const all = [...section.querySelectorAll("[data-chart]")];
     for (const element of all) element.hidden = element.dataset.chart !== key;
-    document.getElementById("none").hidden = all.some((element) => !element.hidden);
+    section.querySelector(".none").hidden = all.some((element) => !element.hidden);
     box.hidden = true;
   }
 
@@ -73,7 +71,8 @@
     document.addEventListener("pointerover", hover);
     document.addEventListener("click", tap);
     document.addEventListener("keydown", key);
-    for (const name of names) choice(name)?.addEventListener("change", show);
+    for (const section of document.querySelectorAll("[data-choices]"))
+      for (const select of section.querySelectorAll("[data-choice]")) select.addEventListener("change", () => show(section));
     document.body.dataset.ready = "true";
   });
 })();

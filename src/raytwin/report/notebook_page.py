@@ -94,7 +94,7 @@ HTML: dict[str, Callable[[Any], str]] = {
     "Result": lambda found: _pair(view_of(found)),
     "Ladder": lambda found: _shown(("rung", "side", "method", "seconds", "rmse", "noise"), found.table()),
     "Bench": lambda found: _shown(
-        ("method", "rung", "width", "height", "seconds_median", "rmse", "on_frontier"), found.table()
+        ("method", "rung", "width", "height", "seconds_median", "rmse", "verdict", "on_frontier"), found.table()
     ),
     "Needs": lambda found: _shown(("answer", "method", "error", "seconds"), found.table(), caption=found.reason),
 }

@@ -3,24 +3,21 @@
 What is only known of raytwin's own scenes is null: the light level, the ledger, causes that need a model of the scene.
 """
 
-import time
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-from raytwin import files, references, twin
+from raytwin import files, twin
 from raytwin.compare import Report, compare
 from raytwin.contract.subject import find_subject
 from raytwin.diagnose.diagnosis import explain
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.progress import Progress, Stages, silent
-from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.twin_renderers import Twin
 from raytwin.renderers.user_renderers import UserRenderer
-from raytwin.scene import MitsubaScene, Tolerance
+from raytwin.scene import MitsubaScene
 from raytwin.workflows.compare_scene import Result
-from raytwin.workflows.make_reference import LEVEL, read_scene
+from raytwin.workflows.make_reference import LEVEL
 from raytwin.workflows.rounds import render_sides
 from raytwin.workflows.settings import CompareSettings
 from raytwin.workflows.versions import versions
@@ -67,38 +64,17 @@ def compare_mitsuba(path: str | Path, chosen: CompareSettings, *, progress: Prog
         with stages.stage("cause"):
             found = found.because(*explain(made, right))
     about = {"twin_variant": backend.variant, "tracer_engine": subject.name, "libllvm": backend.libllvm, "solver": None}
-    report = Report(scene.name, None, found.saying(UNKNOWN), dict(stages.seconds), about, None)
-    settings = {"scene": Path(scene.file).name, "twin": "the file's own integrator and film"}
-    return plain_result(report, scene, scene.tolerance, subject, made, right, settings)
-
-
-def compare_with_reference(scene: str, settings: CompareSettings, folder: Path) -> Result:
-    """Compare the subject with a stored reference, on the scene that it was made from."""
-    found = read_scene(scene)
-    of_file = isinstance(found, MitsubaScene)
-    known = references.load(references.path_of(folder, found.name, LEVEL if of_file else settings.rung))
-    if why := references.stale(known, scene):
-        raise InputError(known.path, "a reference of the scene as it is", why)
-    began = time.perf_counter()
-    height, width = known.image.mean.shape[:2]
-    sized: Any = read_sized(scene, (width, height)) if of_file else known.origin()
-    subject = subject_of(settings) if of_file else find_subject(settings.subject or "", settings.rung)
-    made = subject(sized, settings.seed + 1)
-    spent = {"tracer": time.perf_counter() - began, "twin": 0.0}
-    comparison = compare(made, known.image, tolerance=known.tolerance)
-    if comparison.verdict == "fail":
-        comparison = comparison.because(*explain(made, known.image, known.scene, settings.rung))
-    report = Report(found.name, None if of_file else settings.rung, comparison, spent, {}, None if of_file else ())
-    return plain_result(report, sized, known.tolerance, subject, made, known.image, {"reference": known.path.name})
-
-
-def plain_result(
-    report: Report, scene: Any, tolerance: Tolerance, subject: Renderer, made: Image, reference: Image,
-    settings: dict[str, str],
-) -> Result:  # fmt: skip
-    """The result where nothing is known of photos and the light's parts."""
-    about = {"subject": subject.name, **settings, "twin's samples per pixel": str(reference.samples)}
     return Result(
-        report=report, scene=scene, tolerance=tolerance, test=made, reference=reference, settings=about,
+        report=Report(scene.name, None, found.saying(UNKNOWN), dict(stages.seconds), about, None),
+        scene=scene,
+        tolerance=scene.tolerance,
+        test=made,
+        reference=right,
+        settings={
+            "subject": subject.name,
+            "scene": Path(scene.file).name,
+            "twin": "the file's own integrator and film",
+            "twin's samples per pixel": str(right.samples),
+        },
         versions=versions(),
-    )  # fmt: skip
+    )

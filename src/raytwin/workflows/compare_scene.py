@@ -216,7 +216,7 @@ def _explained(job: _Job, made: Image, reference: Image, comparison: Comparison)
                 made, compared_with, scene, subject.rung, subject.sampling, job.engine
             )
     ledger = None
-    if RUNGS[subject.rung].lit and chosen.parts:
+    if RUNGS[subject.rung].lit:
         with stages.stage("ledger"):
             rounds = bool(causes) and causes[0].partition(": ")[2].startswith(ROUNDING)
             faulty = failed and not rounds

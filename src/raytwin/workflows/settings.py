@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 FEW, MANY = 1, 64
 """The twin's samples per pixel where all are the same, and where they differ."""
-OF_MANY = "rung", "samples", "seed", "size", "light"
-"""Fields of CompareSettings that `matrix` and `shrink` have, too: they hold for every scene and renderer."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +28,7 @@ class CompareSettings:
     `subject`: what is compared in the tracer's place: a name of `raytwin bench list`, FILE.py:FUNCTION, an image, a
     folder of images, a command, or a function of a scene (see `method`); `engine`, `solver` and `trim` are
     the tracer's. `photo`: whose camera pose is used. `size` (width, height) replaces the camera's. `cache` reuses
-    the twin's renders and the photos' tags. `parts`: also split the light into named parts.
-    `flip` adds the perceptual metric, which is slow. `light`: a
+    the twin's renders and the photos' tags. `flip` adds the perceptual metric, which is slow. `light`: a
     light.toml in the place of the scene's sun and sky.
 
     `samples`: per pixel, of the twin and of a subject that takes them. Without it both come in rounds until the verdict
@@ -57,7 +54,6 @@ class CompareSettings:
     cache: bool = True
     flip: bool = False
     light: "str | Path | None" = None
-    parts: bool = True
 
     def __post_init__(self) -> None:
         from raytwin.speed import check_rows
