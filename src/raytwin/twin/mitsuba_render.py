@@ -41,7 +41,7 @@ def render_mitsuba(
     batches = max(1, min(batches, samples))
     about = mitsuba_provenance(scene, samples, seed, batches, variant)
     make = partial(_pooled, scene, samples, seed, batches, progress)
-    return render_cache.cached(about, scene.image_size, cache, make)
+    return render_cache.cached(about, cache, make)
 
 
 def _pooled(scene: MitsubaScene, samples: int, seed: int, batches: int, progress: Progress) -> Image:
