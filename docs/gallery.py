@@ -65,11 +65,6 @@ ENTRIES = (
         ("stability sphere-far sphere-ground sum-samples -o out",),
     ),
     Entry(
-        "needs", "out/needs.html", "What a scene needs",
-        "The cheapest light level and engine for an error of 0.02, each level as a picture, and what can be dropped.",
-        ("needs overlap --tolerance 0.02 -o out",),
-    ),
-    Entry(
         "calibration", "camera.html", "A calibration and how wrong it may be",
         "Uncertainty over the frame, each tag's residual, where the board stood, and the lens models tried.",
         ("calibrate {root}/scenes/desk/photos --board {root}/scenes/desk/board.toml -o camera.toml",),
@@ -105,7 +100,7 @@ ENTRIES = (
         ),
     ),
     Entry(
-        "augment", "out/against-photo_00.jpg.html", "Spheres drawn into photos",
+        "augment", "out/report.html", "Spheres drawn into photos",
         "Synthetic photos with a known camera: calibrated, drawn into, and compared with the truth.",
         (
             "board --columns 5 --rows 7 --tag 30mm --pitch 38mm --paper letter -o board.pdf",
@@ -113,7 +108,8 @@ ENTRIES = (
             "photograph --board board.toml --scene desk --count 6 --size 480x360 --samples 4 --with-objects -o true",
             "calibrate plain --board board.toml -o camera.toml --uncertainty uncertainty.svg",
             "augment plain/photo_00.jpg --scene desk --board board.toml --camera camera.toml --against true -o out",
-        ),
+            "diff out/photo_00.jpg true/photo_00.jpg -o out",
+        ), (1,),
     ),
 )  # fmt: skip
 

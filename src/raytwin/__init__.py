@@ -10,11 +10,11 @@
     Scene + photo -> augment_photo: the photo with the scene's spheres and their shadows
     a student's function -> check: is it right, and if not, why
     a Camera -> camera_rays, mitsuba_sensor: for renderers of your own
-    rows of any table -> chart
 
 Lengths are metres, pixels OpenCV's, radiance linear Rec. 709 in float32 (H, W, 3), row 0 on top. Wrong input raises
 InputError(where, expected, got). Heavy libraries are imported when a function first needs them. Every result has
-`to_dict()`, those with rows `table()` (pandas.DataFrame takes it), and shows itself in a notebook.
+`to_dict()`, those with rows `table()` (pandas.DataFrame takes it). Images, two images compared, and measurements show
+themselves in a notebook.
 
 >>> import raytwin
 >>> scene = raytwin.read_scene("scenes/single").scene
@@ -50,7 +50,6 @@ if TYPE_CHECKING:
     from raytwin.image import Image as Image
     from raytwin.references import reference as reference
     from raytwin.renderers.user_renderers import method as method
-    from raytwin.report.charts.rows_chart import chart as chart
     from raytwin.scene import Camera as Camera
     from raytwin.scene import Lambert as Lambert
     from raytwin.scene import Rectangle as Rectangle
@@ -89,7 +88,6 @@ _HOME = {
     "bench": "bench.bench_run:bench",
     "calibrate": "calib.photos",
     "camera_rays": "scene.camera_rays",
-    "chart": "report.charts.rows_chart",
     "check": "contract.check",
     "compare": "workflows.diff_files:compare",
     "compare_images": "compare:compare",

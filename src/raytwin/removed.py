@@ -2,10 +2,15 @@
 
 from collections.abc import Sequence
 
-COMMANDS: dict[str, str] = {}
+COMMANDS: dict[str, str] = {
+    "needs --out": "Use --json FILE for the answer and `raytwin ladder SCENE` for a picture of each light level.",
+    "needs -o": "Use --json FILE for the answer and `raytwin ladder SCENE` for a picture of each light level.",
+}
 """Words of the command line ("bench paper") -> what to use instead, a sentence. May end in an option ("diff --fail")."""
 
-NAMES: dict[str, str] = {}
+NAMES: dict[str, str] = {
+    "chart": "Use pandas.DataFrame(result.table()).plot(x=..., y=...), which draws with matplotlib.",
+}
 """Name of `raytwin` -> what to use instead, a sentence."""
 
 

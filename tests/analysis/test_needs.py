@@ -1,6 +1,5 @@
 """What a scene needs: the choice rerun, bounds against closed forms, and what the tool must refuse to say."""
 
-import re
 from math import inf
 
 import msgspec
@@ -332,17 +331,11 @@ def test_a_tolerance_or_metric_that_is_none_is_refused(small):
 
 
 def test_the_command_writes_what_it_says(tmp_path):
-    run = raytwin(
-        "needs", "single", "--tolerance", "0.1", "--size", "80x60", "--json", tmp_path / "a.json", "-o", tmp_path
-    )
+    run = raytwin("needs", "single", "--tolerance", "0.1", "--size", "80x60", "--json", tmp_path / "a.json")
     assert run.returncode == 0, run.stderr
     assert "Cheapest          lambert" in run.stdout
     found = msgspec.json.decode((tmp_path / "a.json").read_bytes(), type=recommend.Needs)
     assert found.tolerance == 0.1
-    assert (tmp_path / "needs.json").read_bytes() == (tmp_path / "a.json").read_bytes()
-    page = (tmp_path / "needs.html").read_text(encoding="utf-8")
-    assert re.findall('data-picture="(.*?)"', page) == ["lambert", "shadow", "sky", "path"]
-    assert re.search("<b>lambert</b> ✓ cheapest<br>rmse 0.0", page)
     assert found.rejected[0].rung == "none"
     refused(raytwin("needs", "single", "--tolerance", "0"), "--tolerance")
 

@@ -28,6 +28,7 @@ from raytwin.compare import SequentialComparison, compare
 from raytwin.image import Image
 from raytwin.image_pool import ImagePool
 from raytwin.renderers.subject_renderers import PathTraced, fast_engine
+from raytwin.report.charts.chart import Point, family_chart, svg_text
 
 SCENES = ("overlap", "wedge", "ball")
 BLOCK = 4
@@ -42,6 +43,8 @@ PIXELS = 0.0048
 """Megapixels of a picture: 80 x 60."""
 LEAST_SHARE = 0.9
 """Share of the runs in which a fixed number of samples must notice the fault."""
+COLOURS = "#0f8b8d", "#e07b00", "#7a3e9d", "#c02f4a", "#3b82c4", "#a16207"
+"""Of the chart's lines, one per tool that has one."""
 
 Blocks = Sequence[Image]
 Sees = Callable[[Blocks, Blocks], bool]
@@ -176,14 +179,19 @@ def rows_of(scene: str, runs: Sequence[Run]) -> Iterator[list[str]]:
 def draw(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Draw the first scene's faults of the whole image."""
     sizes = {fault.name: fault.size for fault in FAULTS if fault.size and not fault.local}
+    shown = [row for row in rows if row[0] == rows[0][0] and row[1] in sizes]
+    lines = {
+        tool: sorted((100 * sizes[row[1]], float(row[i])) for row in shown if row[i] not in ("-", "alarms"))
+        for i, tool in enumerate(columns[2:], 2)
+    }
+    drawn = {tool: line for tool, line in lines.items() if line}
     points = [
-        {"size of the fault, %": 100 * sizes[row[1]], "samples per pixel": float(cell), "tool": tool}
-        for row in rows if row[0] == rows[0][0] and row[1] in sizes
-        for tool, cell in zip(columns[2:], row[2:], strict=True) if cell not in ("-", "alarms")
+        Point(x, y, tool, tool, colour, strong=True, label=tool if (x, y) == line[-1] else "")
+        for (tool, line), colour in zip(drawn.items(), COLOURS, strict=True) for x, y in line
     ]  # fmt: skip
     title = f"Samples until the fault is certain ({rows[0][0]}, 80 x 60 pixels)"
-    drawn = raytwin.chart(points, "size of the fault, %", "samples per pixel", by="tool", title=title)
-    drawn.save(record.DOCS / "images" / "verdict.svg")
+    chart = family_chart("verdict", title, "size of the fault, %", "samples per pixel", points)
+    files.write_text(record.DOCS / "images" / "verdict.svg", svg_text(chart))
 
 
 def main(*words: str) -> None:

@@ -22,7 +22,6 @@ from test_bench_page import every_method
 from raytwin import files, viewer
 from raytwin.analysis.ladder import Ladder, Rungs, Step
 from raytwin.analysis.ledger import Ledger
-from raytwin.analysis.recommend import Needs, NotNeeded, Row, Whole
 from raytwin.atlas import Atlas
 from raytwin.atlas.experiment import Curve, Found
 from raytwin.calib import boards, photos
@@ -34,14 +33,13 @@ from raytwin.grade.result import Marked, Picture, Result
 from raytwin.grade.result import Part as MarkedPart
 from raytwin.grade.rubric import Exercise, Feedback, Rubric, Speed
 from raytwin.image import Image
-from raytwin.report import atlas_page, check_page, class_page, light_page, regression_page
+from raytwin.report import atlas_page, check_page, class_page, light_page
 from raytwin.report.bench_page import write_bench_page
 from raytwin.report.calibration_page import write_calibration
 from raytwin.report.compare_page import write_report
 from raytwin.report.data_urls import png_url
 from raytwin.report.ladder_page import write_ladder
 from raytwin.report.matrix_page import write_matrix
-from raytwin.report.recommend_page import write_needs
 from raytwin.report.view import view_of
 from raytwin.scene import Camera
 from raytwin.workflows.diff_files import compare as compare_files
@@ -98,15 +96,6 @@ def test_run(folder: Path, make_result, scenes) -> list[Path]:
     return sorted(folder.glob("*.html"))
 
 
-def against(folder: Path, make_result, scenes) -> list[Path]:
-    pages = regression_page.Against(folder)
-    region = {"region": "all", "share": 0.5, "mean": -0.01, "rms": 0.02, "p95": 0.03, "codes": 1.5}
-    photo = files.to_bytes(noise())
-    pages.add({"photo": "a & b.jpg", "pose_rms_px": 0.1, "regions": [region]}, photo, photo // 2)
-    pages.finish()
-    return sorted(folder.glob("*.html"))
-
-
 def bench(folder: Path, make_result, scenes) -> list[Path]:
     found = msgspec.structs.replace(every_method(((400, 300),)), scene=EVIL, machine={"cpu": EVIL})
     write_bench_page(found, folder / "bench.html")
@@ -135,15 +124,6 @@ def calibration(folder: Path, make_result, scenes) -> list[Path]:
     warning = (photos.CalibrationWarning("few_views", EVIL),)
     write_calibration(msgspec.structs.replace(found, views=views, warnings=warning), folder / "camera.html", EVIL)
     return [folder / "camera.html"]
-
-
-def needs(folder: Path, make_result, scenes) -> list[Path]:
-    row = Row("shadow", None, "drjit32", 32, "center", 1, 1, "none", EVIL, 0.01, 0.01, 1.0, 0.002, reason=EVIL)
-    dropped = (NotNeeded(EVIL, EVIL, None, 0.1),)
-    found = Needs(EVIL, 0.02, "rmse", row, (row,), dropped, Whole(8, 16, 100, 0.001, None), "", 1.0)
-    images = {name: Image(noise(SIZE[::-1], i)) for i, name in enumerate(("lambert", "shadow", "path", "reference"))}
-    write_needs(found, images, folder)
-    return [folder / "needs.html"]
 
 
 def matrix(folder: Path, make_result, scenes) -> list[Path]:
@@ -205,12 +185,10 @@ KINDS: dict[str, Write] = {
     "compare, fail": partial(comparison, spoiled=True),
     "diff of two sizes": two_sizes,
     "pytest": test_run,
-    "augment --against": against,
     "bench": bench,
     "stability": atlas,
     "ladder": ladder,
     "calibrate": calibration,
-    "needs": needs,
     "matrix": matrix,
     "light": light,
     "grade": graded_class,

@@ -209,7 +209,7 @@ def test_a_march_by_another_route_ends_at_the_same_places(camera):
 @given(cameras())
 def test_tracer_and_twin_take_the_same_lenses_and_end_where_the_way_does(camera):
     from raytwin.speed.boxes import field_of_view
-    from raytwin.speed.initial_guess import invert_lens
+    from raytwin.speed.newton_steps import newton_steps
     from raytwin.tracer.pixel_to_ray import undistort
     from raytwin.twin import rays
 
@@ -217,7 +217,7 @@ def test_tracer_and_twin_take_the_same_lenses_and_end_where_the_way_does(camera)
     lost = without_ray(camera)
     assert (field_of_view(camera) is None) >= bool(fault_of(camera))
     if lost is not None and lost.mean() > MOST:
-        for ask in (check_lens, invert_lens, rays.lens_of):
+        for ask in (check_lens, newton_steps, rays.lens_of):
             with pytest.raises(InputError, match="undone over most"):
                 ask(camera)
         return
@@ -227,7 +227,7 @@ def test_tracer_and_twin_take_the_same_lenses_and_end_where_the_way_does(camera)
     dist, ideal = camera.coefficients, known.ideal[here]
     allowed = 1e-9 * (1 + np.abs(ideal).max()) / determinant(*ideal.T, dist).clip(LEAST, 1).min()
     for x, y in (
-        invert_lens(camera).undo(xd, yd, dist),
+        undistort(xd, yd, dist, newton_steps(camera)),
         undistort(xd, yd, dist),
         rays.undistort(xd, yd, dist, rays.lens_of(camera).steps),
     ):

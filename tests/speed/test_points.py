@@ -59,17 +59,14 @@ def test_many_objects_keep_the_highlight_of_each(strewn_scene, engine, shiny):
 
 
 @pytest.mark.parametrize(("share", "doubted"), [(0.9, False), (1.1, True)])
-def test_a_block_is_guessed_where_a_quarter_of_its_corners_second_differences_is_within_the_tolerance(
-    single, share, doubted
-):
+def test_a_block_is_guessed_where_a_quarter_of_its_corners_second_differences_is_within_the_tolerance(share, doubted):
     """c x²/2 has the second difference c along x, and none along y; the lattice's rim has no neighbours to tell."""
     tolerance, x = 1e-3, np.arange(8.0)
     colour = np.repeat(np.repeat((share * 4 * tolerance * x * x / 2)[None, :, None], 7, axis=0), 3, axis=2)
     ids, blocker = np.zeros((7, 8), int), np.zeros((7, 8), int)
-    empty = msgspec.structs.replace(single, objects=())
     for along in (colour, colour.transpose(1, 0, 2)):
         shape = along.shape[:2]
-        found = doubtful(empty, along.astype("f"), ids.reshape(shape), blocker.reshape(shape), 8, tolerance)
+        found = doubtful(along.astype("f"), ids.reshape(shape), blocker.reshape(shape), tolerance)
         assert (found[1:-1, 1:-1] == doubted).all()
 
 

@@ -41,32 +41,24 @@ def ladder_command(
 
 def needs_command(
     scene: Path, tolerance: float, metric: str = "rmse", photo: str | None = None, size: Size = None,
-    light: Path | None = None, json: Path | None = None, out: Path | None = None,
+    light: Path | None = None, json: Path | None = None,
 ) -> None:  # fmt: skip
     """Find the cheapest way to an image that meets a tolerance.
 
     The answer has light level, depth, engine and sampling, and what the scene does not need.
     """
-    check_outputs(folders=(out,) if out else (), files=(json,))
+    check_outputs(files=(json,))
     with show_progress() as progress:
         with progress.stage("imports"):
-            from raytwin import files, twin
+            from raytwin import files
             from raytwin.analysis.recommend import check_asked, needs, scene_of
-            from raytwin.analysis.recommend.level_pictures import level_pictures
-            from raytwin.renderers.subject_renderers import fast_engine
-            from raytwin.report.recommend_page import needs_summary, write_needs
+            from raytwin.report.terminal_text import needs_summary
         check_asked(tolerance, metric)
         placed = scene_of(scene, photo, size, progress, light)
         found = needs(placed, tolerance, metric, progress=progress)
-        if out:
-            with progress.stage("pictures"):
-                depth = found.choice.depth if found.choice else None
-                write_needs(found, level_pictures(placed, fast_engine(twin.activate().variant), depth), out)
     if json:
         files.write_json(json, found)
     say_wrapped(needs_summary(found))
-    if out:
-        say(f"report: {out / 'needs.html'}")
     raise typer.Exit(0 if found.choice else 2)
 
 

@@ -175,7 +175,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "needs": {
         "tolerance": _opt("Largest error, in the metric's units."),
         "metric": _opt(f"{', '.join(METRICS[:-1])} or {METRICS[-1]}.", among=METRICS),
-        "out": _opt("Write a page with each light level as a picture.", "DIR", *OUT),
     },
     "matrix": {
         "scenes": _arg("Scenes: folders, names, Mitsuba files (XML).", among=_scenes),

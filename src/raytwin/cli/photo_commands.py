@@ -135,18 +135,14 @@ def augment_command(
 ) -> None:
     """Draw a scene's objects and their shadows into photos."""
     from raytwin import files
-    from raytwin.report import regression_page, terminal_text
+    from raytwin.report import terminal_text
     from raytwin.workflows.augment_photos import augment_photos
 
     check_outputs(folders=(out,), files=(json,))
-    pages = regression_page.Against(out) if settings.against else None
     with show_progress() as progress:
-        each = pages.add if pages else None
-        rows = augment_photos(photos, scene, out, settings, each=each, progress=progress)
+        rows = augment_photos(photos, scene, out, settings, progress=progress)
     if json:
         files.write_json(json, {"photos": rows})
     say(terminal_text.augment_summary(rows))
     print_seconds(progress)
-    if pages:
-        say(f"report: {pages.finish()}")
     say(f"{len(rows)} photos: {out}")

@@ -5,7 +5,6 @@ from typing import Literal
 
 import msgspec
 
-from raytwin.notebook import InNotebook
 from raytwin.scene import Record
 
 
@@ -79,7 +78,7 @@ def _named(reason: str) -> "re.Match[str] | None":
     return found if found and found["sureness"] else None
 
 
-class Comparison(Record, InNotebook, frozen=True):
+class Comparison(Record, frozen=True):
     """The verdict on two images and every number behind it; `reasons` are in words, worst first.
 
     A pass has reasons too: what it could have seen. `seconds` is what the comparison itself took. `failing`: (x, y,

@@ -25,10 +25,10 @@ def check(
 ) -> StageResult:
     """Test `function` as the named stage of a tracer, and say in a sentence what is wrong.
 
-    A script prints the sentence, the Python prompt shows the result, and a notebook shows it as a small page. With
-    `raises`, a failure raises StageFailed, an AssertionError. `seed` draws the test's numbers. If one small change of
-    the function's text repairs it, `hints` shows the line (1), what is wrong there (2), or what to write (3); 0 turns
-    this off. It tries some thousand changes, for at most four seconds. Raises InputError for a stage that is none.
+    A script prints the result. The Python prompt and a notebook show it. With `raises`, a failure raises StageFailed,
+    an AssertionError. `seed` draws the test's numbers. If one small change of the function's text repairs it, `hints`
+    shows the line (1), what is wrong there (2), or what to write (3); 0 turns this off. It tries some thousand changes,
+    for at most four seconds. Raises InputError for a stage that is none.
     """
     check_one_of("stage", stage, LESSONS)
     result = judge_function(LESSONS[stage], function, seed)

@@ -1,7 +1,5 @@
 """What came of one stage: the record that is written, read, shown and scored."""
 
-from html import escape
-
 import msgspec
 
 from raytwin.diagnose.catalogue import FACTS
@@ -66,23 +64,6 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def __str__(self) -> str:
         return f"{'PASS' if self.passed else 'FAIL'}  {self.stage}: " + "\n      ".join(self.said)
 
-    def _repr_html_(self) -> str:
-        """A small page for notebooks: the sentence, the worst value, and every case."""
-        rows = "".join(_row(case, self) for case in self.cases)
-        worst = [("inputs", self.inputs), ("expected", self.expected), ("got", self.got)]
-        mark = f'<b style="color:{COLOURS[self.passed]}">{"✓" if self.passed else "✗"} {escape(self.stage)}</b>'
-        values = "".join(
-            f"<tr>{_cell(name)}{_cell(text, CODE)}</tr>" for name, text in worst if text and not self.passed
-        )
-        first, *more = self.said
-        return (
-            f'<div style="border-left:4px solid {COLOURS[self.passed]};padding:2px 12px;max-width:60em">'
-            f'<p style="margin:4px 0">{mark} {escape(first)}</p>'
-            + "".join(f'<p style="margin:4px 0">{escape(text)}</p>' for text in more)
-            + (f"<table>{values}</table>" if values else "")
-            + f"<table><tr>{_cell('case')}{_cell(f'error ({self.unit})')}{_cell('values off')}</tr>{rows}</table></div>"
-        )
-
 
 def says_why(sureness: str, faults: Faults) -> bool:
     """Whether a cause is proved, and not only what is seen."""
@@ -105,15 +86,3 @@ def with_hint(said: tuple[str, ...], hint: str, sureness: str, faults: Faults, r
 
 MEND = "a place to mend it:"
 """Stands before a repair where the mistake is known."""
-COLOURS = {True: "#1a7f37", False: "#cf222e"}
-CODE = "font-family:monospace;overflow-wrap:anywhere"
-
-
-def _row(case: CaseResult, result: StageResult) -> str:
-    mark = f'<span style="color:{COLOURS[case.passed]}">{"✓" if case.passed else "✗"}</span> '
-    error = "–" if case.error is None else f"{case.error:.2g}"
-    return f"<tr>{_cell(case.shows, mark=mark)}{_cell(error)}{_cell(f'{100 * case.wrong:.0f} %')}</tr>"
-
-
-def _cell(text: str, style: str = "", mark: str = "") -> str:
-    return f'<td style="text-align:left;vertical-align:top;padding:1px 14px 1px 0;{style}">{mark}{escape(text)}</td>'

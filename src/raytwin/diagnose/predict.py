@@ -17,6 +17,7 @@ from raytwin import tracer
 from raytwin.diagnose.textbook import FUNCTIONS, Changes, namespace, slipped
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.scene import Camera, Scene, Sphere
+from raytwin.scene.lens import newton_step
 
 Array = np.ndarray
 Pipeline = tuple[tuple[str, Any], ...]
@@ -161,10 +162,9 @@ def _undistort(xd: Array, yd: Array, dist: Array) -> tuple[Array, Array]:
         return xd, yd
     x, y = tracer.undistort(xd, yd, dist.tolist(), steps=4)
     for _ in range(12):
-        further = tracer.undistort(xd, yd, dist.tolist(), (x, y), steps=1)
-        moved = max(np.abs(further[0] - x).max(initial=0.0), np.abs(further[1] - y).max(initial=0.0))
-        x, y = further
-        if moved < 1e-8:  # the error is that, squared
+        dx, dy = newton_step(x, y, xd, yd, dist.tolist())
+        x, y = x + dx, y + dy
+        if max(np.abs(dx).max(initial=0.0), np.abs(dy).max(initial=0.0)) < 1e-8:  # the error is that, squared
             break
     return x, y
 

@@ -13,7 +13,8 @@ from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Shape, Sphere, Vector
 from raytwin.scene.lens import without_ray
 from raytwin.speed import TRIMS, background
-from raytwin.speed.initial_guess import invert_lens
+from raytwin.speed.newton_steps import newton_steps
+from raytwin.tracer.pixel_to_ray import undistort
 
 
 def loop(scene: Scene, rung: str = "lambert", trim: str = "none") -> np.ndarray:
@@ -25,7 +26,7 @@ def loop(scene: Scene, rung: str = "lambert", trim: str = "none") -> np.ndarray:
     camera = scene.camera
     out = background(scene, rung)
     (fx, cx), (fy, cy) = (camera.fx, camera.cx), (camera.fy, camera.cy)
-    dist, undo = camera.coefficients, invert_lens(camera, fitted=False).undo
+    dist, steps = camera.coefficients, newton_steps(camera)
     (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = camera.R_cam_board
     eye, to_light = camera.eye, scene.sun.to_light
     things = list(scene.objects)
@@ -42,7 +43,7 @@ def loop(scene: Scene, rung: str = "lambert", trim: str = "none") -> np.ndarray:
             if not tests or (lost is not None and lost[v, u]):
                 continue
             x, y = (u - cx) / fx, (v - cy) / fy
-            x, y = undo(x, y, dist)
+            x, y = undistort(x, y, dist, steps)
             length = sqrt(x * x + y * y + 1)
             x, y, z = x / length, y / length, 1 / length
             d = (r00 * x + r10 * y + r20 * z, r01 * x + r11 * y + r21 * z, r02 * x + r12 * y + r22 * z)

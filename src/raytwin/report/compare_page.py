@@ -34,7 +34,7 @@ SAYS = {
 def write_report(shown: "PairView | Result | Diff", path: str | os.PathLike[str], script: str | None = None) -> None:
     """The whole report as one HTML file that refers to no other; but to the viewer's script of a suite, if named."""
     view = shown if isinstance(shown, PairView) else view_of(shown)
-    headline, reasons = first_said(places(view)[0], view.comparison is not None and view.comparison.passed)
+    headline, reasons = first_said(places(view)[0], view.comparison.passed)
     write_page(
         path,
         "report.html.j2",
@@ -43,8 +43,8 @@ def write_report(shown: "PairView | Result | Diff", path: str | os.PathLike[str]
         r=view,
         c=view.comparison,
         SAYS=SAYS,
-        groups=list(numbers.rows(view.comparison, view.tolerance, view.pair.noisy)) if view.comparison else [],
-        p_values=histogram(view.comparison.statistics.p_values) if view.comparison else None,
+        groups=list(numbers.rows(view.comparison, view.tolerance, view.pair.noisy)),
+        p_values=histogram(view.comparison.statistics.p_values),
         calibrated=calibrated(view),
         headline=headline,
         named=headline is not None and bool(CAUSE.match(headline[0])),
@@ -85,10 +85,10 @@ def side_by_side(view: PairView) -> dict[str, Any]:
         "names": {"test": view.names.test, "reference": view.names.reference},
         "panes": panes,
         "objects": view.objects,
-        "noisy": view.rough,
+        "noisy": view.pair.noisy,
         "bound": {"share": share, "scale": view.scale, "held": allowed(view) is not None},
         "places": places(view)[1],
-        "failing": view.comparison.failing if view.comparison else (),
+        "failing": view.comparison.failing,
         "marks": apart,
         "exposure": data_urls.stops(view.reference),
         "start": worst[0] if worst else None,
@@ -116,7 +116,7 @@ def packed_parts(view: PairView) -> list[dict[str, Any]]:
 
 def packed_and_panes(view: PairView) -> tuple[viewer.Packed, list[dict[str, Any]]]:
     """The viewer's planes, and its panes in reading order; what the images lack is left out."""
-    asked = view.comparison is not None and view.comparison.perceptual.flip_mean is not None
+    asked = view.comparison.perceptual.flip_mean is not None
     flipped = flip_map(view.test.mean, view.reference.mean) if asked else None
     names, (height, width) = view.names, view.reference.shape[:2]
     panes = [
@@ -129,7 +129,7 @@ def packed_and_panes(view: PairView) -> tuple[viewer.Packed, list[dict[str, Any]
     with ThreadPoolExecutor() as pool:
         drawn = pool.submit(photos, view)
         packed = viewer.pack(
-            view.test, view.reference, flip=flipped, surfaces=view.surfaces is not None, means=view.rough
+            view.test, view.reference, flip=flipped, surfaces=view.surfaces is not None, means=view.pair.noisy
         )
         panes += drawn.result()
     return packed, [pane | {"alt": f"{pane['title']} of {view.title}, {width} by {height} pixels"} for pane in panes]
@@ -166,8 +166,7 @@ def alone(view: PairView) -> list[dict[str, str]]:
 
 def places(view: PairView) -> tuple[list[Reason], list[dict[str, int]]]:
     """The verdict's reasons with where they lead to, and the places."""
-    reasons = view.comparison.reasons if view.comparison else ()
-    return linked(reasons, view.reference.shape if view.alike else ())
+    return linked(view.comparison.reasons, view.reference.shape if view.alike else ())
 
 
 def allowed(view: PairView) -> float | None:

@@ -1,4 +1,4 @@
-"""What a notebook shows of an image, a comparison or a table of results; and the viewer, where anywidget is.
+"""What a notebook shows of an image, of two, or of measurements; and the viewer, where anywidget is.
 
 Pictures are PNGs in the HTML, so that they stay when a notebook is saved. They are at most WIDE pixels across.
 """
@@ -11,8 +11,7 @@ import numpy as np
 from raytwin import files, viewer
 from raytwin.compare import Comparison, error_map
 from raytwin.image import Image
-from raytwin.report import numbers, recommend_page, terminal_text
-from raytwin.report.charts.chart import chart_html
+from raytwin.report import numbers
 from raytwin.report.data_urls import exposed, exposure, png_url, stops
 from raytwin.report.page import render_part
 from raytwin.report.view import PairView, showable, view_of
@@ -46,11 +45,9 @@ def png_of(image: Image) -> bytes:
 
 
 def _shown(columns: Sequence[str] = (), rows: Sequence[dict[str, Any]] = (), **parts: Any) -> str:
-    """Return the parts in the order of notebook.html.j2: verdict, text, caption, figures, charts, table."""
-    empty: dict[str, Any] = dict.fromkeys(("verdict", "text", "caption", "figures", "charts"), ())
-    return render_part(
-        "notebook.html.j2", columns=columns or list(rows[0] if rows else ()), rows=rows, wide=WIDE, **empty | parts
-    )
+    """Return the parts in the order of notebook.html.j2: verdict, caption, figures, table."""
+    empty: dict[str, Any] = dict.fromkeys(("verdict", "caption", "figures"), ())
+    return render_part("notebook.html.j2", columns=columns, rows=rows, wide=WIDE, **empty | parts)
 
 
 def _exposed(image: Image, gain: float | None = None) -> np.ndarray:
@@ -74,15 +71,12 @@ def _pair(view: PairView) -> str:
         pictures = [(_exposed(a, gain), view.names.test_title), (_exposed(b, gain), view.names.reference_title)]
         pictures.append((files.to_bytes(error_map(a, b)), "Difference: red is too bright, blue too dark"))
         parts["figures"] = [(png_url(pixels), title) for pixels, title in pictures]
-    return _shown(rows=_numbers(view.comparison) if view.comparison else (), **parts)
+    return _shown(("number", "value", "unit"), _numbers(view.comparison), **parts)
 
 
 def _head(view: PairView) -> dict[str, Any]:
-    return _verdict(view.comparison, " ".join((view.title, *view.about))) if view.comparison else {}
-
-
-def _verdict(c: Comparison, about: str = "") -> dict[str, Any]:
     """Return the verdict with its cause, or its first reason, in one line; the reasons are folded below it."""
+    c, about = view.comparison, " ".join((view.title, *view.about))
     first = c.reasons[0] if c.reasons else ""
     rest = c.reasons if c.cause else c.reasons[1:]
     colour = COLOURS[c.verdict]
@@ -94,34 +88,15 @@ def _numbers(c: Comparison) -> list[dict[str, Any]]:
     return [{"number": r.number.name, "value": numbers.shown(r.value), "unit": r.number.unit} for r in rows]
 
 
-def _ladder(found: Any) -> str:
-    from raytwin.report.ladder_page import error_chart
-
-    columns = ("rung", "side", "method", "seconds", "rmse", "noise")
-    return _shown(columns, found.table(), charts=[chart_html(error_chart(found.rungs))])
-
-
-def _bench(found: Any) -> str:
-    from raytwin.report.bench_page import error_charts
-
-    charts = [chart_html(chart) for chart in error_charts(found) if chart.key.endswith("/relmse")]
-    columns = ("method", "rung", "width", "height", "seconds_median", "rmse", "on_frontier")
-    return _shown(columns, found.table(), charts=charts)
-
-
-def _needs(found: Any) -> str:
-    return _shown(("answer", "method", "error", "seconds"), found.table(), text=recommend_page.needs_summary(found))
-
-
 HTML: dict[str, Callable[[Any], str]] = {
     "Image": _image,
-    "Comparison": lambda c: _shown(rows=_numbers(c), **_verdict(c)),
     "Diff": lambda found: _pair(view_of(found)),
     "Result": lambda found: _pair(view_of(found)),
-    "Ladder": _ladder,
-    "Bench": _bench,
-    "Needs": _needs,
-    "Calibration": lambda found: _shown(text=terminal_text.calibration_summary(found)),
+    "Ladder": lambda found: _shown(("rung", "side", "method", "seconds", "rmse", "noise"), found.table()),
+    "Bench": lambda found: _shown(
+        ("method", "rung", "width", "height", "seconds_median", "rmse", "on_frontier"), found.table()
+    ),
+    "Needs": lambda found: _shown(("answer", "method", "error", "seconds"), found.table(), caption=found.reason),
 }
 """Name of a class -> what a notebook shows of it. One more kind is one more row, and InNotebook among its bases."""
 

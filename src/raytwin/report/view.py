@@ -42,8 +42,8 @@ class Tile(NamedTuple):
 class PairView:
     """How a page shows two images: what they are called, what stands large, what the error is compared with.
 
-    `tolerance` is None where limits decided; `judged` is False where nothing did. `about` is a word and the name it
-    introduces (rung, shadow). `objects` names `surface.ids` from 0 on. `metrics`: further ones by name, value, formula.
+    `tolerance` is None where limits decided. `about` is a word and the name it introduces (rung, shadow). `objects`
+    names `surface.ids` from 0 on. `metrics`: further ones by name, value, formula.
     """
 
     pair: Compared
@@ -55,7 +55,6 @@ class PairView:
     tiles: tuple[Tile, ...] = ()
     objects: tuple[str, ...] = ()
     metrics: tuple[tuple[str, float | None, str], ...] = ()
-    judged: bool = True
 
     @property
     def held_to(self) -> str:
@@ -71,22 +70,17 @@ class PairView:
         return self.pair.reference
 
     @property
-    def report(self) -> Report | None:
-        return self.pair.report if self.judged else None
+    def report(self) -> Report:
+        return self.pair.report
 
     @property
-    def comparison(self) -> Comparison | None:
-        return self.pair.comparison if self.judged else None
+    def comparison(self) -> Comparison:
+        return self.pair.comparison
 
     @property
     def scale(self) -> float:
         """What the tolerance is relative to."""
         return scale_of(self.reference, self.test)
-
-    @property
-    def rough(self) -> bool:
-        """Single errors mean little: there is noise, or these are photos, which nothing judged."""
-        return self.pair.noisy or not self.judged
 
     @property
     def alike(self) -> bool:

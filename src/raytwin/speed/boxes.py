@@ -17,7 +17,8 @@ import numpy as np
 from raytwin.array_types import Int
 from raytwin.scene import Camera, Rectangle, Shape, Sphere
 from raytwin.scene.lens import LEAST, determinant, distort, undone
-from raytwin.speed.initial_guess import invert_lens
+from raytwin.speed.newton_steps import newton_steps
+from raytwin.tracer.pixel_to_ray import undistort
 
 Box = tuple[int, int, int, int]
 """x0, y0, x1, y1 in pixels: x0 <= u < x1 and y0 <= v < y1."""
@@ -82,7 +83,7 @@ def field_of_view(camera: Camera) -> tuple[float, float, float, float] | None:
     xd, yd = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
     if undone(camera.K, camera.dist, camera.image_size).fault:
         return None
-    x, y = invert_lens(camera).undo(xd, yd, camera.coefficients)
+    x, y = undistort(xd, yd, camera.coefficients, newton_steps(camera))
     pad_x, pad_y = 0.01 * np.ptp(x), 0.01 * np.ptp(y)
     field = float(x.min() - pad_x), float(x.max() + pad_x), float(y.min() - pad_y), float(y.max() + pad_y)
     # What lies between the sides of a rectangle comes out between its bent sides if nothing folds within.

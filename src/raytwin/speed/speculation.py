@@ -2,8 +2,8 @@
 
 `paper` guesses everywhere, edges too. `careful` guesses only where nothing but smooth shading lies between four lattice
 points: a block of n x n pixels is traced whole where its corners see different objects, or light that other objects
-hide, where a neighbour's edge, a slender object or its shadow may cross it, or where the second differences say that
-interpolation errs too much.
+hide, where a neighbour's edge may cross it, or where the second differences say that interpolation errs too much. What
+no lattice point sees is lost: an object, a shadow or a gap between shadows that is thinner than a block.
 
 The bound. Bilinear interpolation over a step h errs by at most (|f_uu| + |f_vv|) h²/8. On a sphere whose image has
 the radius R pixels, seen nearly head on, L = a + b n·l with n = (x, y, √(1 - x² - y²)), x and y in radii; only n_z
@@ -17,14 +17,10 @@ import numpy as np
 
 from raytwin.errors import check_one_of
 from raytwin.image import BACKGROUND
-from raytwin.rungs import RUNGS
-from raytwin.scene import Scene, Sphere, to_camera_frame
+from raytwin.scene import Scene
 from raytwin.scene.lens import without_ray
-from raytwin.speed.boxes import ball_boxes, trim_boxes
 from raytwin.speed.frame import background, draw
 from raytwin.speed.points import trace_points
-from raytwin.speed.shadows import fall, half_axes
-from raytwin.speed.tile_lists import caster_pairs
 
 WAYS = ("careful", "paper")
 
@@ -60,7 +56,7 @@ def speculate(
     ids, blocker = lattice.ids.reshape(rows, columns), lattice.blocker.reshape(rows, columns)
     whole = np.zeros((rows - 1, columns - 1), bool)
     if way == "careful":
-        whole = doubtful(scene, colour, ids, blocker, n, tolerance, RUNGS[rung].shadows)
+        whole = doubtful(colour, ids, blocker, tolerance)
     guessed = ~whole & (_blocks(ids != BACKGROUND).any(axis=0) if way == "paper" else ids[:-1, :-1] != BACKGROUND)
     bare = ids == BACKGROUND
     colour[bare] = out[np.minimum(down[bare], h - 1), np.minimum(across[bare], w - 1)]
@@ -79,15 +75,7 @@ def speculate(
     return out, (columns * rows + len(column)) / (w * h)
 
 
-def doubtful(
-    scene: Scene,
-    colour: np.ndarray,
-    ids: np.ndarray,
-    blocker: np.ndarray,
-    n: int,
-    tolerance: float,
-    shadows: bool = True,
-) -> np.ndarray:
+def doubtful(colour: np.ndarray, ids: np.ndarray, blocker: np.ndarray, tolerance: float) -> np.ndarray:
     """(rows - 1, columns - 1) bool: the blocks between lattice points that must be traced pixel by pixel."""
     # Which object hides the sun counts too: between the shadows of two, light may come through.
     seen = _blocks(ids)
@@ -103,48 +91,7 @@ def doubtful(
     bend[:, 1:-1] += np.abs(np.diff(colour, 2, axis=1)).max(axis=-1)
     bend[1:-1] += np.abs(np.diff(colour, 2, axis=0)).max(axis=-1)
     curved = (_blocks(bend).max(axis=0) / 4 > tolerance) & (seen[0] >= 0)
-    whole = np.asarray((grown > 0) | curved)
-    for x0, y0, x1, y1 in slender(scene, n, shadows).tolist():
-        whole[y0 // n : -(-y1 // n), x0 // n : -(-x1 // n)] = True
-    return whole
-
-
-def slender(scene: Scene, n: int, shadows: bool = True) -> np.ndarray:
-    """(k, 4): boxes of pixels round what may hide between lattice points, being less than two blocks wide somewhere:
-    an object, or the shadow of one on another."""
-    local = to_camera_frame(scene)
-    if not (things := local.objects):
-        return np.zeros((0, 4), int)
-    center = np.array([thing.center for thing in things])
-    own = half_axes(things, center)
-    boxes = [trim_boxes(things, local.camera)[_width(center, own, local) <= 2 * n]]
-    if shadows and (pairs := caster_pairs(local)) is None:  # too many to look at
-        return np.array([[0, 0, *local.camera.image_size]])
-    if shadows and pairs is not None:
-        first, caster = pairs
-        shaded = np.repeat(np.arange(len(things)), np.diff(first))
-        fallen = fall(local, shaded, caster)
-        size = np.array([thing.radius if isinstance(thing, Sphere) else np.inf for thing in things])[shaded]
-        thin = fallen.meets & (_width(fallen.middle, fallen.axes, local) <= 2 * n)
-        radius = np.minimum(fallen.reach, 2 * size)
-        boxes.append(ball_boxes(fallen.middle[thin], radius[thin], local.camera))
-    return np.concatenate(boxes)
-
-
-def _width(place: np.ndarray, axes: np.ndarray, local: Scene) -> np.ndarray:
-    """(k,): about how many pixels wide the ellipse round `place` (k, 3) with half-axes (k, 2, 3) looks where it is
-    narrowest: at its middle, or at the ends of its axes. Infinite where all of that lies behind the eye."""
-    camera, widths = local.camera, []
-    for at in (place, *(place + s * axes[:, i] for i in (0, 1) for s in (-1, 1))):
-        x, y, far = at.T
-        z = np.where(far > 0, far, 1)
-        # (u, v) = (fx X / Z, fy Y / Z) and their change along the axes. A lens is smooth: half as narrow, at most.
-        u, v = (f * (axes[..., i] - axes[..., 2] * (a / z)[:, None]) / z[:, None]
-                for i, f, a in ((0, camera.fx, x), (1, camera.fy, y)))  # fmt: skip
-        trace_, det = (u * u + v * v).sum(axis=1), u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-        least = (trace_ - np.sqrt(np.maximum(trace_**2 - 4 * det**2, 0))) / 2
-        widths.append(np.where(far > 0, 2 * np.sqrt(np.maximum(least, 0)), np.inf))
-    return np.asarray(np.min(widths, axis=0) / (2 if any(camera.dist) else 1))
+    return np.asarray((grown > 0) | curved)
 
 
 def _blocks(a: np.ndarray) -> np.ndarray:

@@ -11,15 +11,15 @@ from raytwin.scene import Camera
 from raytwin.scene.lens import STEPS
 
 
-def undistort(xd: Any, yd: Any, dist: Any, start: Any = None, steps: int = STEPS) -> tuple[Any, Any]:
+def undistort(xd: Any, yd: Any, dist: Any, steps: int = STEPS) -> tuple[Any, Any]:
     """Return the (x, y) that the lens maps to (xd, yd), by Newton's method; its Jacobian [[a, b], [b, c]] is symmetric.
 
     xd = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²), and yd alike: ideal to distorted coordinates.
     `dist` is (k1, k2, p1, p2, k3), in OpenCV's order (Brown 1966; OpenCV, "Camera Calibration and 3D Reconstruction").
-    `start` is the first guess, (xd, yd) itself by default.
+    It starts at (xd, yd).
     """
     k1, k2, p1, p2, k3 = dist
-    x, y = start or (xd, yd)
+    x, y = xd, yd
     for _ in range(steps):
         rr = x * x + y * y
         radial = 1 + rr * (k1 + rr * (k2 + rr * k3))

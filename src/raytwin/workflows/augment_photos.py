@@ -1,6 +1,5 @@
 """Photos of a board -> the same photos with a scene's objects in them."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,15 +24,13 @@ def augment_photos(
     out: str | Path,
     settings: AugmentSettings | None = None,
     *,
-    each: Callable[[dict[str, Any], np.ndarray, np.ndarray], None] | None = None,
     progress: Progress = silent,
     **options: Any,
 ) -> list[dict[str, Any]]:
     """Draw the scene's objects into each photo and write it to `out` under its own name, as PNG or JPEG.
 
     `options` are fields of AugmentSettings. Returns a row per photo: its name, its pose's rms in pixels, and with
-    `against` the errors by region; `each` is given it as it is made, with the drawn and the true photo. The photo's ICC
-    profile and EXIF are kept as they are, its orientation with them.
+    `against` the errors by region. The photo's ICC profile and EXIF are kept as they are, its orientation with them.
     """
     chosen = replace(settings or AugmentSettings(), **options)
     scene = files.read_scene(scene_path)
@@ -91,8 +88,6 @@ def augment_photos(
         if chosen.against is not None:
             truth = files.read_photo(Path(chosen.against) / path.name)
             row["regions"] = errors_by_region(result, truth, here)
-            if each is not None:
-                each(row, result.pixels, truth)
         files.write_picture(out / path.name, drawn, quality=95, extras=extras)
         rows.append(row)
     progress("augment", len(taken), len(taken))

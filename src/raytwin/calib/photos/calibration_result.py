@@ -9,7 +9,6 @@ from raytwin.calib.boards import Board, Heights
 from raytwin.calib.photos.detection import Tag
 from raytwin.calib.photos.model import ModelTrial, TrialRow, trial_rows
 from raytwin.errors import InputError
-from raytwin.notebook import InNotebook
 from raytwin.scene import Matrix, Record, Vector
 
 
@@ -69,7 +68,7 @@ class Evidence(Record, frozen=True):
     found: dict[str, dict[str, tuple[Tag, ...]]]
 
 
-class Calibration(Record, InNotebook, frozen=True):
+class Calibration(Record, frozen=True):
     """The camera and how well it is known; its fields, `evidence` aside, are the keys of the JSON.
 
     `K` in pixels (OpenCV's: (0, 0) is a pixel's centre); `dist` is a prefix of k1, k2, p1, p2, k3; `sigma` holds one

@@ -1,4 +1,4 @@
-"""Charts as SVG, for pages, files and notebooks.
+"""Charts as SVG, for pages and files.
 
-svg.py the shapes of any drawing, and its axes; chart.py error against seconds; rows_chart.py the chart of any rows
+svg.py the shapes of any drawing, and its axes; chart.py error against seconds
 """

@@ -1,4 +1,4 @@
-"""Augmented photos beside true ones; and noise: pages whose single errors mean little."""
+"""Pages of noisy images, whose single errors mean little."""
 
 from dataclasses import replace
 
@@ -6,41 +6,12 @@ import numpy as np
 import pytest
 from test_html import assert_true_digits
 
-from raytwin import files
 from raytwin.compare import Report, compare
 from raytwin.image import Image
 from raytwin.report.compare_page import write_report
-from raytwin.report.regression_page import Against
 from raytwin.report.view import PairView, view_of
 
 RNG = np.random.default_rng(3)
-
-
-def test_each_photo_has_a_page_that_shows_its_errors_and_all_share_one_script(tmp_path, browse):
-    truth = RNG.integers(0, 256, (30, 40, 3), np.uint8)
-    drawn = truth.copy()
-    drawn[10:20, 5:9] //= 2
-    pages = Against(tmp_path)
-    numbers = {"mean": -0.01, "rms": 0.02, "p95": 0.03, "codes": 1.5}
-    regions = [numbers | {"region": name, "share": share} for name, share in (("spheres", 0.5), ("shadows", 0.0))]
-    pages.add({"photo": "b.png", "pose_rms_px": 0.1, "regions": regions}, drawn, truth)
-    index = pages.finish()
-    assert {p.name for p in tmp_path.iterdir()} == {"against.html", "against-viewer.js", "against-b.png.html"}
-    text = index.read_text(encoding="utf-8")
-    assert 'href="against-b.png.html"' in text
-    assert "shadows" not in text  # there are none
-    script = """
-      viewer.keep(6, 12);
-      result.read = ["test", "reference"].map((row) => texts(row));
-      result.map = [viewer.panes.get("map").head.textContent, viewer.scale().log];
-      result.tile = document.querySelector(".tiles dd").textContent;"""
-    read, console = browse(tmp_path / "against-b.png.html", "", script)
-    assert console == []
-    for row, photo in zip(read["read"], (drawn, truth), strict=True):
-        for shown, value in zip(row, files.from_bytes(photo)[12, 6], strict=True):
-            assert float(shown) == pytest.approx(float(value), rel=0.02, abs=5e-5)
-    assert read["map"] == ["Difference", False]
-    assert read["tile"] == "0.0200 rms"
 
 
 def test_noise_is_shown_in_sigmas_and_as_means_where_not_every_pixel_fits(make_result, tmp_path, browse, monkeypatch):

@@ -1,0 +1,38 @@
+"""How many steps of Newton's method undo a lens: counted once per camera."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from raytwin.scene import Camera
+from raytwin.scene.lens import STEPS, check_lens, distort, has_no_ray
+from raytwin.tracer.pixel_to_ray import undistort
+
+ALIKE = 1e-4
+"""Solutions farther apart than this, in normalised coordinates, are different roots; rounding moves them far less."""
+
+
+@lru_cache(maxsize=64)
+def newton_steps(camera: Camera, precision: str = "float64") -> int:
+    """Return the fewest steps of `undistort` that come back to rounding from all over the frame; 0 for a pinhole.
+
+    Raises InputError where `check_lens` does.
+    """
+    dist = camera.coefficients
+    if not any(dist):
+        return 0
+    check_lens(camera)
+    u = np.linspace(-0.5, camera.width - 0.5, 33)
+    v = np.linspace(-0.5, camera.height - 0.5, 33)[:, None]
+    xd, yd = np.broadcast_arrays((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy)
+    xd, yd = (a[~has_no_ray(camera, u, v)] for a in (xd, yd))
+    enough = 2e-14 if precision == "float64" else 2e-8
+    with np.errstate(all="ignore"):
+        x, y = undistort(xd, yd, dist)
+        for steps in range(STEPS):
+            ended = undistort(xd, yd, dist, steps)
+            back = distort(*ended, dist)
+            apart = np.hypot(ended[0] - x, ended[1] - y).max()  # large at a root beyond a fold
+            if np.hypot(back[0] - xd, back[1] - yd).max() < enough and apart < ALIKE:
+                return steps
+    return STEPS
