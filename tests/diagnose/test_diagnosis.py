@@ -153,10 +153,10 @@ def test_of_one_fault_the_way_that_costs_least_stands_and_of_two_alike_the_typic
         return Hypothesis((Cause(name, "", ""),), RIGHT, cost, typical=typical)
 
     ways = [guess("mirrored", 0.0, False), guess("upside-down", 0.002, True), guess("upside-down", 0.0001, False)]
-    found = [(g.causes[0].name, g.cost) for g in ranked(ways, FAULTS, 0.001, {})]
+    found = [(g.causes[0].name, g.cost) for g in ranked(ways, FAULTS, 0.001)]
     assert found == [("upside-down", 0.0001), ("mirrored", 0.0), ("upside-down", 0.002)]
     ways.append(guess("mirrored", 0.0003, True))
-    assert ranked(ways, FAULTS, 0.001, {})[0].causes[0].name == "mirrored"
+    assert ranked(ways, FAULTS, 0.001)[0].causes[0].name == "mirrored"
 
 
 def test_a_scene_that_everyone_is_asked_for_rules_out_what_it_speaks_against():

@@ -184,7 +184,7 @@ def test_a_search_that_runs_out_of_time_names_what_it_has_found_and_what_is_left
     scene = SCENES["overlap"]
     sky = next(f for f in FAULTS if f.name == "sky-missing")
     samples = [look(SubmittedImage(scene, planted(scene, sky.ways[0])))]
-    made = _search(samples, "", FAULTS, (), 1, budget, {})
+    made = _search(samples, "", FAULTS, (), 1, budget)
     assert made.untried
     assert made.causes or "unknown" in made.words[0]
 

@@ -110,7 +110,7 @@ def test_a_picture_is_repaired_for_sure_where_no_other_picture_stays_wrong(monke
     repaired = {"hit_points": Repair("", 7, "the sign is wrong", "-a", "a")} | ({"render": Repair("", 8, "", "", "")}
                                                                                if other else {})  # fmt: skip
     monkeypatch.setattr("raytwin.grade.sandboxed_repair._repair", lambda stage, *_: repaired.get(stage.name))
-    look = SecondLook(SimpleNamespace(hints=2, seen={}), Code("a", "f = 1"))
+    look = SecondLook(SimpleNamespace(hints=2), Code("a", "f = 1"))
     child = SimpleNamespace(functions=("hit_points", "render"), spent=0.0)
     tried = [msgspec.structs.replace(wrong_image(), stage=stage) for stage in ("hit_points", "render")]
     look._repair(tried, (), (), (), (), SimpleNamespace(child=child))

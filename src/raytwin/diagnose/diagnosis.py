@@ -5,9 +5,8 @@ scenes that are right included. Where no single one suffices, faults are added o
 where the picture is wrong. `search` tries them.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -79,10 +78,8 @@ def diagnose(
     families: Sequence[ParametricFault] = FAMILIES,
     most: int = 2,
     seconds: float = SECONDS,
-    seen: Mapping[str, int] = MappingProxyType({}),
 ) -> Diagnosis:
     """The cause of all that is wrong in the views of one submission; `most`: faults together; `seconds` to search.
-    `seen`: how often each mistake was made, by name.
 
     Give the views that are right too: a fault that would have spoiled them is none.
     """
@@ -103,7 +100,7 @@ def diagnose(
         cause = Cause("points-of-misses", ORDER, text)
         return Diagnosis(False, (cause,), ((),), 1.0, None, "proved", where)
     samples = [s for s in samples if s.weight.size]
-    return _search(samples, where, faults, families, most, budget, seen)
+    return _search(samples, where, faults, families, most, budget)
 
 
 def _search(
@@ -113,14 +110,13 @@ def _search(
     families: Sequence[ParametricFault],
     most: int,
     budget: Budget,
-    seen: Mapping[str, int],
 ) -> Diagnosis:
     """The causes that cost least, one or `most` of them together."""
     every = faults is FAULTS
     if families is FAMILIES and samples[0].view.scene and len({s.view.scene for s in samples}) == 1:
         families = (*FAMILIES, *of_objects(samples[0].view.scene))
     thorough = max(float((s.weight * s.wrong).sum()) for s in samples) > RARE
-    search, base = Search(samples, budget, seen), Hypothesis((), RIGHT, total(samples, RIGHT))
+    search, base = Search(samples, budget), Hypothesis((), RIGHT, total(samples, RIGHT))
     found = search.round(base, faults, families if thorough else ())
     if thorough and every and not (budget.over or search.explained_by(found)) and (clues := faults_suggested(samples)):
         found = sorted([*search.round(base, clues), *found], key=lambda g: g.cost)

@@ -4,7 +4,7 @@ The cost of errors e is Σ log(1 + (e/τ)²), minus the log likelihood of values
 any amount, so that a few odd pixels decide nothing.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -63,14 +63,10 @@ class Hypothesis:
 
 @dataclass(eq=False)
 class Search:
-    """The samples of all views, one in so many of their pixels (`small`), and the time that is left.
-
-    `seen`: how often mistakes were made: what is common is tried first, and wins where others explain as well.
-    """
+    """The samples of all views, one in so many of their pixels (`small`), and the time that is left."""
 
     samples: list[PixelSample]
     budget: Budget
-    seen: Mapping[str, int]
     small: list[PixelSample] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -96,7 +92,7 @@ class Search:
         if not before.causes and faults[: len(FAULTS)] == FAULTS:
             ways = self._by_common(ways, before)
         tried = self._screened(ways, before)
-        exact = ranked(self._in_other_forms(tried, before), faults, EVEN * before.cost, self.seen)
+        exact = ranked(self._in_other_forms(tried, before), faults, EVEN * before.cost)
         families = [f for f in families if f.name not in named]
         if not families or (exact and exact[0].cost < CLEAR * before.cost and self.explained_by(exact)):
             return exact
@@ -150,7 +146,6 @@ class Search:
 
         Many are tried on a third of the first view's pixels before.
         """
-        guesses = sorted(guesses, key=lambda g: -self.seen.get(g.causes[-1].name, 0))
         sums, wrong, views, order = np.zeros(len(guesses)), 0.0, 0, self._order(before)
         if len(guesses) > 2 * least:
             order = [order[0].only(slice(None, None, THIN)), *order]
@@ -183,12 +178,9 @@ def _limit(sums: Array, wrong: float, least: int) -> float:
     return min(limit, NEAR * wrong) if sums.size and sums.min() < CLEAR / 2 * wrong else limit
 
 
-def ranked(
-    guesses: Sequence[Hypothesis], faults: Sequence[Fault], even: float, seen: Mapping[str, int]
-) -> list[Hypothesis]:
+def ranked(guesses: Sequence[Hypothesis], faults: Sequence[Fault], even: float) -> list[Hypothesis]:
     """The best way of each fault, by cost alone; then the other ways. Of faults that cost the same (but for `even`) the
-    one that is seen in its typical form comes first, then the one that was made most often, then the one that stands
-    first in the catalogue.
+    one that is seen in its typical form comes first, then the one that stands first in the catalogue.
     """
     rank = {f.name: k for k, f in enumerate(faults)}
     best: dict[str, Hypothesis] = {}
@@ -200,8 +192,5 @@ def ranked(
             others.append(guess)
         if guess.typical and guess.cost <= best[name].cost + even:
             usual.add(name)
-    place = {
-        name: (round(g.cost / max(even, 1e-12)), name not in usual, -seen.get(name, 0), rank[name])
-        for name, g in best.items()
-    }
+    place = {name: (round(g.cost / max(even, 1e-12)), name not in usual, rank[name]) for name, g in best.items()}
     return [*(best[name] for name in sorted(place, key=lambda n: place[n])), *others]

@@ -11,7 +11,7 @@ import math
 import re
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any, NamedTuple
@@ -27,9 +27,6 @@ from raytwin.diagnose.schemata import Setting, schemata
 
 Answers = list[tuple[np.ndarray, ...] | None]
 Rows = Sequence[Sequence[int]]
-NONE_SEEN: Mapping[str, int] = {}
-COMMON = 0.5
-"""By so much less far-fetched is a slip that was seen ten times as often."""
 CLEARED = 0.6
 """By so much more far-fetched is a change of a statement that runs in functions that are right, too."""
 SHARE = 0.3
@@ -140,7 +137,7 @@ class Runner:
 def repair(
     cells: Cells, function: str, cases: Sequence[Any], is_right: Callable[[Any, Any], bool], runner: Runner,
     more_time: Callable[[], bool], innocent: Sequence[str] = (), known: Sequence["Candidate"] = (),
-    further: Callable[[], Sequence[Any]] = tuple, seen: Mapping[str, int] = NONE_SEEN,
+    further: Callable[[], Sequence[Any]] = tuple,
     keeps: Callable[[Candidate], bool] = lambda candidate: True,
     helps: Callable[[Candidate], bool] = lambda candidate: True,
     errors: Callable[[Any, Any], np.ndarray | None] = lambda case, got: None,
@@ -153,9 +150,9 @@ def repair(
     right is tried first. Where one fits, others are looked for that are hardly more far-fetched: a change of another
     line that does as well leaves open which of them is meant.
     `further()`: cases that a change must make right as well before it counts as proved: by chance it may fit `cases`.
-    `seen`: how often each kind of slip was made: what is common is tried first. `keeps(candidate)`: whether what is
-    right beside the function stays right. `helps(candidate)`: whether other functions that fail and run the changed
-    place become right in a case; a change that does not may fit by chance, and others are tried before it.
+    `keeps(candidate)`: whether what is right beside the function stays right. `helps(candidate)`: whether other
+    functions that fail and run the changed place become right in a case; a change that does not may fit by chance, and
+    others are tried before it.
     `errors(case, arrays)`: by how much of what is allowed numbers are off; None: of other shapes. Where no change alone
     does, second ones are tried beside those that make most numbers right.
     """
@@ -197,7 +194,7 @@ def repair(
     reached, every = (statements_of(cells, function, names) for names in (innocent, ()))
     known_lines = {(cell, statement.lineno) for cell, statement in reached}
     aside = [(cell, statement) for cell, statement in every if (cell, statement.lineno) not in known_lines]
-    search = _Search(cells, reached, seen, runner.places_in(first), runner.right, aside, more_time,
+    search = _Search(cells, reached, runner.places_in(first), runner.right, aside, more_time,
                      lambda some: runner.run(some, first.args, False))  # fmt: skip
     values = runner.values_in(first)
 
@@ -309,7 +306,7 @@ def kind_of(operator: str) -> str:
 
 
 def candidates(
-    cells: Cells, function: str, innocent: Sequence[str] = (), seen: Mapping[str, int] = NONE_SEEN,
+    cells: Cells, function: str, innocent: Sequence[str] = (),
     places: Callable[[Sequence[Candidate]], frozenset[int] | None] = lambda some: None,
     right: Callable[[Sequence[Candidate]], frozenset[int] | None] = lambda some: None,
 ) -> Iterator[Candidate]:  # fmt: skip
@@ -318,7 +315,7 @@ def candidates(
     `places(candidates)`: those that a wrong case reaches. Statements that do not run there are left as they are.
     `right(candidates)`: those that functions reach that are right: a mistake there is less likely.
     """
-    search = _Search(cells, statements_of(cells, function, innocent), seen, places, right)
+    search = _Search(cells, statements_of(cells, function, innocent), places, right)
     for some in (*search.candidates(False), *search.candidates(True)):
         yield from some
 
@@ -331,14 +328,14 @@ class _Search:
     """
 
     def __init__(
-        self, cells: Cells, reached: Sequence[tuple[str, ast.stmt]], seen: Mapping[str, int],
+        self, cells: Cells, reached: Sequence[tuple[str, ast.stmt]],
         places: Callable[[Sequence[Candidate]], frozenset[int] | None],
         right: Callable[[Sequence[Candidate]], frozenset[int] | None],
         aside: Sequence[tuple[str, ast.stmt]] = (), more_time: Callable[[], bool] = lambda: True,
         run: Callable[[Sequence[Candidate]], Answers] = lambda some: [None] * len(some),
     ) -> None:  # fmt: skip
         self.aside, self.more_time = aside, more_time
-        self.reached, self.seen = reached, seen
+        self.reached = reached
         self.file = file_of(cells, [statement for _, statement in reached])
         self.end = 0
         self.made: dict[Any, list[_Change]] = {}
@@ -387,7 +384,7 @@ class _Search:
     def weight(self, c: "Candidate | _Change") -> float:
         """How far-fetched it is."""
         shared = SHARE * math.log10(max(1, self.many[kind_of(c.edit.operator)]))
-        return _weight(c.edit, self.seen) + shared + CLEARED * (id(c.edit.old) in self.cleared)
+        return c.edit.weight + shared + CLEARED * (id(c.edit.old) in self.cleared)
 
     def _changes(self, cell: str, statement: ast.stmt, rare: bool, running: set[ast.AST] | None) -> list["_Change"]:
         inside = running if running is None else frozenset(id(n) for n in ast.walk(statement) if n in running)
@@ -574,8 +571,3 @@ def _own(statement: ast.AST) -> Iterator[ast.AST]:
 def _nodes(marks: Sequence[Candidate], asked: frozenset[int] | None) -> set[ast.AST] | None:
     """The statements that run; None: unknown."""
     return None if asked is None else {c.edit.old for c in marks if c.setting[0][0] in asked}
-
-
-def _weight(edit: Edit, seen: Mapping[str, int]) -> float:
-    """How far-fetched it is; ten times as often seen is worth COMMON."""
-    return edit.weight - COMMON * math.log10(1 + seen.get(kind_of(edit.operator), 0)) if seen else edit.weight

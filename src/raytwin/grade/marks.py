@@ -63,7 +63,7 @@ def _marked(
     marks |= {name: _two_mistakes(marks[name], of[name], left) for name, left in alone.items()}
     failed = [marks[m.name] for m in failed]
     mended = {id(a) for a in spoilt if a.exercise.stage in look.found}
-    causes = _Causes(checked, helped, [m for m in failed if m.stage in helped.names], result.seed, rubric.seen, mended)
+    causes = _Causes(checked, helped, [m for m in failed if m.stage in helped.names], result.seed, mended)
     pictures, speed = [], []
     for exercise in drawn_ones:
         mine = of[exercise.name]
@@ -172,10 +172,11 @@ class _Causes:
     and where right functions leave less wrong, one `beside` them, of the pictures that they made.
     """
 
-    def __init__(self, checked: Mapping[int, CheckedPicture], helped: Rerun, failed: list[Marked], seed: int,
-        seen: Mapping[str, int], mended: Collection[int] = (),
+    def __init__(
+        self, checked: Mapping[int, CheckedPicture], helped: Rerun, failed: list[Marked], seed: int,
+        mended: Collection[int] = (),
     ) -> None:  # fmt: skip
-        self.checked, self.helped, self.failed, self.seed, self.seen = checked, helped, failed, seed, seen
+        self.checked, self.helped, self.failed, self.seed = checked, helped, failed, seed
         self.mended, checked = mended, {k: c for k, c in checked.items() if k not in mended}
         self.seconds, self.functions = SECONDS, " and ".join(helped.names)
         known = bool(failed) and all(m.faults or m.repair for m in failed)
@@ -202,7 +203,7 @@ class _Causes:
         if self.seconds <= 0 or not _has_wrong_numbers(checked):
             return None
         began = time.thread_time()
-        found = diagnose(views, self.seed, most=most, seconds=min(self.seconds, AT_MOST), seen=self.seen)
+        found = diagnose(views, self.seed, most=most, seconds=min(self.seconds, AT_MOST))
         self.seconds -= time.thread_time() - began
         return found
 

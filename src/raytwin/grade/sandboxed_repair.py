@@ -9,7 +9,7 @@ import dataclasses
 import inspect
 import itertools
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -166,11 +166,10 @@ class SecondLook:
                 until = min(_clock(trials.child) + seconds, began + self.left)
                 fitting = [(r.candidate, *r.rivals) for r in self.found.values() if r.candidate and not replaced]
                 known = list(dict.fromkeys(itertools.chain(*fitting)))
-                others, seen = [LESSONS[e.stage] for e in tried if e.stage != stage], self.rubric.seen
+                others = [LESSONS[e.stage] for e in tried if e.stage != stage]
                 asked = [case for name, case in pictures if name == stage]
                 with contextlib.suppress(RecursionError, MemoryError):
-                    made = _repair(LESSONS[stage], self.cells, trials, until, right, replaced, known, seen, others,
-                                   asked)  # fmt: skip
+                    made = _repair(LESSONS[stage], self.cells, trials, until, right, replaced, known, others, asked)
                     if made is not None:
                         self.found[stage] = made
         for stage in (name for name in beside if name in trials.child.functions):
@@ -249,8 +248,7 @@ def _clock(child: Sandbox) -> float:
 
 def _repair(
     stage: Stage, cells: Cells, trials: "_Trials", until: float, right: Sequence[str], ours: Sequence[str],
-    known: Sequence[Candidate], seen: Mapping[str, int], others: Sequence[Stage],
-    asked: Sequence[Case],
+    known: Sequence[Candidate], others: Sequence[Stage], asked: Sequence[Case],
 ) -> Repair | None:  # fmt: skip
     child = trials.child
 
@@ -291,7 +289,7 @@ def _repair(
     more_time = lambda: _clock(child) < until  # noqa: E731
     wrong_beside = cache(lambda: _some_cases(others, is_wrong, CASES_OF_WRONG))
     helps = lambda candidate: _helps(candidate, trials, innocent, wrong_beside())  # noqa: E731
-    return repair(cells, stage.name, tried, right_in, runner, more_time, innocent, known, further, seen, keeps, helps,
+    return repair(cells, stage.name, tried, right_in, runner, more_time, innocent, known, further, keeps, helps,
                   partial(errors_of, stage), partial(_clock, child))  # fmt: skip
 
 
