@@ -14,7 +14,6 @@ from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import whereabouts
 from raytwin.diagnose.pixel_sample import look, many
 from raytwin.diagnose.predict import FIRST, RIGHT, Before, predictor
-from raytwin.diagnose.prediction_cache import costs
 from raytwin.files.rounding import half_code
 from raytwin.image import Image
 from raytwin.renderers.scene_exchange import as_arrays
@@ -157,17 +156,6 @@ def test_of_one_fault_the_way_that_costs_least_stands_and_of_two_alike_the_typic
     assert found == [("upside-down", 0.0001), ("mirrored", 0.0), ("upside-down", 0.002)]
     ways.append(guess("mirrored", 0.0003, True))
     assert ranked(ways, FAULTS, 0.001)[0].causes[0].name == "mirrored"
-
-
-def test_a_scene_that_everyone_is_asked_for_rules_out_what_it_speaks_against():
-    """The planted way leaves nothing of it; what shows in shadows alone leaves as much as none."""
-    ways = (fault("sky-missing").ways[0], fault("no-shadow").ways[0], fault("sky-twice").ways[0])
-    sight = look(SubmittedImage(SCENES[1], planted(ways[0], SCENES[1]), rung="shadow", common=True))
-    cost = costs(sight, ways)
-    assert cost[0] < 1e-9
-    assert cost[1] > 1
-    made = diagnose([SubmittedImage(scene, planted(ways[0], scene), common=k == 1) for k, scene in enumerate(SCENES)])
-    assert names(made) == ["sky-missing"]
 
 
 def test_a_second_fault_that_few_pixels_show_makes_the_first_unsure_and_it_is_told_where():

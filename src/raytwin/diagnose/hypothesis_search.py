@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 
 from raytwin.diagnose.budget import Budget
-from raytwin.diagnose.catalogue import FAULTS, equivalent_forms
+from raytwin.diagnose.catalogue import equivalent_forms
 from raytwin.diagnose.certainty import is_good, shows
 from raytwin.diagnose.changes import CAMERA, Fault
 from raytwin.diagnose.explanation import Cause
 from raytwin.diagnose.parametric_faults import ParametricFault, fit, promising, total
 from raytwin.diagnose.pixel_sample import PixelSample
 from raytwin.diagnose.predict import Array, Pipeline
-from raytwin.diagnose.prediction_cache import costs
 
 SCREEN = 4
 """Every fault is tried on one in so many of the pixels first."""
@@ -89,8 +88,6 @@ class Search:
             before.and_then(Cause(f.name, f.stage, f.sentence), way, typical=before.typical and not k)
             for f in faults if f.name not in named for k, way in enumerate(f.ways)
         ]  # fmt: skip
-        if not before.causes and faults[: len(FAULTS)] == FAULTS:
-            ways = self._by_common(ways, before)
         tried = self._screened(ways, before)
         exact = ranked(self._in_other_forms(tried, before), faults, EVEN * before.cost)
         families = [f for f in families if f.name not in named]
@@ -130,16 +127,6 @@ class Search:
         tried = sorted(tried, key=lambda g: g.cost)[:FINALISTS]
         near = [g for g in tried if g.cost < CLOSE * tried[0].cost + 1e-2 * before.cost]
         return [self.weighed(g) for k, g in enumerate(near) if not (k and self.budget.over)]
-
-    def _by_common(self, ways: list[Hypothesis], before: Hypothesis) -> list[Hypothesis]:
-        """Those that cost least in the scenes that everyone is asked for."""
-        common = [s for s in self.samples if s.view.common and not s.more]
-        if not common:
-            return ways
-        changes = tuple(way for fault in FAULTS for way in fault.ways)
-        sums = np.sum([costs(s, changes) for s in common], axis=0)
-        limit = _limit(sums, total(common, before.steps) * len(common), FINALISTS)
-        return [w for k, w in enumerate(ways) if k >= len(sums) or sums[k] <= limit]
 
     def _screened(self, guesses: list[Hypothesis], before: Hypothesis, least: int = FINALISTS) -> list[Hypothesis]:
         """Those that cost least, by one view after the other; a quarter is left each time, and what costs hardly more.

@@ -42,9 +42,8 @@ class SubmittedImage:
 
     `shown` (H, W, 3): linear radiance, or with `points` where each pixel's ray first meets a sphere, NaN for none.
     `right`: what it should be; the tracer's own picture where none is given. `half` (H, W, 3): what its format may have
-    rounded off; `clipped`: it holds nothing above 1. `sampled`: of the scene's light what chance finds. `common`: of a
-    scene that others are asked for, too. `before`: what the same process was given earlier. `composed`: made of the
-    submission's stages, where the order along a ray is ours.
+    rounded off; `clipped`: it holds nothing above 1. `sampled`: of the scene's light what chance finds. `before`: what
+    its process was given earlier. `composed`: made of the submission's stages, where the order along a ray is ours.
     """
 
     scene: Scene | None
@@ -55,7 +54,6 @@ class SubmittedImage:
     half: Array | None = None
     clipped: bool = False
     sampled: Sampled | None = None
-    common: bool = False
     before: Before = FIRST
     composed: bool = False
 
@@ -141,11 +139,7 @@ class PixelSample:
 
     def cost(self, e: Array) -> float:
         """Σ w log(1 + (e/τ)²): minus the log likelihood of errors (N,) that are mostly small, and sometimes any."""
-        return float(self.costs(e))
-
-    def costs(self, e: Array) -> Array:
-        """The same of many, (..., N)."""
-        return np.asarray((self.weight * np.log1p(np.square(e / self.tau))).sum(axis=-1))
+        return float((self.weight * np.log1p(np.square(e / self.tau))).sum())
 
     def squared(self, made: Array) -> float:
         """The mean squared error of a prediction (N, 3), in units of the scale."""
