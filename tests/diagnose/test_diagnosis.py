@@ -5,15 +5,15 @@ from tracers_by_students import CORRECT, MISTAKES, mistaken, run
 
 from raytwin import files
 from raytwin.diagnose import draw_scene
+from raytwin.diagnose.averaged_pixels import AVERAGED
 from raytwin.diagnose.catalogue import FAULTS
 from raytwin.diagnose.changes import STAGES
-from raytwin.diagnose.conditional_faults import AVERAGED, _some, stale
 from raytwin.diagnose.diagnosis import Cause, SubmittedImage, diagnose, explain
 from raytwin.diagnose.hypothesis_search import Hypothesis, ranked
 from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import whereabouts
-from raytwin.diagnose.pixel_sample import look, many
-from raytwin.diagnose.predict import FIRST, RIGHT, Before, predictor
+from raytwin.diagnose.pixel_sample import look
+from raytwin.diagnose.predict import RIGHT, predictor
 from raytwin.files.rounding import half_code
 from raytwin.image import Image
 from raytwin.renderers.scene_exchange import as_arrays
@@ -32,10 +32,10 @@ SCENES = [small(name) for name in SIZES]
 DRAWN = [draw_scene.draw_scene(seed, (60, 44)) for seed in (1, 2)]
 
 
-def planted(way, scene, before=FIRST):
+def planted(way, scene):
     """The picture of a tracer with this fault."""
     made = predictor(scene)
-    made.before, made.brightest = before, 1.0
+    made.brightest = 1.0
     return made.picture(way).reshape(scene.camera.height, scene.camera.width, 3)
 
 
@@ -208,26 +208,6 @@ def test_the_mean_of_several_rays_a_pixel_is_proved():
     made = diagnose([SubmittedImage(scene, planted(AVERAGED[0].ways[0], scene)) for scene in DRAWN], most=1)
     assert names(made) == ["averaged-over-pixel"]
     assert made.sureness == "proved"
-
-
-@pytest.mark.parametrize("name", ["objects-kept", "light-kept", "camera-kept"])
-def test_what_a_process_keeps_of_earlier_scenes_is_told(name):
-    """The first scene is right; a wrong one that nothing came before speaks against it."""
-    befores = [Before("render"), Before("render", (("render", DRAWN[0]),))]
-    first, second = (planted(RIGHT, scene) for scene in DRAWN)
-    pictures = zip(DRAWN, (first, 0 * second), befores, strict=True)
-    (one,) = (f for f in stale(many([SubmittedImage(s, x, before=b) for s, x, b in pictures])) if f.name == name)
-    shown = [planted(one.ways[0], scene, b) for scene, b in zip(DRAWN, befores, strict=True)]
-    told = diagnose([SubmittedImage(s, x, before=b) for s, x, b in zip(DRAWN, shown, befores, strict=True)], most=1)
-    assert names(told) == [name]
-    assert stale(many([SubmittedImage(DRAWN[0], shown[1], before=befores[0])])) == ()
-
-
-def test_scenes_are_kept_by_stages_together_or_by_each_on_its_own():
-    calls = (("hit_points", SCENES[0]), ("render", SCENES[1]))
-    assert _some(Before("render", calls), {"render"}, apart=False) == [SCENES[0], SCENES[1]]
-    assert _some(Before("render", calls), {"render"}, apart=True) == [SCENES[1]]
-    assert _some(Before("hit_points", calls), {"render"}, apart=False) == []
 
 
 def test_shadows_on_the_rung_without_any_are_told():

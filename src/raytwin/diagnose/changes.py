@@ -64,12 +64,6 @@ def reading(change: Callable[[SceneDict], SceneDict]) -> Pipeline:
     return replaced(read_scene=lambda right: lambda *args: wrong(*right(*args)))
 
 
-def by_key(*keys: str) -> tuple[Pipeline, ...]:
-    """The hit of the least key (objects, N) is seen: functions of every_t (objects, N)."""
-    picked = "which = nearest(np.where(np.isfinite(every_t), {}, np.inf))"
-    return tuple(slip("met", ("which = nearest(every_t)", picked.format(key))) for key in keys)
-
-
 def is_ball(thing: Thing) -> bool:
     return "radius" in thing
 

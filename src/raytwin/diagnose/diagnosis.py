@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from raytwin.diagnose.averaged_pixels import averaging_faults
 from raytwin.diagnose.budget import SECONDS, Budget
 from raytwin.diagnose.catalogue import ACNE, FACTS, FAULTS
 from raytwin.diagnose.certainty import (
@@ -25,7 +26,6 @@ from raytwin.diagnose.certainty import (
     left_over,
 )
 from raytwin.diagnose.changes import ORDER, OUTPUT, STAGES, Fault
-from raytwin.diagnose.conditional_faults import faults_suggested
 from raytwin.diagnose.distances import depth_cause
 from raytwin.diagnose.explanation import Cause, Diagnosis, Sureness
 from raytwin.diagnose.hypothesis_search import Hypothesis, Search
@@ -33,7 +33,7 @@ from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import points_of_misses, whereabouts
 from raytwin.diagnose.noisy_values import noisy_cause
 from raytwin.diagnose.parametric_faults import FAMILIES, ParametricFault, of_objects, total
-from raytwin.diagnose.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, many
+from raytwin.diagnose.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, look
 from raytwin.diagnose.predict import RIGHT
 from raytwin.files import Rounding
 from raytwin.image import Image
@@ -87,7 +87,7 @@ def diagnose(
         text = f"every pixel has the same value, {value:.4g}: nothing of the scene is in the picture"
         return Diagnosis(False, (Cause("one-value", OUTPUT, text),), ((),), 1.0, None, "proved")
     budget = Budget(seconds)
-    samples = many(views, seed)
+    samples = [look(view, seed) for view in views]
     errors = [s.off(s.predict(RIGHT)) for s in samples]
     count = sum(int(s.wrong.sum()) for s in samples)
     where = whereabouts(samples, errors)
@@ -118,8 +118,8 @@ def _search(
     thorough = max(float((s.weight * s.wrong).sum()) for s in samples) > RARE
     search, base = Search(samples, budget), Hypothesis((), RIGHT, total(samples, RIGHT))
     found = search.round(base, faults, families if thorough else ())
-    if thorough and every and not (budget.over or search.explained_by(found)) and (clues := faults_suggested(samples)):
-        found = sorted([*search.round(base, clues), *found], key=lambda g: g.cost)
+    if thorough and every and not (budget.over or search.explained_by(found)) and (means := averaging_faults(samples)):
+        found = sorted([*search.round(base, means), *found], key=lambda g: g.cost)
     if not search.explained_by(found):
         hit = hit_shares(samples, found[0].steps)[0] if found else 0.0
         if is_firm(samples) and (chance := _by_chance(samples, where, hit, budget)) is not None:

@@ -55,9 +55,7 @@ def check_picture(asked: Question) -> CheckedPicture:
         part = msgspec.structs.replace(part, problem=problem)
         return CheckedPicture(part, None, got, scale)
     ours = bool(asked.made_of)
-    view = SubmittedImage(
-        asked.scene, got, right, exercise.rung, points, half, clipped, before=asked.before, composed=ours
-    )
+    view = SubmittedImage(asked.scene, got, right, exercise.rung, points, half, clipped, composed=ours)
     return CheckedPicture(part, view, None if passed else got, scale)
 
 
