@@ -32,7 +32,7 @@ from raytwin.diagnose.hypothesis_search import Hypothesis, Search
 from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import points_of_misses, whereabouts
 from raytwin.diagnose.noisy_values import noisy_cause
-from raytwin.diagnose.parametric_faults import FAMILIES, ParametricFault, of_objects, total
+from raytwin.diagnose.parametric_faults import FAMILIES, ParametricFault, radii_of, total
 from raytwin.diagnose.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, look
 from raytwin.diagnose.predict import RIGHT
 from raytwin.files import Rounding
@@ -114,7 +114,7 @@ def _search(
     """The causes that cost least, one or `most` of them together."""
     every = faults is FAULTS
     if families is FAMILIES and samples[0].view.scene and len({s.view.scene for s in samples}) == 1:
-        families = (*FAMILIES, *of_objects(samples[0].view.scene))
+        families = (*FAMILIES, *radii_of(samples[0].view.scene))
     thorough = max(float((s.weight * s.wrong).sum()) for s in samples) > RARE
     search, base = Search(samples, budget), Hypothesis((), RIGHT, total(samples, RIGHT))
     found = search.round(base, faults, families if thorough else ())

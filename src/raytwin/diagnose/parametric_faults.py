@@ -215,40 +215,33 @@ MANY = 8
 """Objects, beyond which no single one is fitted."""
 
 
-def of_objects(scene: Scene) -> tuple[ParametricFault, ...]:
-    """Families of one object each: a sphere's radius, where there are other spheres, and where an object stands."""
-    if len(scene.objects) > MANY:
+def radii_of(scene: Scene) -> tuple[ParametricFault, ...]:
+    """A family for the radius of each sphere, where there are others."""
+    if len(scene.objects) > MANY or len(scene.spheres) == 1:
         return ()
-    made = []
-    for k, (name, number, thing) in enumerate(zip(scene.names, scene.numbers, scene.objects, strict=True)):
-        size = thing.radius if isinstance(thing, Sphere) else float(np.linalg.norm(thing.half_u))
-        if isinstance(thing, Sphere) and len(scene.spheres) > 1:
-            made.append(_radius_of(k, name, number, size))
-        made.append(_place_of(k, name, number, size))
-    return tuple(made)
+    things = enumerate(zip(scene.names, scene.numbers, scene.objects, strict=True))
+    return tuple(
+        _radius_of(k, name, number, thing.radius) for k, (name, number, thing) in things if isinstance(thing, Sphere)
+    )
 
 
 def _radius_of(k: int, name: str, number: str, r: float) -> ParametricFault:
     return ParametricFault(
         f"radius-of-{number}", SOLVER, (0.0,), 0.001 * r,
-        lambda p: _with_object(k, lambda x: x | {"radius": abs(x["radius"] + float(p[0])) + 1e-12}),
+        lambda p: _with_radius(k, float(p[0])),
         lambda p, _: f"the radius of {name} is {1000 * abs(p[0]):.3g} mm too {'large' if p[0] > 0 else 'small'}",
         ((0.03 * r,), (-0.03 * r,)),
     )  # fmt: skip
 
 
-def _place_of(k: int, name: str, number: str, size: float) -> ParametricFault:
-    return ParametricFault(
-        f"place-of-{number}", SOLVER, (0.0, 0.0, 0.0), 0.005 * size,
-        lambda p: _with_object(k, lambda x: x | {"center": x["center"] + np.array(p)}),
-        lambda p, _: f"{name} stands off by ({', '.join(f'{1000 * x:+.3g}' for x in p)}) mm in the board's frame",
-    )  # fmt: skip
+def _with_radius(k: int, more: float) -> Pipeline:
+    """The k-th object's radius larger by so many metres."""
 
+    def larger(x: Thing) -> Thing:
+        return x | {"radius": abs(x["radius"] + more) + 1e-12}
 
-def _with_object(k: int, change: Callable[[Thing], Thing]) -> Pipeline:
-    """The k-th object changed, all others as they are."""
     return reading(lambda scene: scene | {
-        "things": [change(x) if i == k else x for i, x in enumerate(scene["things"])]})  # fmt: skip
+        "things": [larger(x) if i == k else x for i, x in enumerate(scene["things"])]})  # fmt: skip
 
 
 def _resized(factor: float) -> Pipeline:

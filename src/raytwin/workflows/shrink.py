@@ -277,8 +277,8 @@ def kind_of(found: Comparison) -> str:
 
 
 def _kind(cause: str) -> str:
-    """A cause of one object by what is wrong with it: objects are numbered anew as others go."""
-    return re.sub("^(radius|place)-of-.*", r"\1", cause)
+    """A cause of one sphere by what is wrong with it: objects are numbered anew as others go."""
+    return re.sub("^radius-of-.*", "radius", cause)
 
 
 def _diagnosed(made: Image, reference: Image, case: OwnScene, seconds: float) -> Diagnosis | None:
