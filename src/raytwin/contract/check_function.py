@@ -154,7 +154,7 @@ def judge(
 
 
 def _diagnosed(base: StageResult, stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> StageResult:
-    """The result with the causes that explain most of what is wrong with pictures, and the sentence."""
+    """The result with the cause that explains most of what is wrong with pictures, and the sentence."""
     from raytwin.diagnose.diagnosis import diagnose
     from raytwin.diagnose.pixel_sample import SubmittedImage
     from raytwin.renderers.scene_exchange import as_scene
@@ -170,22 +170,21 @@ def _diagnosed(base: StageResult, stage: Stage, cases: Sequence[Case], got: Sequ
         for case, (picture,) in zip(cases, got, strict=True)
     ]
     found = diagnose(views)
-    faults = tuple((cause.name, cause.sentence) for cause in found.causes)
+    faults = ((found.cause.name, found.cause.sentence),) if found.cause else ()
     said, causes = "; ".join(student_words(found)), tuple(name for name, _ in faults)
     return replace(base, sentence=said, causes=causes, faults=faults, exact=found.sureness == "proved")
 
 
 def student_words(found: Diagnosis) -> tuple[str, ...]:
-    """The diagnosis in sentences for a student: each mistake, what may be meant as well, what is wrong beside it."""
+    """The diagnosis in sentences for a student: the mistake, what may be meant as well, what is wrong beside it."""
     first, more, _ = found.where.partition("something else is wrong")
     where = first.partition(";")[0]
-    if not found.causes:
+    if found.cause is None:
         near = found.nearest if found.explained >= 0.5 else None
         unknown = (f"no single common mistake fits: your pictures are {where}",)
         return (*unknown, f"closest to it, but not all of it: {near.sentence}") if near else unknown
-    said = []
-    for cause, others in zip(found.causes, found.alternatives, strict=True):
-        said += [cause.sentence, *(f"or, with the same effect in these pictures: {o.sentence}" for o in others)]
+    others = (f"or, with the same effect in these pictures: {o.sentence}" for o in found.alternatives)
+    said = [found.cause.sentence, *others]
     said += [f"your pictures are {where}"] if where else []
     return (*said, "something else is wrong, too") if more else tuple(said)
 

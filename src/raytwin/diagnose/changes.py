@@ -11,7 +11,7 @@ CAMERA, SOLVER, ORDER, NORMALS, LIGHT, SHADOW, OUTPUT, SAMPLING = (
     "camera", "solver", "order", "normals", "light", "shadow", "output", "sampling",
 )  # fmt: skip
 STAGES = (CAMERA, SOLVER, ORDER, NORMALS, LIGHT, SHADOW, SAMPLING, OUTPUT)
-"""From the pixel to the picture: what stands earlier is told first."""
+"""From the pixel to the picture."""
 Thing = dict[str, Any]
 
 

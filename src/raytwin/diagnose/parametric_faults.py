@@ -30,7 +30,7 @@ from raytwin.diagnose.changes import (
     within,
 )
 from raytwin.diagnose.pixel_sample import PixelSample
-from raytwin.diagnose.predict import RIGHT, Array, Pipeline, SceneDict
+from raytwin.diagnose.predict import Array, Pipeline, SceneDict
 from raytwin.scene import Scene, Sphere
 
 NAMED = (
@@ -253,18 +253,16 @@ def _resized(factor: float) -> Pipeline:
 def fit(
     family: ParametricFault,
     samples: Sequence[PixelSample],
-    base: Pipeline = RIGHT,
     over: Callable[[], bool] = lambda: False,
 ) -> tuple[tuple[float, ...], float]:
     """The parameters that explain most, and their cost, the mean over sights; as far as it comes until `over`."""
-    made = [_nearer(family, samples, base, p, 9, over)[0] for p in (family.start, *family.tries)]
-    return min(((p, total(samples, (*base, *family.make(p)))) for p in made), key=lambda x: x[1])
+    made = [_nearer(family, samples, p, 9, over)[0] for p in (family.start, *family.tries)]
+    return min(((p, total(samples, family.make(p))) for p in made), key=lambda x: x[1])
 
 
 def promising(
     families: Sequence[ParametricFault],
     samples: Sequence[PixelSample],
-    base: Pipeline,
     most: int,
     over: Callable[[], bool] = lambda: False,
 ) -> list[ParametricFault]:
@@ -273,7 +271,7 @@ def promising(
     for family, start in ((f, p) for f in families for p in (f.start, *f.tries)):
         if over():
             break
-        p, cost = _nearer(family, samples, base, start, 1, over)
+        p, cost = _nearer(family, samples, start, 1, over)
         begun = cost, replace(family, start=p, tries=())
         tried[family.name] = min(tried.get(family.name, begun), begun, key=lambda x: x[0])
     return [family for _, family in sorted(tried.values(), key=lambda x: x[0])[:most]]
@@ -287,7 +285,6 @@ def total(samples: Sequence[PixelSample], steps: Pipeline) -> float:
 def _nearer(
     family: ParametricFault,
     samples: Sequence[PixelSample],
-    base: Pipeline,
     start: tuple[float, ...],
     rounds: int,
     over: Callable[[], bool],
@@ -304,7 +301,7 @@ def _nearer(
         return tuple((start + REACH * family.step * (q - 1)).tolist())
 
     def off(q: Array) -> Array:
-        steps = (*base, *family.make(at(q)))
+        steps = family.make(at(q))
         errors = [np.clip((s.shown - s.predict(steps)) / s.tau, -1e8, 1e8).ravel() for s in samples]
         return np.nan_to_num(np.concatenate(errors))
 

@@ -187,23 +187,23 @@ class _Causes:
         if not (known and self.beside):
             explained = helped.again if known and fixed_by else {}
             self.together = self._diagnosed([c for k, c in checked.items() if k not in explained])
-        named = self.together is not None and bool(self.together.causes)
+        named = self.together is not None and self.together.cause is not None
         self.theirs = fixed_by and (known or not named)
         self.rest: Diagnosis | None = None
         if self.beside and not named:
             found = self._diagnosed([helped.again[k][1] if k in helped.again else c for k, c in checked.items()])
-            if found is not None and found.causes:
+            if found is not None and found.cause is not None:
                 self.rest = found
             else:
                 self.together = self.together or self._diagnosed(list(checked.values()))
 
-    def _diagnosed(self, checked: Sequence[CheckedPicture], most: int = 2) -> Diagnosis | None:
+    def _diagnosed(self, checked: Sequence[CheckedPicture]) -> Diagnosis | None:
         """None if nothing is wrong, there are no numbers, or no time is left."""
         views = [c.view for c in checked if c.view is not None]
         if self.seconds <= 0 or not _has_wrong_numbers(checked):
             return None
         began = time.thread_time()
-        found = diagnose(views, self.seed, most=most, seconds=min(self.seconds, AT_MOST))
+        found = diagnose(views, self.seed, seconds=min(self.seconds, AT_MOST))
         self.seconds -= time.thread_time() - began
         return found
 
@@ -219,13 +219,13 @@ class _Causes:
             return _Found()
         found = self.rest or self.together
         others = any(not c.part.passed for c in self.checked.values() if all(c is not one for one in mine))
-        if found is not None and not found.causes and others:
-            found = self._diagnosed(mine, most=1) or found
+        if found is not None and found.cause is None and others:
+            found = self._diagnosed(mine) or found
             # What other pictures speak against is not proved.
-            found = replace(found, sureness="likely" if found.causes else "unknown")
+            found = replace(found, sureness="likely" if found.cause else "unknown")
         if found is None:
             return _Found()
-        faults = tuple((c.name, c.sentence) for c in found.causes)
+        faults = ((found.cause.name, found.cause.sentence),) if found.cause else ()
         beside = (f"beside that, your {self.functions} makes it wrong",) if self.rest is not None else ()
         return _Found((*student_words(found), *beside), faults, found.sureness if faults else "")
 
