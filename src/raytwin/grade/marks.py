@@ -48,8 +48,7 @@ def _marked(
 ) -> tuple[Result, Rerun]:
     of = {e.name: [a for a in asked if a.exercise is e] for e in rubric.exercises}
     checked = {id(a): check_picture(a) for a in asked if a.scene is not None}
-    alone: dict[str, dict[int, float]] = {e.name: {} for e in rubric.exercises if of[e.name][0].scene is None}
-    marks = {name: _mark_stage(of[name], left) for name, left in alone.items()}
+    marks = {e.name: _mark_stage(of[e.name]) for e in rubric.exercises if of[e.name][0].scene is None}
     failed = [m for m in marks.values() if m.status not in ("pass", "missing")]
     helped = ask_again(look.child_with, look.code, asked, checked, [m.stage for m in failed]) if look.code else Rerun()
     drawn_ones = [e for e in rubric.exercises if e.name not in marks]
@@ -60,7 +59,6 @@ def _marked(
     spoilt = [a for a in asked if id(a) in checked and not checked[id(a)].part.passed]
     beside = dict.fromkeys(a.exercise.stage for a in spoilt if not helped.fixed_by(a))
     marks |= {m.name: m for m in look.at([*marks.values()], right, beside=[*beside])}
-    marks |= {name: _two_mistakes(marks[name], of[name], left) for name, left in alone.items()}
     failed = [marks[m.name] for m in failed]
     mended = {id(a) for a in spoilt if a.exercise.stage in look.found}
     causes = _Causes(checked, helped, [m for m in failed if m.stage in helped.names], result.seed, mended)
@@ -107,14 +105,13 @@ def _status(parts: list[Part], asked: list[Question]) -> Status:
     )
 
 
-def _mark_stage(asked: list[Question], alone: dict[int, float], most: int = 1) -> Marked:
-    """`alone`: see `judge`."""
+def _mark_stage(asked: list[Question]) -> Marked:
     exercise = asked[0].exercise
     stage = LESSONS[exercise.stage]
     if exercise.tolerance is not None:
         stage = replace(stage, tolerance=exercise.tolerance)
     outcomes = [a.answer.problem or tuple(x.astype(float) for x in a.answer.arrays) for a in asked]
-    found = judge(stage, [a.case for a in asked], outcomes, most, alone)
+    found = judge(stage, [a.case for a in asked], outcomes)
     parts = [
         Part(
             c.shows,
@@ -145,13 +142,6 @@ def _mark_stage(asked: list[Question], alone: dict[int, float], most: int = 1) -
         got=found.got,
         parts=tuple(parts),
     )
-
-
-def _two_mistakes(marked: Marked, asked: list[Question], alone: dict[int, float]) -> Marked:
-    """With two mistakes named together, where there is neither one nor a line to look at."""
-    if marked.status != "fail" or marked.faults or marked.repair:
-        return marked
-    return msgspec.structs.replace(_mark_stage(asked, alone, most=2), fingerprint=marked.fingerprint)
 
 
 class _Found(NamedTuple):

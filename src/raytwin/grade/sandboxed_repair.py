@@ -17,7 +17,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from raytwin.contract.check_function import errors_of, is_repaired, is_right
+from raytwin.contract.check_function import is_repaired, is_right
 from raytwin.contract.repair_function import STEPS, further_probes, probes, right_ones, smaller
 from raytwin.contract.stage import Case, Stage
 from raytwin.contract.stage_result import says_why, with_hint
@@ -226,17 +226,12 @@ def _fingerprint(child: Sandbox, stage: str) -> str:
 
 
 def _with_hint(exercise: Marked, repair: Repair | None, level: int, found: str) -> Marked:
-    """The exercise with a repair in its place among the sentences.
-
-    One change of the text that makes everything right is a simpler explanation than two mistakes: it comes before them.
-    """
+    """The exercise with a repair in its place among the sentences."""
     exercise = msgspec.structs.replace(exercise, fingerprint=found)
     if repair is None:
         return exercise
-    simpler = repair.sure and repair.beside is None and len(exercise.faults) > 1
-    sureness = "likely" if simpler else exercise.sureness
     raised = exercise.status == "error"
-    sentences = with_hint(exercise.sentences, repair.hint(level), sureness, exercise.faults, raised)
+    sentences = with_hint(exercise.sentences, repair.hint(level), exercise.sureness, exercise.faults, raised)
     sureness = "proved" if repair.sure or _is_proved(exercise) else "likely"
     return msgspec.structs.replace(exercise, sentences=sentences, sureness=sureness, repair=kind_of(repair.operator))
 
@@ -290,7 +285,7 @@ def _repair(
     wrong_beside = cache(lambda: _some_cases(others, is_wrong, CASES_OF_WRONG))
     helps = lambda candidate: _helps(candidate, trials, innocent, wrong_beside())  # noqa: E731
     return repair(cells, stage.name, tried, right_in, runner, more_time, innocent, known, further, keeps, helps,
-                  partial(errors_of, stage), partial(_clock, child))  # fmt: skip
+                  partial(_clock, child))  # fmt: skip
 
 
 def _some_cases(stages: Sequence[Stage], wanted: Callable[[Case, Stage], bool], most: int) -> list[tuple[Stage, Case]]:
