@@ -8,16 +8,17 @@ faults that look alike: which is named where which was planted.
 import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from itertools import count, islice
 
 import numpy as np
 from measure import record
 from tracers_by_students import CORRECT, MISTAKES, mistaken, run
 
 from raytwin.diagnose.catalogue import FAULTS
-from raytwin.diagnose.changes import Fault
+from raytwin.diagnose.changes import Fault, chain
 from raytwin.diagnose.diagnosis import FEW, Diagnosis, SubmittedImage, diagnose
 from raytwin.diagnose.draw_scene import draw_scene
-from raytwin.diagnose.predict import Pipeline, planted
+from raytwin.diagnose.predict import Pipeline, planted, written
 from raytwin.renderers.scene_exchange import as_arrays
 
 SCENES = [(draw_scene(seed), "shadow" if seed < 3 else "lambert") for seed in range(4)]
@@ -98,6 +99,15 @@ def seen_of(faults: Sequence[tuple[Fault, Pipeline]]) -> list[Fault]:
     return kept
 
 
+def can_be_made(faults: Sequence[tuple[Fault, Pipeline]]) -> bool:
+    """Whether the textbook can have all of these."""
+    try:
+        written(chain(*(way for _, way in faults)))
+    except ValueError:
+        return False
+    return True
+
+
 def of_faults(what: str, chosen: Iterable[Sequence[tuple[Fault, Pipeline]]]) -> None:
     """Diagnose planted faults and report as `what`. Of two, one that shows beside the other has to come first."""
     tally = Tally()
@@ -120,8 +130,9 @@ def main() -> None:
         of_faults(what, ([(f, way)] for f in direct for way in f.ways))
     else:
         rng = np.random.default_rng(0)
-        two = (rng.choice(len(direct), 2, replace=False) for _ in range(int(number)))
-        of_faults(what, ([(direct[i], direct[i].ways[0]) for i in pair] for pair in two))
+        drawn = (rng.choice(len(direct), 2, replace=False) for _ in count())
+        two = ([(direct[i], direct[i].ways[0]) for i in pair] for pair in drawn)
+        of_faults(what, islice(filter(can_be_made, two), int(number)))
 
 
 if __name__ == "__main__":

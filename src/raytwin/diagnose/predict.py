@@ -78,31 +78,17 @@ def applied(pipeline: Pipeline, name: str, right: Any) -> Any:
     return right
 
 
-@lru_cache(maxsize=4096)
-def _text(function: str, slips_: tuple[Changes, ...]) -> str:
-    """The function's text with one slip after the other; what excludes those before takes their place."""
-    before: Changes = ()
-    for changes in slips_:
-        for both in ((*before, *changes), (*changes, *before), changes):
-            try:
-                slipped(function, both)
-            except ValueError:
-                continue
-            before = both
-            break
-        else:
-            raise ValueError(f"{function}: {changes}")
-    return slipped(function, before)
-
-
 def written(pipeline: Pipeline) -> dict[str, Any]:
-    """The textbook's functions with these mistakes in them; right ones converge and take all things at once."""
-    texts: dict[str, tuple[Changes, ...]] = {}
+    """The textbook's functions with these mistakes in them; right ones converge and take all things at once.
+
+    Raises ValueError for slips that exclude one another.
+    """
+    texts: dict[str, Changes] = {}
     for name, what in pipeline:
         if isinstance(what, tuple):
-            texts[name] = (*texts.get(name, ()), what)
-    texts.setdefault("sun_visible", (FACES_AWAY,))
-    space = namespace((_text(name, texts.get(name, ())) for name in FUNCTIONS), FAST)
+            texts[name] = (*texts.get(name, ()), *what)
+    texts.setdefault("sun_visible", FACES_AWAY)
+    space = namespace((slipped(name, texts.get(name, ())) for name in FUNCTIONS), FAST)
     if "undistort" not in texts:
         space["undistort"] = _undistort
     if "intersect_all" not in texts:
