@@ -107,7 +107,7 @@ def test_numbers_whose_effect_is_below_the_tolerance_are_never_named(start):
     near = chain(*(family.make(tuple(x + 3e-9 for x in family.start)) for family in some))
     shown = np.array(predictor(scene).picture(near))
     samples = [look(SubmittedImage(scene, (1.3 * shown).reshape(60, 80, 3)))]
-    assert not shows(samples, RIGHT, near)
+    assert not shows(samples, near)
     shown[np.random.default_rng(1).choice(4800, 12, replace=False)] += 0.05
     said = explain(Image(shown.reshape(60, 80, 3).astype(np.float32)), trace(scene), scene)
     assert not any(words.startswith("cause (") for words in said)
@@ -135,45 +135,37 @@ def test_a_fitted_number_is_proved_by_two_scenes_that_it_leaves_nothing_of_but_r
     exact = [SubmittedImage(scene, x) for scene, x in zip(scenes, suns, strict=True)]
     near = [SubmittedImage(s, x + 5e-4 * x.max() * np.sin(v / 9)) for s, x in zip(scenes, suns, strict=True)]
     found = [diagnose(views) for views in (exact, exact[:1], near)]
-    assert [made.causes[0].name for made in found] == ["sun-scaled"] * 3
+    assert [made.cause.name for made in found] == ["sun-scaled"] * 3
     assert [made.sureness for made in found] == ["proved", "likely", "likely"]
+
+
+def with_radius(scene, index, more):
+    """The scene with one sphere larger by so many metres."""
+    wrong = msgspec.structs.replace(scene.objects[index], radius=scene.objects[index].radius + more)
+    return msgspec.structs.replace(scene, objects=(*scene.objects[:index], wrong, *scene.objects[index + 1 :]))
 
 
 @pytest.mark.parametrize("name", ["eclipse", "distorted"])
 def test_a_radius_that_is_a_little_off_is_not_taken_for_several_rays_a_pixel(name):
     scene = SCENES[name]
     index = next(i for i, thing in enumerate(scene.objects) if isinstance(thing, Sphere))
-    wrong = msgspec.structs.replace(scene.objects[index], radius=scene.objects[index].radius + 1e-3)
-    objects = (*scene.objects[:index], wrong, *scene.objects[index + 1 :])
-    made = trace(msgspec.structs.replace(scene, objects=objects))
+    made = trace(with_radius(scene, index, 1e-3))
     assert "rays a pixel" not in "".join(explain(made, trace(scene), scene))
-
-
-def with_object(scene, index, **changes):
-    wrong = msgspec.structs.replace(scene.objects[index], **changes)
-    return msgspec.structs.replace(scene, objects=(*scene.objects[:index], wrong, *scene.objects[index + 1 :]))
 
 
 @pytest.mark.parametrize(("index", "more"), [(0, 1e-3), (1, -1e-3)])
 def test_a_radius_that_is_a_millimetre_off_is_named_with_its_sphere(index, more):
     scene = SCENES["overlap"]
-    made = trace(with_object(scene, index, radius=scene.objects[index].radius + more))
+    made = trace(with_radius(scene, index, more))
     said, *_ = explain(made, trace(scene), scene)
     assert f"the radius of {scene.names[index]} is 1 mm too {'large' if more > 0 else 'small'}" in said
-
-
-def test_an_object_that_stands_a_little_off_is_named_with_how_far():
-    scene, index = SCENES["overlap"], 2
-    center = tuple(np.add(scene.objects[index].center, (0.002, -0.001, 0.003)).tolist())
-    said, *_ = explain(trace(with_object(scene, index, center=center)), trace(scene), scene)
-    assert f"{scene.names[index]} stands off by (+2, -1, +3) mm in the board's frame" in said
 
 
 def test_a_search_without_time_says_what_it_did_not_try():
     scene = SCENES["overlap"]
     shown = 1.3 * trace(scene).mean
     none = diagnose([SubmittedImage(scene, shown)], seconds=0)
-    assert not none.causes
+    assert not none.cause
     assert none.words[-1] == "the search stopped after 0 s: not all known mistakes were tried"
     assert diagnose([SubmittedImage(scene, shown)]).untried == ""
 
@@ -184,9 +176,9 @@ def test_a_search_that_runs_out_of_time_names_what_it_has_found_and_what_is_left
     scene = SCENES["overlap"]
     sky = next(f for f in FAULTS if f.name == "sky-missing")
     samples = [look(SubmittedImage(scene, planted(scene, sky.ways[0])))]
-    made = _search(samples, "", FAULTS, (), 1, budget, {})
+    made = _search(samples, "", FAULTS, (), budget)
     assert made.untried
-    assert made.causes or "unknown" in made.words[0]
+    assert made.cause or "unknown" in made.words[0]
 
 
 @pytest.mark.parametrize("kind", ["waves", "blurred", "shadowless"])

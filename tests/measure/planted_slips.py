@@ -5,7 +5,7 @@ Slips of the operators, as the textbook gets them, are planted in three students
 have, is left out and counted. Each is graded with the ready rubric. What a student reads first is right if it is
 
 - a change of the line that the slip is on, which makes everything right: the slip undone, or an equivalent of it;
-- or a mistake of the part of the tracer that the slip is in, alone and proved.
+- or a mistake of the part of the tracer that the slip is in, proved.
 """
 
 import ast
@@ -275,10 +275,10 @@ def verdict_of(slip: Planted, result: Result) -> Verdict:
         return Verdict("error", right or line_right, False, line, line_right, first)
     if not worst.faults:
         return Verdict("unknown", False, False, line, line_right, first)
-    names = [name for name, _ in worst.faults]
-    stages = {fault.stage for fault in (*FAULTS, *FAMILIES) if fault.name in names}
-    how = "written way" if set(names) <= WRITTEN else "fitted number"
-    right = proved and len(names) == 1 and stages <= STAGES[slip.function]
+    (name, _), *_ = worst.faults
+    stages = {fault.stage for fault in (*FAULTS, *FAMILIES) if fault.name == name}
+    how = "written way" if name in WRITTEN else "fitted number"
+    right = proved and stages <= STAGES[slip.function]
     return Verdict(how, right, proved, line, line_right, first)
 
 

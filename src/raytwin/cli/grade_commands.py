@@ -36,7 +36,6 @@ def class_command(
     """
     from raytwin.grade.class_run import jobs_of, run
     from raytwin.grade.rubric import read_rubric
-    from raytwin.grade.seen import write_seen
     from raytwin.parallel import parse_workers
     from raytwin.report import autograder_sites as sites
     from raytwin.report import class_page as pages
@@ -66,7 +65,6 @@ def class_command(
         sites.write_gradescope(results[0], read, gradescope)
         raise typer.Exit(1 if failed else 0)
     failed += pages.write_class(results, read, out)
-    write_seen(results, read, out)
     if junit is not None:
         sites.write_grade_junit(results, junit)
     say(f"{len(results)} graded; report: {out / 'index.html'}")

@@ -1,15 +1,14 @@
 """A stage's function held against its cases: called (where the student's code may run), then judged (where it may not).
 
 What is wrong is found by prediction: each variant of the stage, a typical mistake, is called with the same arguments,
-and named where it gives the numbers that were found, in all cases. Two at once are tried where none alone does.
+and named where it gives the numbers that were found, in all cases.
 """
 
 import dataclasses
 import itertools
-import time
 import traceback
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import Any
 
@@ -19,18 +18,13 @@ from msgspec.structs import replace
 from raytwin.contract.composed_tracer import NEEDED
 from raytwin.contract.loading import arrays_of
 from raytwin.contract.repair_function import PROOF, further_probes, probes, repair_here, right_ones
-from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant, together
+from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant
 from raytwin.contract.stage_result import CaseResult, StageResult
 from raytwin.diagnose.explanation import Diagnosis
 from raytwin.diagnose.repair import Repair
 
 Outcome = Arrays | str
 """What a call gave: arrays, or in words why there are none."""
-
-PAIRS = 1000
-"""So many pairs of variants are tried: those that leave least unexplained, each with every other."""
-PAIRS_SECONDS = 1.0
-"""Seconds of computing after which no further pair is tried: a pose takes its time."""
 
 
 def judge_function(stage: Stage, function: Function, seed: int = 0) -> StageResult:
@@ -60,12 +54,6 @@ def is_right(stage: Stage, case: Case, got: Outcome) -> bool:
 def is_repaired(stage: Stage, case: Case, got: Outcome) -> bool:
     """Whether these arrays pass the case, hardly a value being off: an accident may spoil as few as may be off."""
     return _passes(dataclasses.replace(stage, outliers=min(stage.outliers, PROOF)), case, got)
-
-
-def errors_of(stage: Stage, case: Case, got: Outcome) -> np.ndarray | None:
-    """How far each number is off, 1: as far as it may be; None where there are none of the case's shapes."""
-    checked = _checked(stage, case, got)
-    return None if isinstance(checked, str) else _errors(stage, case, checked) / stage.tolerance
 
 
 # ------------------------------------------------------------------------------------------ calling
@@ -120,11 +108,8 @@ def _error_text(error: Exception) -> str:
 # ------------------------------------------------------------------------------------------ judging
 
 
-def judge(
-    stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome], most: int = 2,
-    alone: dict[int, float] | None = None,
-) -> StageResult:  # fmt: skip
-    """No code of the student's runs here. `most`: mistakes together. `alone`: what each leaves, kept for next time."""
+def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> StageResult:
+    """No code of the student's runs here."""
     checked = [_checked(stage, case, outcome) for case, outcome in zip(cases, outcomes, strict=True)]
     results = tuple(_case_result(stage, case, got) for case, got in zip(cases, checked, strict=True))
     worst = max(
@@ -143,18 +128,18 @@ def judge(
         where = "" if all(isinstance(got, str) for got in checked) else f" ({cases[worst].shows})"
         return replace(base, sentence=broken + where, inputs=_short_args(stage, cases[worst]))
     arrays = [got for got in checked if not isinstance(got, str)]
-    causes = [] if stage.name in NEEDED else explain(stage, cases, arrays, most, {} if alone is None else alone)
+    causes = [] if stage.name in NEEDED else explain(stage, cases, arrays)
     inputs, expected, found = _worst_value(stage, cases[worst], arrays[worst])
     sentence = _blame(causes) if causes else f"no single common mistake fits. {_where(results)}"
-    made = tuple((v.name, v.sentence) for v in causes[0]) if causes else ()
+    made = ((causes[0].name, causes[0].sentence),) if causes else ()
     base = replace(base, sentence=sentence, faults=made, inputs=inputs, expected=expected, got=found)
     if stage.name in NEEDED:
         return _diagnosed(base, stage, cases, arrays)
-    return replace(base, causes=tuple(dict.fromkeys(" and ".join(v.name for v in cause) for cause in causes)))
+    return replace(base, causes=tuple(dict.fromkeys(v.name for v in causes)))
 
 
 def _diagnosed(base: StageResult, stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> StageResult:
-    """The result with the causes that explain most of what is wrong with pictures, and the sentence."""
+    """The result with the cause that explains most of what is wrong with pictures, and the sentence."""
     from raytwin.diagnose.diagnosis import diagnose
     from raytwin.diagnose.pixel_sample import SubmittedImage
     from raytwin.renderers.scene_exchange import as_scene
@@ -170,22 +155,21 @@ def _diagnosed(base: StageResult, stage: Stage, cases: Sequence[Case], got: Sequ
         for case, (picture,) in zip(cases, got, strict=True)
     ]
     found = diagnose(views)
-    faults = tuple((cause.name, cause.sentence) for cause in found.causes)
+    faults = ((found.cause.name, found.cause.sentence),) if found.cause else ()
     said, causes = "; ".join(student_words(found)), tuple(name for name, _ in faults)
     return replace(base, sentence=said, causes=causes, faults=faults, exact=found.sureness == "proved")
 
 
 def student_words(found: Diagnosis) -> tuple[str, ...]:
-    """The diagnosis in sentences for a student: each mistake, what may be meant as well, what is wrong beside it."""
+    """The diagnosis in sentences for a student: the mistake, what may be meant as well, what is wrong beside it."""
     first, more, _ = found.where.partition("something else is wrong")
     where = first.partition(";")[0]
-    if not found.causes:
+    if found.cause is None:
         near = found.nearest if found.explained >= 0.5 else None
         unknown = (f"no single common mistake fits: your pictures are {where}",)
         return (*unknown, f"closest to it, but not all of it: {near.sentence}") if near else unknown
-    said = []
-    for cause, others in zip(found.causes, found.alternatives, strict=True):
-        said += [cause.sentence, *(f"or, with the same effect in these pictures: {o.sentence}" for o in others)]
+    others = (f"or, with the same effect in these pictures: {o.sentence}" for o in found.alternatives)
+    said = [found.cause.sentence, *others]
     said += [f"your pictures are {where}"] if where else []
     return (*said, "something else is wrong, too") if more else tuple(said)
 
@@ -224,10 +208,8 @@ def _errors(stage: Stage, case: Case, got: Arrays) -> np.ndarray:
     return np.where(np.isnan(errors), np.inf, errors)
 
 
-def explain(
-    stage: Stage, cases: Sequence[Case], got: Sequence[Arrays], most: int, alone: dict[int, float]
-) -> list[tuple[Variant, ...]]:
-    """The variants that give these numbers in all cases; else the pairs of variants that do; empty where none does.
+def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[Variant]:
+    """The variants that give these numbers in all cases; empty where none does.
 
     A variant that does not explain the first wrong case is not tried on the others. One whose own numbers pass that
     case is no explanation: it would account for any small error.
@@ -235,34 +217,17 @@ def explain(
     order = sorted(range(len(cases)), key=lambda i: _case_result(stage, cases[i], got[i]).passed)
     first, *rest = [(cases[i], got[i]) for i in order]
 
-    def left(chain: Sequence[Variant]) -> float:
-        """Return what these variants, combined, leave unexplained in the first wrong case; 0: nothing in any case."""
-        try:
-            function = together(stage.name, chain, stage.reference)
-        except ValueError:  # slips in one and the same place
-            return 1.0
+    def explains(variant: Variant) -> bool:
+        function = variant.change(stage.reference)
         predicted = _call(function, first[0])
-        others = [one for one in rest if not (any(v.sometimes for v in chain) and _passes(stage, *one))]
+        others = (one for one in rest if not (variant.sometimes and _passes(stage, *one)))
         return (
-            _left(stage, predicted, first[1])
-            or max((_left(stage, _call(function, case), found) for case, found in others), default=0.0)
-            or float(_passes(stage, first[0], predicted))
+            _agrees(stage, predicted, first[1])
+            and all(_agrees(stage, _call(function, case), found) for case, found in others)
+            and not _passes(stage, first[0], predicted)
         )
 
-    if not alone:
-        alone |= {i: left([variant]) for i, variant in enumerate(stage.variants)}
-        found: list[tuple[Variant, ...]] = [(stage.variants[i],) for i, rest_of_it in alone.items() if rest_of_it == 0]
-        if found:
-            return found
-        for variant in stage.in_other_forms:
-            if left([variant]) == 0:
-                return [(variant,)]
-    if most < 2:
-        return []
-    best = sorted(alone, key=lambda i: alone[i])[: PAIRS // max(1, len(alone))]
-    until = time.process_time() + PAIRS_SECONDS
-    pairs = itertools.takewhile(lambda _: time.process_time() < until, ((i, j) for i in best for j in alone if i != j))
-    return list(_distinct(chain for i, j in pairs if left(chain := (stage.variants[i], stage.variants[j])) == 0))
+    return list(filter(explains, stage.variants)) or list(itertools.islice(filter(explains, stage.in_other_forms), 1))
 
 
 def _passes(stage: Stage, case: Case, outcome: Outcome) -> bool:
@@ -270,12 +235,12 @@ def _passes(stage: Stage, case: Case, outcome: Outcome) -> bool:
     return not isinstance(checked, str) and _case_result(stage, case, checked).passed
 
 
-def _left(stage: Stage, predicted: Outcome, found: Arrays) -> float:
-    """How far the values are from those predicted, 0 to 1, as a mean; 0 where they agree, outliers apart."""
+def _agrees(stage: Stage, predicted: Outcome, found: Arrays) -> bool:
+    """Whether the values are those predicted, outliers apart."""
     if isinstance(predicted, str) or [a.shape for a in predicted] != [a.shape for a in found]:
-        return 1.0
+        return False
     off = np.concatenate([_distance(a, b).ravel() for a, b in zip(predicted, found, strict=True)])
-    return 0.0 if (off > stage.tolerance).mean() <= stage.outliers else float(off.mean())
+    return bool((off > stage.tolerance).mean() <= stage.outliers)
 
 
 def _distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -287,23 +252,14 @@ def _distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.where(off <= 1, off, 1.0)
 
 
-def _blame(causes: list[tuple[Variant, ...]]) -> str:
+def _blame(causes: list[Variant]) -> str:
     """The sentence; of several that explain it equally, all."""
-    sentences = list(dict.fromkeys("; and ".join(v.sentence for v in cause) for cause in causes))
+    sentences = list(dict.fromkeys(v.sentence for v in causes))
     return (
         sentences[0]
         if len(sentences) == 1
         else "one of these, which these cases cannot tell apart: " + "; or: ".join(sentences)
     )
-
-
-def _distinct(causes: Iterable[tuple[Variant, ...]]) -> Iterator[tuple[Variant, ...]]:
-    """A pair once, whichever comes first."""
-    seen: set[frozenset[str]] = set()
-    for cause in causes:
-        if (names := frozenset(v.sentence for v in cause)) not in seen:
-            seen.add(names)
-            yield cause
 
 
 def _where(results: Sequence[CaseResult]) -> str:

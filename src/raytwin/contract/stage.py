@@ -30,14 +30,13 @@ class Case:
 class Variant:
     """A typical mistake: `change` makes it from the right function, `sentence` tells it to whoever made it.
 
-    Several variants may share a `name`: the same mistake in other numbers. `slips`: what makes it of the textbook's
-    text, where it is made of that. `sometimes`: it shows in some cases, and in others it is right by chance.
+    Several variants may share a `name`: the same mistake in other numbers. `sometimes`: it shows in some cases, and in
+    others it is right by chance.
     """
 
     name: str
     sentence: str
     change: Callable[[Any], Function]
-    slips: Changes = ()
     sometimes: bool = False
 
 
@@ -50,7 +49,7 @@ def textbook_variants(function: str) -> tuple["Variant", ...]:
     parts = PARTS_OF.get(function, (function,))
     ways = [(fault, text_of(way)) for fault in FAULTS for way in (*fault.ways, *fault.alone)]
     return tuple(
-        Variant(fault.name, fault.sentence, _slipped(function, text[1]), text[1])
+        Variant(fault.name, fault.sentence, _slipped(function, text[1]))
         for fault, text in ways if text is not None and text[0] in parts and text[1]
     )  # fmt: skip
 
@@ -64,15 +63,6 @@ def wrong(function: str, slips: Changes) -> Function:
 
 def _slipped(function: str, slips: Changes) -> Callable[[Any], Function]:
     return lambda f: wrong(function, slips)
-
-
-def together(function: str, variants: Sequence[Variant], right: Function) -> Function:
-    """The function with all of these mistakes. Raises ValueError for slips that exclude one another."""
-    if all(v.slips for v in variants):
-        return wrong(function, tuple(slip for v in variants for slip in v.slips))
-    for variant in variants:
-        right = variant.change(right)
-    return right
 
 
 def slips(function: Function, rows: Sequence[tuple[str, str, str, str]]) -> tuple[Variant, ...]:

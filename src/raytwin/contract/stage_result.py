@@ -23,9 +23,8 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     `sentence`: for the student. `hint`: the line of theirs to look at. `causes`: names of the faults that explain all
     cases, empty where none does or all is right; more than one: they explain it equally. `faults`: name and
-    sentence of each mistake of the first. `inputs`, `expected`, `got`:
-    of the worst value, in short. `wrong`: the share of all values that are off by more than the tolerance. `exact`:
-    whether the causes leave nothing unexplained.
+    sentence of the first. `inputs`, `expected`, `got`: of the worst value, in short. `wrong`: the
+    share of all values that are off by more than the tolerance. `exact`: whether the causes leave nothing unexplained.
     """
 
     stage: str

@@ -12,9 +12,6 @@ from raytwin.diagnose.tolerance_mask import doubtful
 SURE = 0.995
 """Share of the squared error that is explained by what leaves nothing."""
 
-ENOUGH = 20
-"""Pixels that stay wrong for which a second fault is looked for, all of which it has to explain."""
-
 DOUBTED = 0.1
 """Share of the pixels: if more stay wrong, differences between right tracers do not explain it."""
 
@@ -31,10 +28,10 @@ FAR = 25.0
 """Squared standard deviations: a noisy pixel that is farther off counts as this far."""
 
 
-def shows(samples: Sequence[PixelSample], before: Pipeline, after: Pipeline) -> bool:
+def shows(samples: Sequence[PixelSample], steps: Pipeline) -> bool:
     """Whether the change exceeds the tolerance anywhere."""
     with np.errstate(invalid="ignore"):
-        return any((~(np.abs(s.predict(after) - s.predict(before)) <= s.tau)).any() for s in samples)
+        return any((~(np.abs(s.predict(steps) - s.predict(RIGHT)) <= s.tau)).any() for s in samples)
 
 
 def explained_share(samples: Sequence[PixelSample], steps: Pipeline) -> tuple[float, Array]:
@@ -52,11 +49,6 @@ def is_good(samples: Sequence[PixelSample], steps: Pipeline) -> bool:
     """Nothing is left to be explained."""
     hit, kept = hit_shares(samples, steps)
     return kept > 0.99 and hit > 0.95 and (hit > 0.98 or explained_share(samples, steps)[0] > SURE)
-
-
-def is_settled(samples: Sequence[PixelSample], steps: Pipeline) -> bool:
-    """The same, and hardly a pixel is wrong beyond doubt: no second fault is looked for."""
-    return is_good(samples, steps) and left_over(samples, steps)[0] < ENOUGH
 
 
 def hit_shares(samples: Sequence[PixelSample], steps: Pipeline) -> tuple[float, float]:

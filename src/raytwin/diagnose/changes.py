@@ -11,7 +11,7 @@ CAMERA, SOLVER, ORDER, NORMALS, LIGHT, SHADOW, OUTPUT, SAMPLING = (
     "camera", "solver", "order", "normals", "light", "shadow", "output", "sampling",
 )  # fmt: skip
 STAGES = (CAMERA, SOLVER, ORDER, NORMALS, LIGHT, SHADOW, SAMPLING, OUTPUT)
-"""From the pixel to the picture: what stands earlier is told first."""
+"""From the pixel to the picture."""
 Thing = dict[str, Any]
 
 
@@ -62,12 +62,6 @@ def reading(change: Callable[[SceneDict], SceneDict]) -> Pipeline:
         return made, made["things"]
 
     return replaced(read_scene=lambda right: lambda *args: wrong(*right(*args)))
-
-
-def by_key(*keys: str) -> tuple[Pipeline, ...]:
-    """The hit of the least key (objects, N) is seen: functions of every_t (objects, N)."""
-    picked = "which = nearest(np.where(np.isfinite(every_t), {}, np.inf))"
-    return tuple(slip("met", ("which = nearest(every_t)", picked.format(key))) for key in keys)
 
 
 def is_ball(thing: Thing) -> bool:

@@ -1,16 +1,16 @@
 """Which mistake explains these pictures? Each fault's prediction beside what was handed in, over all scenes together.
 
 A fault is believed for what it predicts: its picture of every scene is compared with the one that was submitted, the
-scenes that are right included. Where no single one suffices, faults are added one by one; where none does, it is said
-where the picture is wrong. `search` tries them.
+scenes that are right included. Where one explains only a part, it is said that something else is wrong, too. Where none
+does, it is said where the picture is wrong. `hypothesis_search` tries them.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 
+from raytwin.diagnose.averaged_pixels import averaging_faults
 from raytwin.diagnose.budget import SECONDS, Budget
 from raytwin.diagnose.catalogue import ACNE, FACTS, FAULTS
 from raytwin.diagnose.certainty import (
@@ -22,19 +22,17 @@ from raytwin.diagnose.certainty import (
     is_firm,
     is_good,
     is_likelier,
-    is_settled,
     left_over,
 )
-from raytwin.diagnose.changes import ORDER, OUTPUT, STAGES, Fault
-from raytwin.diagnose.conditional_faults import faults_suggested
+from raytwin.diagnose.changes import ORDER, OUTPUT, Fault
 from raytwin.diagnose.distances import depth_cause
 from raytwin.diagnose.explanation import Cause, Diagnosis, Sureness
 from raytwin.diagnose.hypothesis_search import Hypothesis, Search
 from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import points_of_misses, whereabouts
 from raytwin.diagnose.noisy_values import noisy_cause
-from raytwin.diagnose.parametric_faults import FAMILIES, ParametricFault, of_objects, total
-from raytwin.diagnose.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, many
+from raytwin.diagnose.parametric_faults import FAMILIES, ParametricFault, radii_of
+from raytwin.diagnose.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, look
 from raytwin.diagnose.predict import RIGHT
 from raytwin.files import Rounding
 from raytwin.image import Image
@@ -42,9 +40,11 @@ from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
 
 EXPLAINED = 0.9
-"""Share of the squared error below which no cause is named."""
+"""Share of the squared error below which no cause is named, unless it explains a part."""
 MATCHED = 0.5
-"""Share of the wrong pixels below which no cause is named: its values have to be hit, not only come near."""
+"""Share of the wrong pixels that it has to hit: its values must not only come near."""
+PART, SPARED = 0.4, 0.99
+"""Shares of the wrong pixels that a cause has to hit, and of the right ones that it has to spare, to explain a part."""
 FEW = 6
 """Wrong pixels below which nothing is named: rounding on outlines."""
 ALTERNATIVES = 3
@@ -55,12 +55,6 @@ SPECKLED = 0.2
 """Share of right neighbours from which on wrong pixels are speckles."""
 MOST = 25_000
 """Pixels of a picture that are looked at in the end."""
-HOPELESS = 0.97
-"""Share of the cost: a fault that leaves more is not tried together with a second one."""
-PRICE = 0.03
-"""Share of the cost that another cause has to bring."""
-BEAM = 3
-"""Single faults that a second one is added to."""
 
 
 PLAIN = tuple(
@@ -77,20 +71,17 @@ def diagnose(
     seed: int = 0,
     faults: Sequence[Fault] = FAULTS,
     families: Sequence[ParametricFault] = FAMILIES,
-    most: int = 2,
     seconds: float = SECONDS,
-    seen: Mapping[str, int] = MappingProxyType({}),
 ) -> Diagnosis:
-    """The cause of all that is wrong in the views of one submission; `most`: faults together; `seconds` to search.
-    `seen`: how often each mistake was made, by name.
+    """The cause of what is wrong in the views of one submission; `seconds` to search.
 
     Give the views that are right too: a fault that would have spoiled them is none.
     """
     if (value := _one_value(views)) is not None:
         text = f"every pixel has the same value, {value:.4g}: nothing of the scene is in the picture"
-        return Diagnosis(False, (Cause("one-value", OUTPUT, text),), ((),), 1.0, None, "proved")
+        return Diagnosis(False, Cause("one-value", OUTPUT, text), (), 1.0, None, "proved")
     budget = Budget(seconds)
-    samples = many(views, seed)
+    samples = [look(view, seed) for view in views]
     errors = [s.off(s.predict(RIGHT)) for s in samples]
     count = sum(int(s.wrong.sum()) for s in samples)
     where = whereabouts(samples, errors)
@@ -101,9 +92,9 @@ def diagnose(
     if words := points_of_misses(samples):
         text = f"rays that meet nothing have points, too ({words}): NaN is wanted there"
         cause = Cause("points-of-misses", ORDER, text)
-        return Diagnosis(False, (cause,), ((),), 1.0, None, "proved", where)
+        return Diagnosis(False, cause, (), 1.0, None, "proved", where)
     samples = [s for s in samples if s.weight.size]
-    return _search(samples, where, faults, families, most, budget, seen)
+    return _search(samples, where, faults, families, budget)
 
 
 def _search(
@@ -111,34 +102,23 @@ def _search(
     where: str,
     faults: Sequence[Fault],
     families: Sequence[ParametricFault],
-    most: int,
     budget: Budget,
-    seen: Mapping[str, int],
 ) -> Diagnosis:
-    """The causes that cost least, one or `most` of them together."""
+    """The cause that costs least."""
     every = faults is FAULTS
     if families is FAMILIES and samples[0].view.scene and len({s.view.scene for s in samples}) == 1:
-        families = (*FAMILIES, *of_objects(samples[0].view.scene))
+        families = (*FAMILIES, *radii_of(samples[0].view.scene))
     thorough = max(float((s.weight * s.wrong).sum()) for s in samples) > RARE
-    search, base = Search(samples, budget, seen), Hypothesis((), RIGHT, total(samples, RIGHT))
-    found = search.round(base, faults, families if thorough else ())
-    if thorough and every and not (budget.over or search.explained_by(found)) and (clues := faults_suggested(samples)):
-        found = sorted([*search.round(base, clues), *found], key=lambda g: g.cost)
+    search = Search(samples, budget)
+    found = search.causes(faults, families if thorough else ())
+    if thorough and every and not (budget.over or search.explained_by(found)) and (means := averaging_faults(samples)):
+        found = sorted([*search.causes(means), *found], key=lambda g: g.cost)
     if not search.explained_by(found):
         hit = hit_shares(samples, found[0].steps)[0] if found else 0.0
         if is_firm(samples) and (chance := _by_chance(samples, where, hit, budget)) is not None:
             return chance
-    for _ in range(most - 1):
-        if not thorough or not found or is_settled(samples, found[0].steps) or budget.over:
-            break
-        for k, one in enumerate([g for g in found[:BEAM] if g.cost < HOPELESS * base.cost]):
-            found += search.round(one, faults, () if k else families)
-        found.sort(key=lambda g: g.cost + len(g.causes) * PRICE * base.cost)
-        more = min(found, key=lambda g: g.cost)
-        if len(more.causes) > len(found[0].causes) and not left_over(samples, more.steps)[0]:
-            found = [more, *(g for g in found if g is not more)]
     untried = budget.words
-    return replace(_described(found, samples, base, where, budget), untried=untried)
+    return replace(_described(found, search, where), untried=untried)
 
 
 def _one_value(views: Sequence[SubmittedImage]) -> float | None:
@@ -157,7 +137,6 @@ def explain(
     scene: Scene | None = None,
     rung: str = "shadow",
     rounding: Rounding = Rounding(),  # noqa: B008 (frozen)
-    most: int = 2,
     sampled: Sampled | None = None,
     seconds: float = SECONDS,
 ) -> tuple[str, ...]:
@@ -181,9 +160,9 @@ def explain(
             return (f"cause (likely): {words}",)
     view = view_of(test, reference, scene, rung, rounding, sampled)
     if view.scene is not None:
-        return diagnose([view], most=most, seconds=seconds).words
-    made = diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES, most=1, seconds=seconds)
-    return made.words if made.causes else ()
+        return diagnose([view], seconds=seconds).words
+    made = diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES, seconds=seconds)
+    return made.words if made.cause else ()
 
 
 def view_of(
@@ -207,17 +186,17 @@ def view_of(
     )
 
 
-def _described(
-    found: list[Hypothesis], samples: list[PixelSample], base: Hypothesis, where: str, budget: Budget
-) -> Diagnosis:
+def _described(found: list[Hypothesis], search: Search, where: str) -> Diagnosis:
     if not found:
         return Diagnosis(right=False, where=where)
+    samples, budget = search.samples, search.budget
     best = _rather_than_a_fact(found, samples)
     share, each = explained_share(samples, best.steps)
     hit, kept = hit_shares(samples, best.steps)
-    if (share < EXPLAINED or best.cost > 0.6 * base.cost or hit < MATCHED) and not (hit > EXPLAINED and kept > 0.99):
-        single = min((g for g in found if len(g.causes) == 1), key=lambda g: g.cost)
-        share = explained_share(samples, single.steps)[0]
+    near = share >= EXPLAINED and best.cost <= 0.6 * search.unexplained
+    if not ((near and hit >= MATCHED) or (hit >= PART and kept > SPARED)):
+        nearest = min(found, key=lambda g: g.cost)
+        share = explained_share(samples, nearest.steps)[0]
         lit = [(s, s.view.scene) for s in samples if s.view.scene and s.view.scene.objects and not s.view.points]
         parts_of_light = [
             f"{scene.name}: {words}" for s, scene in lit if not budget.spent and (words := split(s).words)
@@ -226,7 +205,7 @@ def _described(
             right=False,
             explained=max(share, 0.0),
             where=where,
-            nearest=single.causes[0],
+            nearest=nearest.cause,
             light="; ".join(parts_of_light),
         )
     if not is_likelier(samples, best.steps):
@@ -234,30 +213,30 @@ def _described(
     finite = each[np.isfinite(each)]
     worst = float(max(finite.min(), 0.0)) if len(samples) > 1 and finite.size else None
     others = _as_good(best, found, samples, budget)
-    alone = len(best.causes) == 1 and not others[0]
     # Each scene confirms what the others select: one alone proves nothing.
     confirmed = worst is not None and worst > SURE and sum(bool(s.wrong.any()) for s in samples) > 1
     unchecked = budget.spent
     count, left = (0, "") if unchecked else left_over([s.everywhere(_most(s)) for s in samples], best.steps)
     whole = count < FEW and not unchecked and is_good(samples, best.steps)
-    whole = whole and (not any(cause.numbers for cause in best.causes) or is_exact(samples, best.steps))
-    sureness: Sureness = "proved" if alone and confirmed and whole else "likely"
-    order = sorted(range(len(best.causes)), key=lambda k: STAGES.index(best.causes[k].stage))
+    whole = whole and (not best.cause.numbers or is_exact(samples, best.steps))
+    sureness: Sureness = "proved" if not others and confirmed and whole else "likely"
+    if count >= FEW or hit < EXPLAINED:
+        where = f"{where}; something else is wrong, too: {left}".rstrip(": ")
     return Diagnosis(
         right=False,
-        causes=tuple(best.causes[k] for k in order),
-        alternatives=tuple(others[k] for k in order),
+        cause=best.cause,
+        alternatives=others,
         explained=share,
         held_out=worst,
         sureness=sureness,
-        where=f"{where}; something else is wrong, too: {left}".rstrip(": ") if count >= FEW else where,
+        where=where,
     )
 
 
 def _rather_than_a_fact(found: list[Hypothesis], samples: list[PixelSample]) -> Hypothesis:
     """The best guess; not one that says only what is seen where another one leaves nothing, and that does."""
     best = found[0]
-    if FACTS & {cause.name for cause in best.causes} and not is_exact(samples, best.steps):
+    if best.cause.name in FACTS and not is_exact(samples, best.steps):
         return next((g for g in found[1:] if is_exact(samples, g.steps)), best)
     return best
 
@@ -290,29 +269,24 @@ def _by_chance(samples: Sequence[PixelSample], where: str, least: float, budget:
     after = sum(s.squared(np.take_along_axis(np.stack(all_), e.argmin(axis=0)[None, :, None], 0)[0])
                 for s, e, all_ in zip(samples, off, made, strict=True))  # fmt: skip
     cause = Cause(ACNE.name, ACNE.stage, ACNE.sentence)
-    return Diagnosis(False, (cause,), ((),), 1 - float(after / max(before, 1e-300)), None, "likely", where)
+    return Diagnosis(False, cause, (), 1 - float(after / max(before, 1e-300)), None, "likely", where)
 
 
 def _as_good(
     best: Hypothesis, found: Iterable[Hypothesis], samples: list[PixelSample], budget: Budget
-) -> list[tuple[Cause, ...]]:
-    """For each cause of the best guess those that explain the pictures as well in its place."""
+) -> tuple[Cause, ...]:
+    """Return the causes that explain the pictures as well as the best guess."""
+    if best.cause.name in FACTS:
+        return ()
     own = [s.predict(best.steps) for s in samples]
-    names = [cause.name for cause in best.causes]
-    others: list[dict[str, Cause]] = [{} for _ in names]
-    if FACTS & set(names):
-        return [() for _ in names]
+    others: dict[str, Cause] = {}
     for guess in found:
         if budget.spent:
             break
-        if len(guess.causes) != len(names):
-            continue
-        new = [cause for cause in guess.causes if cause.name not in names]
-        gone = [k for k, name in enumerate(names) if name not in {cause.name for cause in guess.causes}]
-        if len(new) != 1 or len(gone) != 1 or new[0].numbers != best.causes[gone[0]].numbers:
+        if guess.cause.name == best.cause.name or guess.cause.numbers != best.cause.numbers:
             continue
         if guess.cost < 1.25 * best.cost or all(
             are_alike(s, a, s.predict(guess.steps)) for s, a in zip(samples, own, strict=True)
         ):
-            others[gone[0]].setdefault(new[0].name, new[0])
-    return [tuple(list(found.values())[:ALTERNATIVES]) for found in others]
+            others.setdefault(guess.cause.name, guess.cause)
+    return tuple(others.values())[:ALTERNATIVES]

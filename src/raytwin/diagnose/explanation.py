@@ -1,4 +1,4 @@
-"""What is said of wrong pictures: the causes that are named, how sure they are, and the sentences of a report."""
+"""What is said of wrong pictures: the cause that is named, how sure it is, and the sentences of a report."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -21,7 +21,7 @@ class Cause:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """`causes`: all that is wrong, together; each with those that explain it as well (`alternatives`, same order).
+    """`cause`: what is wrong, None where it is unknown; `alternatives`: other causes that explain as much.
 
     `explained`: share of the squared error; `held_out`: of the worst scene's. `where`: where the pictures are wrong.
     `nearest`: the best cause where none suffices; `light`: factors of the parts of light (sun, shadow, sky), where they
@@ -29,8 +29,8 @@ class Diagnosis:
     """
 
     right: bool
-    causes: tuple[Cause, ...] = ()
-    alternatives: tuple[tuple[Cause, ...], ...] = ()
+    cause: Cause | None = None
+    alternatives: tuple[Cause, ...] = ()
     explained: float = 0.0
     held_out: float | None = None
     sureness: Sureness = "unknown"
@@ -41,11 +41,11 @@ class Diagnosis:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """Sentences for a report: each cause with its alternatives, then what they explain; or where it is wrong."""
+        """Sentences for a report: the cause with its alternatives, then what it explains; or where it is wrong."""
         if self.right:
             return ()
         stopped = (self.untried,) if self.untried else ()
-        if not self.causes:
+        if self.cause is None:
             near = ""
             if self.nearest is not None and self.explained >= 0.5:
                 near = (
@@ -53,10 +53,8 @@ class Diagnosis:
                 )
             light = f"; as if {self.light}" if self.light else ""
             return (f"cause unknown: {self.where}{light}{near}", *stopped)
-        said = []
-        for cause, others in zip(self.causes, self.alternatives, strict=True):
-            said.append(f"cause ({self.sureness}): {cause.sentence}")
-            said += [f"or, with the same effect here: {other.sentence}" for other in others]
+        said = [f"cause ({self.sureness}): {self.cause.sentence}"]
+        said += [f"or, with the same effect here: {other.sentence}" for other in self.alternatives]
         share = f"this explains {_percent(self.explained)} of the squared error"
         if self.held_out is not None:
             share += f", of the scene that it explains least {_percent(self.held_out)}"

@@ -30,7 +30,7 @@ from raytwin.diagnose.changes import (
     within,
 )
 from raytwin.diagnose.pixel_sample import PixelSample
-from raytwin.diagnose.predict import RIGHT, Array, Pipeline, SceneDict
+from raytwin.diagnose.predict import Array, Pipeline, SceneDict
 from raytwin.scene import Scene, Sphere
 
 NAMED = (
@@ -215,40 +215,33 @@ MANY = 8
 """Objects, beyond which no single one is fitted."""
 
 
-def of_objects(scene: Scene) -> tuple[ParametricFault, ...]:
-    """Families of one object each: a sphere's radius, where there are other spheres, and where an object stands."""
-    if len(scene.objects) > MANY:
+def radii_of(scene: Scene) -> tuple[ParametricFault, ...]:
+    """A family for the radius of each sphere, where there are others."""
+    if len(scene.objects) > MANY or len(scene.spheres) == 1:
         return ()
-    made = []
-    for k, (name, number, thing) in enumerate(zip(scene.names, scene.numbers, scene.objects, strict=True)):
-        size = thing.radius if isinstance(thing, Sphere) else float(np.linalg.norm(thing.half_u))
-        if isinstance(thing, Sphere) and len(scene.spheres) > 1:
-            made.append(_radius_of(k, name, number, size))
-        made.append(_place_of(k, name, number, size))
-    return tuple(made)
+    things = enumerate(zip(scene.names, scene.numbers, scene.objects, strict=True))
+    return tuple(
+        _radius_of(k, name, number, thing.radius) for k, (name, number, thing) in things if isinstance(thing, Sphere)
+    )
 
 
 def _radius_of(k: int, name: str, number: str, r: float) -> ParametricFault:
     return ParametricFault(
         f"radius-of-{number}", SOLVER, (0.0,), 0.001 * r,
-        lambda p: _with_object(k, lambda x: x | {"radius": abs(x["radius"] + float(p[0])) + 1e-12}),
+        lambda p: _with_radius(k, float(p[0])),
         lambda p, _: f"the radius of {name} is {1000 * abs(p[0]):.3g} mm too {'large' if p[0] > 0 else 'small'}",
         ((0.03 * r,), (-0.03 * r,)),
     )  # fmt: skip
 
 
-def _place_of(k: int, name: str, number: str, size: float) -> ParametricFault:
-    return ParametricFault(
-        f"place-of-{number}", SOLVER, (0.0, 0.0, 0.0), 0.005 * size,
-        lambda p: _with_object(k, lambda x: x | {"center": x["center"] + np.array(p)}),
-        lambda p, _: f"{name} stands off by ({', '.join(f'{1000 * x:+.3g}' for x in p)}) mm in the board's frame",
-    )  # fmt: skip
+def _with_radius(k: int, more: float) -> Pipeline:
+    """The k-th object's radius larger by so many metres."""
 
+    def larger(x: Thing) -> Thing:
+        return x | {"radius": abs(x["radius"] + more) + 1e-12}
 
-def _with_object(k: int, change: Callable[[Thing], Thing]) -> Pipeline:
-    """The k-th object changed, all others as they are."""
     return reading(lambda scene: scene | {
-        "things": [change(x) if i == k else x for i, x in enumerate(scene["things"])]})  # fmt: skip
+        "things": [larger(x) if i == k else x for i, x in enumerate(scene["things"])]})  # fmt: skip
 
 
 def _resized(factor: float) -> Pipeline:
@@ -260,18 +253,16 @@ def _resized(factor: float) -> Pipeline:
 def fit(
     family: ParametricFault,
     samples: Sequence[PixelSample],
-    base: Pipeline = RIGHT,
     over: Callable[[], bool] = lambda: False,
 ) -> tuple[tuple[float, ...], float]:
     """The parameters that explain most, and their cost, the mean over sights; as far as it comes until `over`."""
-    made = [_nearer(family, samples, base, p, 9, over)[0] for p in (family.start, *family.tries)]
-    return min(((p, total(samples, (*base, *family.make(p)))) for p in made), key=lambda x: x[1])
+    made = [_nearer(family, samples, p, 9, over)[0] for p in (family.start, *family.tries)]
+    return min(((p, total(samples, family.make(p))) for p in made), key=lambda x: x[1])
 
 
 def promising(
     families: Sequence[ParametricFault],
     samples: Sequence[PixelSample],
-    base: Pipeline,
     most: int,
     over: Callable[[], bool] = lambda: False,
 ) -> list[ParametricFault]:
@@ -280,7 +271,7 @@ def promising(
     for family, start in ((f, p) for f in families for p in (f.start, *f.tries)):
         if over():
             break
-        p, cost = _nearer(family, samples, base, start, 1, over)
+        p, cost = _nearer(family, samples, start, 1, over)
         begun = cost, replace(family, start=p, tries=())
         tried[family.name] = min(tried.get(family.name, begun), begun, key=lambda x: x[0])
     return [family for _, family in sorted(tried.values(), key=lambda x: x[0])[:most]]
@@ -294,7 +285,6 @@ def total(samples: Sequence[PixelSample], steps: Pipeline) -> float:
 def _nearer(
     family: ParametricFault,
     samples: Sequence[PixelSample],
-    base: Pipeline,
     start: tuple[float, ...],
     rounds: int,
     over: Callable[[], bool],
@@ -311,7 +301,7 @@ def _nearer(
         return tuple((start + REACH * family.step * (q - 1)).tolist())
 
     def off(q: Array) -> Array:
-        steps = (*base, *family.make(at(q)))
+        steps = family.make(at(q))
         errors = [np.clip((s.shown - s.predict(steps)) / s.tau, -1e8, 1e8).ravel() for s in samples]
         return np.nan_to_num(np.concatenate(errors))
 

@@ -3,14 +3,14 @@
 import functools
 import math
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from raytwin.diagnose.predict import FIRST, RIGHT, Array, Before, Pipeline, Predictor, UnknownScene, output
+from raytwin.diagnose.predict import RIGHT, Array, Pipeline, Predictor, UnknownScene, output
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.rungs import RUNGS
@@ -42,9 +42,8 @@ class SubmittedImage:
 
     `shown` (H, W, 3): linear radiance, or with `points` where each pixel's ray first meets a sphere, NaN for none.
     `right`: what it should be; the tracer's own picture where none is given. `half` (H, W, 3): what its format may have
-    rounded off; `clipped`: it holds nothing above 1. `sampled`: of the scene's light what chance finds. `common`: of a
-    scene that others are asked for, too. `before`: what the same process was given earlier. `composed`: made of the
-    submission's stages, where the order along a ray is ours.
+    rounded off; `clipped`: it holds nothing above 1. `sampled`: of the scene's light what chance finds.
+    `composed`: made of the submission's stages, where the order along a ray is ours.
     """
 
     scene: Scene | None
@@ -55,8 +54,6 @@ class SubmittedImage:
     half: Array | None = None
     clipped: bool = False
     sampled: Sampled | None = None
-    common: bool = False
-    before: Before = FIRST
     composed: bool = False
 
 
@@ -141,11 +138,7 @@ class PixelSample:
 
     def cost(self, e: Array) -> float:
         """Σ w log(1 + (e/τ)²): minus the log likelihood of errors (N,) that are mostly small, and sometimes any."""
-        return float(self.costs(e))
-
-    def costs(self, e: Array) -> Array:
-        """The same of many, (..., N)."""
-        return np.asarray((self.weight * np.log1p(np.square(e / self.tau))).sum(axis=-1))
+        return float((self.weight * np.log1p(np.square(e / self.tau))).sum())
 
     def squared(self, made: Array) -> float:
         """The mean squared error of a prediction (N, 3), in units of the scale."""
@@ -206,9 +199,7 @@ def thinned(view: SubmittedImage) -> tuple[SubmittedImage, int, Array, Array]:
         raise InputError("view.right", f"an image {shown.shape}", f"{np.shape(view.right)}")
     if not view.points and view.right is None and (view.rung not in RADIANCE or not RUNGS[view.rung].lit):
         raise InputError("view.right", f"a reference, on the rung {view.rung}", "none")
-    scene, before = view.scene, view.before
-    if view.points:
-        scene, before = _of_spheres(scene), Before(before.stage, tuple((k, _of_spheres(x)) for k, x in before.calls))
+    scene = _of_spheres(view.scene) if view.points else view.scene
     step = math.ceil(math.sqrt(camera.width * camera.height / GRID))
     thin = scene.with_camera(camera.every(step))
     traced = traced_once(thin, view.rung if view.rung in RADIANCE and RUNGS[view.rung].lit else "lambert")
@@ -226,7 +217,7 @@ def thinned(view: SubmittedImage) -> tuple[SubmittedImage, int, Array, Array]:
     lost = without_ray(camera)
     rays = np.ones(right.shape[:2], bool) if lost is None else ~lost[cut, cut]
     half = None if half is None else half[cut, cut]
-    made = replace(view, scene=scene, shown=shown[cut, cut].astype(float), right=right, half=half, before=before)
+    made = replace(view, scene=scene, shown=shown[cut, cut].astype(float), right=right, half=half)
     return made, step, outlines(traced.surface.ids), rays
 
 
@@ -290,7 +281,7 @@ def look(view: SubmittedImage, seed: int = 0) -> PixelSample:
     bench: Predictor | UnknownScene = UnknownScene(right, u, v, brightest)
     if view.scene is not None:
         shadows = view.points or RUNGS[view.rung].shadows
-        bench = Predictor(view.scene, u, v, shadows, brightest, view.before)
+        bench = Predictor(view.scene, u, v, shadows, brightest)
     flat = lambda x: x.reshape(-1, 3)[index]  # noqa: E731
     more = False
     if not view.points and view.scene is not None:
@@ -331,7 +322,3 @@ def outlines(ids: Array) -> Array:
     windows = np.lib.stride_tricks.sliding_window_view(np.pad(ids, 2, mode="edge"), (5, 5))
     across, down = (beside != ids[..., None] for beside in (windows[..., 2, :], windows[..., :, 2]))
     return np.asarray((across | down).any(axis=-1))
-
-
-def many(views: Sequence[SubmittedImage], seed: int = 0) -> list[PixelSample]:
-    return [look(view, seed) for view in views]

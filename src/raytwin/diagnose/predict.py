@@ -1,6 +1,6 @@
 """What a tracer would show at chosen pixels if some of its functions were wrong: the textbook's, with mistakes in them.
 
-A mistake is a tuple of steps (name, what). `name` is a function of the textbook, or one of `BESIDE`; `what` is slips in
+A mistake is a tuple of steps (name, what). `name` is a function of the textbook, or `SPREAD`; `what` is slips in
 its text, or a function that makes the wrong one of the right one. A tracer is the tuple of all that is wrong in it, so
 two mistakes are one tuple after the other. What a mistake leaves alone is computed once (`Predictor`).
 """
@@ -24,21 +24,11 @@ Pipeline = tuple[tuple[str, Any], ...]
 SceneDict = dict[str, Any]
 RIGHT: Pipeline = ()
 """The tracer as it should be."""
-BESIDE = ("spread", "earlier")
-"""Steps beside the textbook's functions: the rays of a pixel; what is left over from earlier scenes. Any other name
-defines a function or number that slips may use."""
+SPREAD = "spread"
+"""A step beside the textbook's functions: the rays of a pixel. Any other name defines a function or number that slips
+may use."""
 FACES_AWAY = (("return visible", "return visible & (np.sum(normals * to_light, axis=-1) > 0)"),)
 """What faces away from the sun is in its own shadow, as where shadow rays start a little off the surface."""
-
-
-class Before(NamedTuple):
-    """`calls`: the stage and the scene of each that a process was given before, in order; `stage`: of this one."""
-
-    stage: str = ""
-    calls: tuple[tuple[str, Scene], ...] = ()
-
-
-FIRST = Before()
 
 
 class Seen(NamedTuple):
@@ -89,31 +79,17 @@ def applied(pipeline: Pipeline, name: str, right: Any) -> Any:
     return right
 
 
-@lru_cache(maxsize=4096)
-def _text(function: str, slips_: tuple[Changes, ...]) -> str:
-    """The function's text with one slip after the other; what excludes those before takes their place."""
-    before: Changes = ()
-    for changes in slips_:
-        for both in ((*before, *changes), (*changes, *before), changes):
-            try:
-                slipped(function, both)
-            except ValueError:
-                continue
-            before = both
-            break
-        else:
-            raise ValueError(f"{function}: {changes}")
-    return slipped(function, before)
-
-
 def written(pipeline: Pipeline) -> dict[str, Any]:
-    """The textbook's functions with these mistakes in them; right ones converge and take all things at once."""
-    texts: dict[str, tuple[Changes, ...]] = {}
+    """The textbook's functions with these mistakes in them; right ones converge and take all things at once.
+
+    Raises ValueError for slips that exclude one another.
+    """
+    texts: dict[str, Changes] = {}
     for name, what in pipeline:
         if isinstance(what, tuple):
-            texts[name] = (*texts.get(name, ()), what)
-    texts.setdefault("sun_visible", (FACES_AWAY,))
-    space = namespace((_text(name, texts.get(name, ())) for name in FUNCTIONS), FAST)
+            texts[name] = (*texts.get(name, ()), *what)
+    texts.setdefault("sun_visible", FACES_AWAY)
+    space = namespace((slipped(name, texts.get(name, ())) for name in FUNCTIONS), FAST)
     if "undistort" not in texts:
         space["undistort"] = _undistort
     if "intersect_all" not in texts:
@@ -121,7 +97,7 @@ def written(pipeline: Pipeline) -> dict[str, Any]:
     if "normals_at" not in texts:
         space["normals_at"] = _normals_at
     for name, what in pipeline:
-        if name not in BESIDE and not isinstance(what, tuple):
+        if name != SPREAD and not isinstance(what, tuple):
             space[name] = what(space.get(name))
     return space
 
@@ -234,17 +210,13 @@ QUIET = np.errstate(all="ignore")
 
 @dataclass(eq=False)
 class Predictor:
-    """Predict what tracers show of one scene at chosen pixels. `before`: earlier scenes that may leak into this one.
-
-    `memory`: what functions gave lately, by their mistakes.
-    """
+    """Predict what tracers show of one scene at chosen pixels. `memory`: what functions gave lately, by mistakes."""
 
     scene: Scene
     u: Array
     v: Array
     shadows: bool = True
     brightest: float = 1.0
-    before: Before = FIRST
     memory: dict[tuple[str, Pipeline], list[tuple[Any, Any]]] = field(default_factory=dict)
 
     @property
@@ -253,18 +225,16 @@ class Predictor:
 
     def at(self, u: Array, v: Array) -> "Predictor":
         """The same at other pixels."""
-        return Predictor(self.scene, u, v, self.shadows, self.brightest, self.before)
+        return Predictor(self.scene, u, v, self.shadows, self.brightest)
 
     def described(self, pipeline: Pipeline) -> SceneDict:
         """The scene as this tracer takes it."""
-        changes = tuple(step for step in pipeline if step[0] in ("read_scene", "earlier"))
+        changes = tuple(step for step in pipeline if step[0] == "read_scene")
         return self._remembered("scene", changes, partial(self._described, changes))
 
     def _described(self, changes: Pipeline) -> SceneDict:
         made = as_dict(self.scene, self.shadows)
-        for _, what in (step for step in changes if step[0] == "earlier"):
-            made = what(None)(made, self.before)
-        if touches(changes, "read_scene"):
+        if changes:
             made, things = written(changes)["read_scene"](made, made["things"])
             made = made | {"things": things}
         return made
@@ -273,7 +243,7 @@ class Predictor:
         """Those of this tracer; what they give for the same arguments is not computed again."""
         space = written(pipeline)
         for name, causes in DEPENDS.items():
-            mistakes = tuple(step for step in pipeline if step[0] in causes or step[0] not in (*FUNCTIONS, *BESIDE))
+            mistakes = tuple(step for step in pipeline if step[0] in causes or step[0] not in (*FUNCTIONS, SPREAD))
             space[name] = partial(self._remembered, name, mistakes, space[name])
         return space
 
@@ -327,9 +297,9 @@ class Predictor:
     @QUIET
     def radiance(self, pipeline: Pipeline = RIGHT) -> Array:
         """(N, 3), before output: the mean over all rays of a pixel."""
-        if touches(pipeline, "spread"):
-            one = tuple(step for step in pipeline if step[0] != "spread")
-            places = applied(pipeline, "spread", None)
+        if touches(pipeline, SPREAD):
+            one = tuple(step for step in pipeline if step[0] != SPREAD)
+            places = applied(pipeline, SPREAD, None)
             rays = [self.at(self.u + x, self.v + y).radiance(one) for x, y in places]
             return np.asarray(sum(rays) / len(rays))
         scene, space = self.described(pipeline), self.functions(pipeline)

@@ -11,7 +11,7 @@ import math
 import re
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any, NamedTuple
@@ -27,19 +27,12 @@ from raytwin.diagnose.schemata import Setting, schemata
 
 Answers = list[tuple[np.ndarray, ...] | None]
 Rows = Sequence[Sequence[int]]
-NONE_SEEN: Mapping[str, int] = {}
-COMMON = 0.5
-"""By so much less far-fetched is a slip that was seen ten times as often."""
 CLEARED = 0.6
 """By so much more far-fetched is a change of a statement that runs in functions that are right, too."""
 SHARE = 0.3
 """By so much more far-fetched is each of ten changes of one kind than a single one: they share the kind's chance."""
 AT_ONCE = 48
 """Candidates that are compiled together and tried in one call: a text with thousands of them runs many times slower."""
-NEARER = 0.1
-"""By so many powers of ten the errors have to become smaller, where none vanishes."""
-BEAM = 8
-"""Changes that make part of the numbers right, beside which second ones are tried."""
 ABOUT = 0.3
 """By so much more far-fetched may be what makes doubtful which change is meant."""
 LOOK_ON = 0.5
@@ -60,8 +53,9 @@ A_CALL = 0.25
 class Repair:
     """`line` of `cell` has `before`; `after` in its place makes everything right. `operator`: what was wrong.
 
-    `beside`: the other of two changes that are needed both. `sure`: whether it helps all that fails and runs it, too,
-    and no other line can be changed as well. `rivals`: changes of other lines that make everything right, too.
+    `beside`: the other place, where one change has two that no line shows together. `sure`: whether it helps all that
+    fails and runs it, too, and no other line can be changed as well. `rivals`: changes of other lines that make
+    everything right, too.
     """
 
     cell: str
@@ -94,10 +88,7 @@ class Repair:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A change: `codes` bind `names` anew, with the change in them where the switch has this `setting`.
-
-    `beside`: the change of which this is made besides.
-    """
+    """A change: `codes` bind `names` anew, with the change in them where the switch has this `setting`."""
 
     cell: str
     statement: ast.stmt
@@ -105,7 +96,6 @@ class Candidate:
     codes: tuple[bytes, ...]
     names: tuple[str, ...]
     setting: Setting
-    beside: "Candidate | None" = None
 
 
 Values = Callable[[Sequence[Candidate]], Rows]
@@ -127,9 +117,6 @@ class Runner:
     right: Callable[[Sequence[Candidate]], frozenset[int] | None] = lambda candidates: None
     values: Callable[[Sequence[Candidate], Sequence[Any]], Rows] = lambda candidates, arguments: ()
 
-    def alone(self, candidate: Candidate, case: Any) -> tuple[np.ndarray, ...] | None:
-        return self.run([candidate], case.args, False)[0]
-
     def places_in(self, case: Any) -> Callable[[Sequence[Candidate]], frozenset[int] | None]:
         return lambda candidates: self.places(candidates, case.args)
 
@@ -140,10 +127,9 @@ class Runner:
 def repair(
     cells: Cells, function: str, cases: Sequence[Any], is_right: Callable[[Any, Any], bool], runner: Runner,
     more_time: Callable[[], bool], innocent: Sequence[str] = (), known: Sequence["Candidate"] = (),
-    further: Callable[[], Sequence[Any]] = tuple, seen: Mapping[str, int] = NONE_SEEN,
+    further: Callable[[], Sequence[Any]] = tuple,
     keeps: Callable[[Candidate], bool] = lambda candidate: True,
     helps: Callable[[Candidate], bool] = lambda candidate: True,
-    errors: Callable[[Any, Any], np.ndarray | None] = lambda case, got: None,
     clock: Callable[[], float] = time.process_time,
 ) -> Repair | None:  # fmt: skip
     """The least far-fetched change of one place after which `function` is right in all cases; None where none is found.
@@ -153,70 +139,45 @@ def repair(
     right is tried first. Where one fits, others are looked for that are hardly more far-fetched: a change of another
     line that does as well leaves open which of them is meant.
     `further()`: cases that a change must make right as well before it counts as proved: by chance it may fit `cases`.
-    `seen`: how often each kind of slip was made: what is common is tried first. `keeps(candidate)`: whether what is
-    right beside the function stays right. `helps(candidate)`: whether other functions that fail and run the changed
-    place become right in a case; a change that does not may fit by chance, and others are tried before it.
-    `errors(case, arrays)`: by how much of what is allowed numbers are off; None: of other shapes. Where no change alone
-    does, second ones are tried beside those that make most numbers right.
+    `keeps(candidate)`: whether what is right beside the function stays right. `helps(candidate)`: whether other
+    functions that fail and run the changed place become right in a case; a change that does not may fit by chance, and
+    others are tried before it.
     """
-    tried = 0
-    unsure: Repair | None = None
     first = cases[0]
-    partial = _Partial(lambda got: errors(first, got))
 
     def passing(left: list[Candidate], some: Sequence[Any]) -> list[Candidate]:
         for k, case in enumerate(some):
             if not left:
                 break
             answers = runner.run(left, case.args, case is first)
-            if case is first:
-                partial.add(left, answers, lambda one: runner.alone(one, first))
             left = [c for c, got in zip(left, answers, strict=True) if got is not None and is_right(case, got)]
             if k == 0:
                 search.passed(left)
         return left
 
-    def searched(sources: Iterable[tuple[Sequence[Any], Iterable[list[Candidate]]]]) -> Repair | None:
-        nonlocal tried, unsure
-        fits = _Fits(search.weight, clock)
-        for order, source in sources:
-            for chunk in source:
-                if not more_time() or fits.are_all(chunk):
-                    return fits.best()
-                tried += len(chunk)
-                left = passing(chunk, order)
-                fitting = [c for c in passing(left, further() if left else ()) if keeps(c)]
-                helpful = [c for c in fitting if helps(c)]
-                fits.add(helpful, tried)
-                if fitting and not helpful:
-                    unsure = unsure or replace(_as_repair(fitting[0]), tried=tried, candidate=fitting[0], sure=False)
-            if found := fits.best():
-                return found
-        return None
-
     reached, every = (statements_of(cells, function, names) for names in (innocent, ()))
     known_lines = {(cell, statement.lineno) for cell, statement in reached}
     aside = [(cell, statement) for cell, statement in every if (cell, statement.lineno) not in known_lines]
-    search = _Search(cells, reached, seen, runner.places_in(first), runner.right, aside, more_time,
+    search = _Search(cells, reached, runner.places_in(first), runner.right, aside, more_time,
                      lambda some: runner.run(some, first.args, False))  # fmt: skip
     values = runner.values_in(first)
 
-    single = (search.candidates(rare, values) for rare in (False, True))
-    alone = [(cases, source) for source in ([list(known)], *single)]
-    usual, rare = (_beside(search, partial, cases, is_right, runner, rare) for rare in (False, True))
-    return searched(itertools.chain(alone[:2], usual, alone[2:], rare)) or unsure
-
-
-def _beside(
-    search: "_Search", partial: "_Partial", cases: Sequence[Any], is_right: Callable[[Any, Any], bool], runner: Runner,
-    rare: bool,
-) -> Iterator[tuple[Sequence[Any], Iterator[list[Candidate]]]]:  # fmt: skip
-    """Second changes beside each of the best first ones, and the cases, first one that is wrong with the first."""
-    for one in partial.best():
-        wrong = [case for case in cases if (got := runner.alone(one, case)) is None or not is_right(case, got)]
-        if wrong:
-            order = [wrong[0], *(case for case in cases if case is not wrong[0])]
-            yield order, search.beside(one, rare, runner.places_in(wrong[0]), runner.values_in(wrong[0]))
+    tried, fits = 0, _Fits(search.weight, clock)
+    unsure: Repair | None = None
+    for source in ([list(known)], *(search.candidates(rare, values) for rare in (False, True))):
+        for chunk in source:
+            if not more_time() or fits.are_all(chunk):
+                return fits.best() or unsure
+            tried += len(chunk)
+            left = passing(chunk, cases)
+            fitting = [c for c in passing(left, further() if left else ()) if keeps(c)]
+            helpful = [c for c in fitting if helps(c)]
+            fits.add(helpful, tried)
+            if fitting and not helpful:
+                unsure = unsure or replace(_as_repair(fitting[0]), tried=tried, candidate=fitting[0], sure=False)
+        if found := fits.best():
+            return found
+    return unsure
 
 
 class _Fits:
@@ -257,14 +218,11 @@ def _is_setting(c: Candidate) -> bool:
 def _lines(c: Candidate) -> set[tuple[str, int]]:
     """Where it changes the text: (cell, line)."""
     places = [old for old, _ in c.edit.parts] + ([c.edit.moved] if c.edit.moved is not None else [])
-    mine = {(c.cell, _as_repair(replace(c, beside=None)).line), *((c.cell, getattr(p, "lineno", 0)) for p in places)}
-    return mine | _lines(c.beside) if c.beside is not None else mine
+    return {(c.cell, _as_repair(c).line), *((c.cell, getattr(p, "lineno", 0)) for p in places)}
 
 
 def _as_repair(best: Candidate) -> Repair:
     """The statement on one line, before and after; of what spans more, the expression that differs."""
-    if best.beside is not None:
-        return replace(_as_repair(best.beside), beside=_as_repair(replace(best, beside=None)))
     edit = best.edit
     if edit.moved is not None:
         text = ast.unparse(edit.moved).splitlines()[0]
@@ -309,7 +267,7 @@ def kind_of(operator: str) -> str:
 
 
 def candidates(
-    cells: Cells, function: str, innocent: Sequence[str] = (), seen: Mapping[str, int] = NONE_SEEN,
+    cells: Cells, function: str, innocent: Sequence[str] = (),
     places: Callable[[Sequence[Candidate]], frozenset[int] | None] = lambda some: None,
     right: Callable[[Sequence[Candidate]], frozenset[int] | None] = lambda some: None,
 ) -> Iterator[Candidate]:  # fmt: skip
@@ -318,36 +276,34 @@ def candidates(
     `places(candidates)`: those that a wrong case reaches. Statements that do not run there are left as they are.
     `right(candidates)`: those that functions reach that are right: a mistake there is less likely.
     """
-    search = _Search(cells, statements_of(cells, function, innocent), seen, places, right)
+    search = _Search(cells, statements_of(cells, function, innocent), places, right)
     for some in (*search.candidates(False), *search.candidates(True)):
         yield from some
 
 
 class _Search:
-    """All changes of some statements: alone, and beside another change.
+    """All changes of some statements.
 
     `aside`: what is right alone, but may change arrays that are not its own. `more_time()`: whether to go on making
     changes, of which a long text has so many that to make them takes minutes. `run(candidates)`: a wrong case's values.
     """
 
     def __init__(
-        self, cells: Cells, reached: Sequence[tuple[str, ast.stmt]], seen: Mapping[str, int],
+        self, cells: Cells, reached: Sequence[tuple[str, ast.stmt]],
         places: Callable[[Sequence[Candidate]], frozenset[int] | None],
         right: Callable[[Sequence[Candidate]], frozenset[int] | None],
         aside: Sequence[tuple[str, ast.stmt]] = (), more_time: Callable[[], bool] = lambda: True,
         run: Callable[[Sequence[Candidate]], Answers] = lambda some: [None] * len(some),
     ) -> None:  # fmt: skip
         self.aside, self.more_time = aside, more_time
-        self.reached, self.seen = reached, seen
+        self.reached = reached
         self.file = file_of(cells, [statement for _, statement in reached])
         self.end = 0
-        self.made: dict[Any, list[_Change]] = {}
         self.many: Counter[str] = Counter()
         """Kind -> changes among those that are tried now."""
         self.compiled: dict[Edit, Candidate | None] = {}
         self.alike: dict[Edit, list[_Change]] = {}
         self.right: list[Edit] = []
-        self.beside_running: dict[Candidate, set[ast.AST] | None] = {}
         self.alone: set[ast.stmt] = set()
         marks = self._marks(reached)
         self._without_what_differs(marks, run)
@@ -356,48 +312,21 @@ class _Search:
 
     def candidates(self, rare: bool, values: Values = lambda runs: ()) -> Iterator[list[Candidate]]:
         """The usual ones, or the rare. `values(candidates)`: what `local_values` tells in a wrong case."""
-        found = [c for cell, statement in self.reached for c in self._changes(cell, statement, rare, self.running)]
+        found = [c for cell, statement in self.reached for c in self._changes(cell, statement, rare)]
         for cell, statement in () if rare else self.aside:
             found += [_Change(cell, statement, edit) for edit in edits_of_right(statement)]
         yield from self._compiled(found, values)
 
-    def beside(
-        self, first: Candidate, rare: bool, places: Callable[[Sequence[Candidate]], frozenset[int] | None],
-        values: Values,
-    ) -> Iterator[list[Candidate]]:  # fmt: skip
-        """The changes of the text that has `first` in it; `places` and `values` as for all."""
-        made = first.edit.applied(first.statement)
-        (statement,) = made if isinstance(made, list) else (made,)
-        reached = [(cell, statement if one is first.statement else one) for cell, one in self.reached]
-        if first not in self.beside_running:
-            marks = self._marks(reached)
-            self.beside_running[first] = _nodes(marks, places(marks))
-        running = self.beside_running[first]
-
-        def both(c: Candidate) -> Candidate:
-            if c.statement is statement:
-                return replace(c, beside=first)
-            together = (*first.codes, *c.codes), (*first.names, *c.names), (*first.setting, *c.setting)
-            return replace(c, beside=first, codes=together[0], names=together[1], setting=together[2])
-
-        found = [c for cell, one in reached for c in self._changes(cell, one, rare, running)]
-        with_first = lambda runs: values([first, *runs])  # noqa: E731
-        yield from (list(map(both, some)) for some in self._compiled(found, with_first))
-
     def weight(self, c: "Candidate | _Change") -> float:
         """How far-fetched it is."""
         shared = SHARE * math.log10(max(1, self.many[kind_of(c.edit.operator)]))
-        return _weight(c.edit, self.seen) + shared + CLEARED * (id(c.edit.old) in self.cleared)
+        return c.edit.weight + shared + CLEARED * (id(c.edit.old) in self.cleared)
 
-    def _changes(self, cell: str, statement: ast.stmt, rare: bool, running: set[ast.AST] | None) -> list["_Change"]:
-        inside = running if running is None else frozenset(id(n) for n in ast.walk(statement) if n in running)
-        key = statement, rare, inside
-        if key not in self.made:
-            some = edits(
-                statement, self.file, rare, runs=lambda one: self.more_time() and (running is None or one in running)
-            )
-            self.made[key] = [_Change(cell, statement, edit) for edit in some]
-        return self.made[key]
+    def _changes(self, cell: str, statement: ast.stmt, rare: bool) -> list["_Change"]:
+        def runs(one: ast.AST) -> bool:
+            return self.more_time() and (self.running is None or one in self.running)
+
+        return [_Change(cell, statement, edit) for edit in edits(statement, self.file, rare, runs=runs)]
 
     def _compiled(self, some: Sequence["_Change"], values: Values) -> Iterator[list[Candidate]]:
         """Those that leave Python, AT_ONCE at a time, the least far-fetched first; but for the first ones, those that
@@ -521,48 +450,6 @@ class _Change(NamedTuple):
     edit: Edit
 
 
-class _Partial:
-    """The changes that make some of a case's numbers right, or all more nearly so, and spoil none."""
-
-    def __init__(self, errors: Callable[[tuple[np.ndarray, ...]], np.ndarray | None]) -> None:
-        self.errors = errors
-        self.some: list[tuple[Candidate, bytes, float]] = []
-        self.before: np.ndarray | None = None
-
-    def add(
-        self, tried: Sequence[Candidate], answers: Answers,
-        run: Callable[[Candidate], tuple[np.ndarray, ...] | None],
-    ) -> None:  # fmt: skip
-        if self.before is None and (as_it_is := run(replace(tried[0], setting=()))) is not None:
-            self.before = self.errors(as_it_is)
-        for candidate, got in zip(tried, answers, strict=True):
-            off = None if got is None or candidate.beside else self.errors(got)
-            if off is not None and not (self.before is not None and np.any((self.before <= 1) & (off > 1))):
-                self.some.append((candidate, np.packbits(off <= 1).tobytes(), _distance(off)))
-
-    def best(self) -> list[Candidate]:
-        """Those that make most right, then those that come nearest; the least far-fetched of those that do the same."""
-        right = b"" if self.before is None else np.packbits(self.before <= 1).tobytes()
-        least = math.inf if self.before is None else _distance(self.before)
-        one_each: dict[tuple[bytes, float], Candidate] = {}
-        for candidate, bits, distance in self.some:
-            one_each.setdefault((bits, round(distance, 6)), candidate)
-        gains = sorted((_ones(right) - _ones(bits), distance, k) for k, (bits, distance) in enumerate(one_each))
-        changes = list(one_each.values())
-        better = [changes[k] for gain, _, k in gains if gain < 0][:BEAM]
-        nearer = [changes[k] for _, distance, k in sorted(gains, key=lambda one: one[1]) if distance < least - NEARER]
-        return list(dict.fromkeys([*better, *nearer[: BEAM // 2]]))[:BEAM]
-
-
-def _ones(bits: bytes) -> int:
-    return int.from_bytes(bits, "big").bit_count()
-
-
-def _distance(off: np.ndarray) -> float:
-    """How far the numbers are from right ones, in powers of ten of what is allowed, on average."""
-    return float(np.mean(np.log10(np.clip(off, 1, 1e12)))) if off.size else 0.0
-
-
 def _own(statement: ast.AST) -> Iterator[ast.AST]:
     """The statement's nodes, without those of statements in it."""
     yield statement
@@ -574,8 +461,3 @@ def _own(statement: ast.AST) -> Iterator[ast.AST]:
 def _nodes(marks: Sequence[Candidate], asked: frozenset[int] | None) -> set[ast.AST] | None:
     """The statements that run; None: unknown."""
     return None if asked is None else {c.edit.old for c in marks if c.setting[0][0] in asked}
-
-
-def _weight(edit: Edit, seen: Mapping[str, int]) -> float:
-    """How far-fetched it is; ten times as often seen is worth COMMON."""
-    return edit.weight - COMMON * math.log10(1 + seen.get(kind_of(edit.operator), 0)) if seen else edit.weight

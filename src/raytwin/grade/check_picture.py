@@ -55,10 +55,7 @@ def check_picture(asked: Question) -> CheckedPicture:
         part = msgspec.structs.replace(part, problem=problem)
         return CheckedPicture(part, None, got, scale)
     ours = bool(asked.made_of)
-    common, before = bool(exercise.scenes) and not ours, asked.before
-    view = SubmittedImage(
-        asked.scene, got, right, exercise.rung, points, half, clipped, None, common, before, composed=ours
-    )
+    view = SubmittedImage(asked.scene, got, right, exercise.rung, points, half, clipped, composed=ours)
     return CheckedPicture(part, view, None if passed else got, scale)
 
 

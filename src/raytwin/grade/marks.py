@@ -48,8 +48,7 @@ def _marked(
 ) -> tuple[Result, Rerun]:
     of = {e.name: [a for a in asked if a.exercise is e] for e in rubric.exercises}
     checked = {id(a): check_picture(a) for a in asked if a.scene is not None}
-    alone: dict[str, dict[int, float]] = {e.name: {} for e in rubric.exercises if of[e.name][0].scene is None}
-    marks = {name: _mark_stage(of[name], left) for name, left in alone.items()}
+    marks = {e.name: _mark_stage(of[e.name]) for e in rubric.exercises if of[e.name][0].scene is None}
     failed = [m for m in marks.values() if m.status not in ("pass", "missing")]
     helped = ask_again(look.child_with, look.code, asked, checked, [m.stage for m in failed]) if look.code else Rerun()
     drawn_ones = [e for e in rubric.exercises if e.name not in marks]
@@ -60,10 +59,9 @@ def _marked(
     spoilt = [a for a in asked if id(a) in checked and not checked[id(a)].part.passed]
     beside = dict.fromkeys(a.exercise.stage for a in spoilt if not helped.fixed_by(a))
     marks |= {m.name: m for m in look.at([*marks.values()], right, beside=[*beside])}
-    marks |= {name: _two_mistakes(marks[name], of[name], left) for name, left in alone.items()}
     failed = [marks[m.name] for m in failed]
     mended = {id(a) for a in spoilt if a.exercise.stage in look.found}
-    causes = _Causes(checked, helped, [m for m in failed if m.stage in helped.names], result.seed, rubric.seen, mended)
+    causes = _Causes(checked, helped, [m for m in failed if m.stage in helped.names], result.seed, mended)
     pictures, speed = [], []
     for exercise in drawn_ones:
         mine = of[exercise.name]
@@ -107,14 +105,13 @@ def _status(parts: list[Part], asked: list[Question]) -> Status:
     )
 
 
-def _mark_stage(asked: list[Question], alone: dict[int, float], most: int = 1) -> Marked:
-    """`alone`: see `judge`."""
+def _mark_stage(asked: list[Question]) -> Marked:
     exercise = asked[0].exercise
     stage = LESSONS[exercise.stage]
     if exercise.tolerance is not None:
         stage = replace(stage, tolerance=exercise.tolerance)
     outcomes = [a.answer.problem or tuple(x.astype(float) for x in a.answer.arrays) for a in asked]
-    found = judge(stage, [a.case for a in asked], outcomes, most, alone)
+    found = judge(stage, [a.case for a in asked], outcomes)
     parts = [
         Part(
             c.shows,
@@ -147,13 +144,6 @@ def _mark_stage(asked: list[Question], alone: dict[int, float], most: int = 1) -
     )
 
 
-def _two_mistakes(marked: Marked, asked: list[Question], alone: dict[int, float]) -> Marked:
-    """With two mistakes named together, where there is neither one nor a line to look at."""
-    if marked.status != "fail" or marked.faults or marked.repair:
-        return marked
-    return msgspec.structs.replace(_mark_stage(asked, alone, most=2), fingerprint=marked.fingerprint)
-
-
 class _Found(NamedTuple):
     """What is said of an exercise's pictures; `faults`: (name, sentence) of each mistake."""
 
@@ -172,10 +162,11 @@ class _Causes:
     and where right functions leave less wrong, one `beside` them, of the pictures that they made.
     """
 
-    def __init__(self, checked: Mapping[int, CheckedPicture], helped: Rerun, failed: list[Marked], seed: int,
-        seen: Mapping[str, int], mended: Collection[int] = (),
+    def __init__(
+        self, checked: Mapping[int, CheckedPicture], helped: Rerun, failed: list[Marked], seed: int,
+        mended: Collection[int] = (),
     ) -> None:  # fmt: skip
-        self.checked, self.helped, self.failed, self.seed, self.seen = checked, helped, failed, seed, seen
+        self.checked, self.helped, self.failed, self.seed = checked, helped, failed, seed
         self.mended, checked = mended, {k: c for k, c in checked.items() if k not in mended}
         self.seconds, self.functions = SECONDS, " and ".join(helped.names)
         known = bool(failed) and all(m.faults or m.repair for m in failed)
@@ -186,23 +177,23 @@ class _Causes:
         if not (known and self.beside):
             explained = helped.again if known and fixed_by else {}
             self.together = self._diagnosed([c for k, c in checked.items() if k not in explained])
-        named = self.together is not None and bool(self.together.causes)
+        named = self.together is not None and self.together.cause is not None
         self.theirs = fixed_by and (known or not named)
         self.rest: Diagnosis | None = None
         if self.beside and not named:
             found = self._diagnosed([helped.again[k][1] if k in helped.again else c for k, c in checked.items()])
-            if found is not None and found.causes:
+            if found is not None and found.cause is not None:
                 self.rest = found
             else:
                 self.together = self.together or self._diagnosed(list(checked.values()))
 
-    def _diagnosed(self, checked: Sequence[CheckedPicture], most: int = 2) -> Diagnosis | None:
+    def _diagnosed(self, checked: Sequence[CheckedPicture]) -> Diagnosis | None:
         """None if nothing is wrong, there are no numbers, or no time is left."""
         views = [c.view for c in checked if c.view is not None]
         if self.seconds <= 0 or not _has_wrong_numbers(checked):
             return None
         began = time.thread_time()
-        found = diagnose(views, self.seed, most=most, seconds=min(self.seconds, AT_MOST), seen=self.seen)
+        found = diagnose(views, self.seed, seconds=min(self.seconds, AT_MOST))
         self.seconds -= time.thread_time() - began
         return found
 
@@ -218,13 +209,13 @@ class _Causes:
             return _Found()
         found = self.rest or self.together
         others = any(not c.part.passed for c in self.checked.values() if all(c is not one for one in mine))
-        if found is not None and not found.causes and others:
-            found = self._diagnosed(mine, most=1) or found
+        if found is not None and found.cause is None and others:
+            found = self._diagnosed(mine) or found
             # What other pictures speak against is not proved.
-            found = replace(found, sureness="likely" if found.causes else "unknown")
+            found = replace(found, sureness="likely" if found.cause else "unknown")
         if found is None:
             return _Found()
-        faults = tuple((c.name, c.sentence) for c in found.causes)
+        faults = ((found.cause.name, found.cause.sentence),) if found.cause else ()
         beside = (f"beside that, your {self.functions} makes it wrong",) if self.rest is not None else ()
         return _Found((*student_words(found), *beside), faults, found.sureness if faults else "")
 

@@ -13,7 +13,6 @@ from raytwin.contract.stage import Case
 from raytwin.contract.stage_table import LESSONS
 from raytwin.diagnose.draw_scene import LARGER, draw_scene
 from raytwin.diagnose.pixel_sample import traced_once
-from raytwin.diagnose.predict import FIRST, Before
 from raytwin.grade.rubric import Exercise, Rubric
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.sandbox.sandbox import Answer
@@ -24,7 +23,7 @@ from raytwin.scene import Scene, Tolerance
 class Question:
     """One call: its exercise and case, and for a picture its scene; `drawn`: from the seed, so nobody has stored it.
 
-    `answer`: filled in by the call. `before`: what its process was given earlier. `made_of`: see `made_of`.
+    `answer`: filled in by the call. `made_of`: see `made_of`.
     """
 
     exercise: Exercise
@@ -32,7 +31,6 @@ class Question:
     scene: Scene | None = None
     tolerance: Tolerance = field(default_factory=Tolerance)
     answer: Answer = field(default_factory=Answer)
-    before: Before = FIRST
     made_of: str = ""
     drawn: bool = False
 

@@ -36,7 +36,6 @@ ONE_RAY = ("lambert", "shadow")
 
 Visibility = Literal["visible", "hidden", "after_due_date"]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
-Counts = dict[str, Annotated[int, msgspec.Meta(ge=0)]]
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 
@@ -114,12 +113,6 @@ class Feedback(Record, frozen=True):
     name: str = ""
 
 
-class Seen(Record, frozen=True):
-    """The file seen.toml: how often each mistake was made, by its name."""
-
-    seen: Counts
-
-
 class Rubric(Record, frozen=True):
     """`seed`: of the drawn scenes, cases and orders, together with each submission's own content: keep it to yourself.
 
@@ -129,7 +122,6 @@ class Rubric(Record, frozen=True):
     lies, with a `reference` of its own if any. `hints`: of a slip that one change of the submission's text undoes, a
     student reads the line (1), what is wrong there (2), what to write (3); 0: nothing is tried. `follow_through`: the
     share of its points that a picture keeps if it is right once the functions that failed on their own are replaced.
-    `seen`: how often mistakes were made, by name; of the file seen.toml beside the rubric, where there is one.
     """
 
     title: str
@@ -143,7 +135,6 @@ class Rubric(Record, frozen=True):
     hints: Annotated[int, msgspec.Meta(ge=0, le=3)] = 2
     follow_through: Share = 0.0
     feedback: tuple[Feedback, ...] = ()
-    seen: Counts = msgspec.field(default_factory=dict)
     folder: str = "."
 
     @property
@@ -165,8 +156,6 @@ class Rubric(Record, frozen=True):
         return int.from_bytes(total[:4], "little")
 
 
-SEEN = "seen.toml"
-"""How often mistakes were made; `raytwin grade` writes it."""
 READY = Path(__file__).with_name("rubric.toml")
 """A whole rubric for the paper's pipeline, to be copied and changed."""
 
@@ -177,8 +166,6 @@ def read_rubric(path: str | Path) -> Rubric:
     data = files.read_toml(path)
     if "folder" in data:
         raise InputError(f"{path}: folder", "only known keys", "the unknown key 'folder'")
-    if (counts := path.with_name(SEEN)).is_file():
-        data = {"seen": files.to_record(counts, files.read_toml(counts), Seen).seen} | data
     rubric = files.to_record(path, data | {"folder": str(path.parent)}, Rubric)
     named = []
     for i, exercise in enumerate(rubric.exercises):

@@ -11,14 +11,12 @@ import numpy as np
 
 from raytwin.contract.composed_tracer import NEEDED, compose
 from raytwin.contract.stage import Function
-from raytwin.diagnose.predict import Before
 from raytwin.grade.questions import Question
 from raytwin.grade.result import Result
 from raytwin.grade.rubric import Rubric
 from raytwin.renderers.scene_exchange import as_json
 from raytwin.sandbox.lock import HOLDS
 from raytwin.sandbox.sandbox import Answer, Code, Sandbox, probe
-from raytwin.scene import Scene
 
 
 class _PartFailed(Exception):
@@ -39,14 +37,10 @@ def call_all(result: Result, code: Code, rubric: Rubric, asked: list[Question]) 
     seconds, killed, printed, problem = rubric.limits.seconds, False, "", ""
     while left:
         limits = msgspec.structs.replace(rubric.limits, seconds=max(0.1, seconds))
-        calls: list[tuple[str, Scene]] = []
         with Sandbox(code, limits, hidden) as child:
             while left and not child.problem.problem:
                 one = left.pop()
-                one.before = Before(one.exercise.stage, tuple(calls))
                 ask(one, child, code)
-                if code.kind == "python" and one.scene is not None:
-                    calls.append((one.exercise.stage, one.scene))
         seconds -= child.spent
         printed = (printed + child.printed)[:16_384]
         ended = child.problem

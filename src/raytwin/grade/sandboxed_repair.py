@@ -9,7 +9,7 @@ import dataclasses
 import inspect
 import itertools
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from raytwin.contract.check_function import errors_of, is_repaired, is_right
+from raytwin.contract.check_function import is_repaired, is_right
 from raytwin.contract.repair_function import STEPS, further_probes, probes, right_ones, smaller
 from raytwin.contract.stage import Case, Stage
 from raytwin.contract.stage_result import says_why, with_hint
@@ -166,11 +166,10 @@ class SecondLook:
                 until = min(_clock(trials.child) + seconds, began + self.left)
                 fitting = [(r.candidate, *r.rivals) for r in self.found.values() if r.candidate and not replaced]
                 known = list(dict.fromkeys(itertools.chain(*fitting)))
-                others, seen = [LESSONS[e.stage] for e in tried if e.stage != stage], self.rubric.seen
+                others = [LESSONS[e.stage] for e in tried if e.stage != stage]
                 asked = [case for name, case in pictures if name == stage]
                 with contextlib.suppress(RecursionError, MemoryError):
-                    made = _repair(LESSONS[stage], self.cells, trials, until, right, replaced, known, seen, others,
-                                   asked)  # fmt: skip
+                    made = _repair(LESSONS[stage], self.cells, trials, until, right, replaced, known, others, asked)
                     if made is not None:
                         self.found[stage] = made
         for stage in (name for name in beside if name in trials.child.functions):
@@ -227,17 +226,12 @@ def _fingerprint(child: Sandbox, stage: str) -> str:
 
 
 def _with_hint(exercise: Marked, repair: Repair | None, level: int, found: str) -> Marked:
-    """The exercise with a repair in its place among the sentences.
-
-    One change of the text that makes everything right is a simpler explanation than two mistakes: it comes before them.
-    """
+    """The exercise with a repair in its place among the sentences."""
     exercise = msgspec.structs.replace(exercise, fingerprint=found)
     if repair is None:
         return exercise
-    simpler = repair.sure and repair.beside is None and len(exercise.faults) > 1
-    sureness = "likely" if simpler else exercise.sureness
     raised = exercise.status == "error"
-    sentences = with_hint(exercise.sentences, repair.hint(level), sureness, exercise.faults, raised)
+    sentences = with_hint(exercise.sentences, repair.hint(level), exercise.sureness, exercise.faults, raised)
     sureness = "proved" if repair.sure or _is_proved(exercise) else "likely"
     return msgspec.structs.replace(exercise, sentences=sentences, sureness=sureness, repair=kind_of(repair.operator))
 
@@ -249,8 +243,7 @@ def _clock(child: Sandbox) -> float:
 
 def _repair(
     stage: Stage, cells: Cells, trials: "_Trials", until: float, right: Sequence[str], ours: Sequence[str],
-    known: Sequence[Candidate], seen: Mapping[str, int], others: Sequence[Stage],
-    asked: Sequence[Case],
+    known: Sequence[Candidate], others: Sequence[Stage], asked: Sequence[Case],
 ) -> Repair | None:  # fmt: skip
     child = trials.child
 
@@ -291,8 +284,8 @@ def _repair(
     more_time = lambda: _clock(child) < until  # noqa: E731
     wrong_beside = cache(lambda: _some_cases(others, is_wrong, CASES_OF_WRONG))
     helps = lambda candidate: _helps(candidate, trials, innocent, wrong_beside())  # noqa: E731
-    return repair(cells, stage.name, tried, right_in, runner, more_time, innocent, known, further, seen, keeps, helps,
-                  partial(errors_of, stage), partial(_clock, child))  # fmt: skip
+    return repair(cells, stage.name, tried, right_in, runner, more_time, innocent, known, further, keeps, helps,
+                  partial(_clock, child))  # fmt: skip
 
 
 def _some_cases(stages: Sequence[Stage], wanted: Callable[[Case, Stage], bool], most: int) -> list[tuple[Stage, Case]]:

@@ -63,12 +63,12 @@ Case = OwnScene | FileScene
 
 
 class Failure(NamedTuple):
-    """How a renderer fails: the kind, the reason and the cause in words, and the causes' names."""
+    """How a renderer fails: the kind, the reason and the cause in words, and the cause's name."""
 
     kind: str
     reason: str
     cause: str = ""
-    causes: tuple[str, ...] = ()
+    name: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,10 +181,10 @@ class _Search:
         self.wanted, self.tried[case.key] = failure, True
         if made is not None and reference is not None and isinstance(case, OwnScene):
             found = _diagnosed(made, reference, case, FIRST)
-            named = found.causes if found else ()
+            named = found.cause if found else None
             words = stage_causes(self.subject) or (found.words if found and named else ())
             cause = CAUSE.sub("", words[0]) if words else ""
-            self.wanted = failure._replace(causes=tuple(_kind(one.name) for one in named), cause=cause)
+            self.wanted = failure._replace(name=_kind(named.name) if named else "", cause=cause)
 
     def _fails(self, case: Any) -> bool:
         """Whether the subject fails on it as on the whole scene."""
@@ -199,9 +199,9 @@ class _Search:
         failure, made, reference = self._look(case)
         if failure is None or failure.kind != self.wanted.kind:
             return False
-        if self.wanted.causes and made is not None and reference is not None and isinstance(case, OwnScene):
+        if self.wanted.name and made is not None and reference is not None and isinstance(case, OwnScene):
             found = _diagnosed(made, reference, case, DIAGNOSIS)
-            return found is not None and self.wanted.causes[0] in [_kind(cause.name) for cause in found.causes]
+            return found is not None and found.cause is not None and _kind(found.cause.name) == self.wanted.name
         return True
 
     def _first(self, cases: Iterable[Any]) -> Any:
@@ -284,8 +284,8 @@ def kind_of(found: Comparison) -> str:
 
 
 def _kind(cause: str) -> str:
-    """A cause of one object by what is wrong with it: objects are numbered anew as others go."""
-    return re.sub("^(radius|place)-of-.*", r"\1", cause)
+    """A cause of one sphere by what is wrong with it: objects are numbered anew as others go."""
+    return re.sub("^radius-of-.*", "radius", cause)
 
 
 def _diagnosed(made: Image, reference: Image, case: OwnScene, seconds: float) -> Diagnosis | None:
