@@ -145,12 +145,13 @@ def _threads_of(uid: int) -> int:
 
 
 def _drop(folder: Path, processes: int) -> None:
-    """Change to a uid that no other process has. Its folders are its alone."""
+    """Change to a uid that no other process has. The folder is its alone, and it may pass through the one above."""
     if not hasattr(os, "getuid") or os.getuid() != 0:
         raise _Lacking("the grader is not root")
     uid = uid_of(os.getpid())
-    for own in (folder, folder.parent):
-        os.chown(own, uid, uid)
+    os.chown(folder, uid, uid)
+    os.chown(folder.parent, -1, uid)
+    folder.parent.chmod(0o710)
     import resource
 
     resource.setrlimit(resource.RLIMIT_NPROC, (processes, processes))

@@ -18,7 +18,6 @@ import secrets
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from dataclasses import dataclass, replace
@@ -33,7 +32,7 @@ from raytwin.image_input import ENDINGS
 from raytwin.sandbox import wire
 from raytwin.sandbox.importable import importable
 from raytwin.sandbox.lock import HOLDS, LOCKS, WITHOUT_LOCK, uid_of
-from raytwin.sandbox.work_folder import MEGA, copy_files, excess, remove
+from raytwin.sandbox.work_folder import MEGA, copy_files, excess, new_folder, remove
 from raytwin.scene_folders import REFERENCES
 
 POLL = 0.1
@@ -121,7 +120,7 @@ class Sandbox:
         self._with_uid = uid if uid is not None else probe().get("other uid") == HOLDS
 
     def __enter__(self) -> "Sandbox":
-        self._base = Path(tempfile.mkdtemp(prefix="raytwin-"))
+        self._base, self._held = new_folder()
         self._work, self._copy = self._base / "work", self._base / "submission"
         self._work.mkdir(mode=0o700)
         self._copy.mkdir(mode=0o755)
@@ -322,6 +321,8 @@ class Sandbox:
                 self._outbox.get_nowait()
             self._draining.join(1.0)
         remove(self._base)
+        if self._held >= 0:
+            os.close(self._held)
 
 
 # ------------------------------------------------------------------------------------------ probe
