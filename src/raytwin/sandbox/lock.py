@@ -40,6 +40,8 @@ HOLDS = "holds"
 
 BYTES_OF_LIBRARIES = 1_000_000_000
 """Addresses that files take, which are mapped and hardly read; what a process writes counts as its data as well."""
+NEIGHBOURS = max(8, os.cpu_count() or 1)
+"""Submissions that an ordinary user may grade at the same time: RLIMIT_NPROC counts the threads of all of them."""
 SPARE_CPU_SECONDS = 1
 """From SIGXCPU, which says why a process ends, to SIGKILL, which no submission can catch."""
 
@@ -111,7 +113,7 @@ def _limit(limits: dict[str, int]) -> None:
         "RLIMIT_MEMLOCK": 0,
     }
     if os.getuid() != 0:
-        asked["RLIMIT_NPROC"] = _threads_of(os.getuid()) + limits["processes"]
+        asked["RLIMIT_NPROC"] = _threads_of(os.getuid()) + NEIGHBOURS * limits["processes"]
     for name, value in asked.items():
         if (kind := getattr(resource, name, None)) is not None:
             most = resource.getrlimit(kind)[1]
@@ -133,7 +135,7 @@ def allow_cpu(seconds: float) -> None:
 
 
 def _threads_of(uid: int) -> int:
-    """How many threads the user runs: the limit is one on all of them together."""
+    """How many threads the user runs."""
     count = 0
     for entry in Path("/proc").glob("[0-9]*"):
         try:
