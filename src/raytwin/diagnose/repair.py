@@ -371,7 +371,7 @@ class _Search:
         reached = [(cell, statement if one is first.statement else one) for cell, one in self.reached]
         if first not in self.beside_running:
             marks = self._marks(reached)
-            self.beside_running[first] = _nodes(marks, places(marks))
+            self.beside_running[first] = None if self.alone else _nodes(marks, places(marks))
         running = self.beside_running[first]
 
         def both(c: Candidate) -> Candidate:
