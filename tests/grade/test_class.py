@@ -44,7 +44,7 @@ def test_everyone_has_a_result_and_a_right_tracer_all_points_and_the_bonus(grade
         ("nan", "fail", "1 pixel is NaN or infinite, the first at (x=0, y=0)"),
         ("shape", "error", "is wanted"),
         ("raises", "error", "ValueError: <b>no</b>"),
-        ("hangs", "limit", "not done after 2 s, asleep"),
+        ("hangs", "limit", "not done after 10 s of the clock"),
         ("exits", "broken", "exit code 3"),
         ("cached", "fail", "is wanted"),  # the first scene's picture for the second as well
         ("parts", "fail", "render is not written: this is made of your back_project and intersect_sphere and shade"),
@@ -275,7 +275,7 @@ def test_junit_csv_and_json_agree(graded, tmp_path):
         assert float(rows[name]["points"]) == pytest.approx(result.points, abs=0.006)
         assert told[name]["points"] == result.points
     assert rows["hangs"]["image: status"] == "limit"
-    assert "asleep" in rows["hangs"]["problem"]
+    assert "of the clock" in rows["hangs"]["problem"]
     assert "ValueError: <b>no</b>" in rows["raises"]["problem"]
     assert (rows["gamma"]["causes"], rows["gamma"]["certainty"]) == ("; ".join(results["gamma"].faults), "proved")
 

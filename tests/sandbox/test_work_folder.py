@@ -1,15 +1,29 @@
 """A submission's folders: what is copied, what is too much, and that all of it goes."""
 
 import os
+import subprocess
+import sys
+import tempfile
+import time
 from pathlib import Path
 
 import pytest
 
 from raytwin.errors import InputError
+from raytwin.grade.class_run import run
+from raytwin.parallel import Workers
 from raytwin.sandbox import work_folder
 from raytwin.sandbox.work_folder import copy_files, excess, remove
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="tries what POSIX has")
+
+
+def goes(folder: Path) -> bool:
+    """Whether it is removed before a minute has passed."""
+    until = time.monotonic() + 60
+    while folder.exists() and time.monotonic() < until:
+        time.sleep(0.02)
+    return not folder.exists()
 
 
 def nested(folder: Path, depth: int) -> None:
@@ -40,14 +54,13 @@ def test_a_folder_is_removed_however_deep_whatever_its_rights_and_links_in_it_ar
     (folder / "1" / "a").chmod(0)
     (folder / "2").chmod(0o500)
     remove(folder)
-    assert not folder.exists()
+    assert goes(folder)
     assert (tmp_path / "outside" / "mine").read_text() == "mine"
     remove(folder)  # which is gone
 
 
-def test_a_folder_is_removed_where_the_system_opens_no_folders(tmp_path, monkeypatch):
-    """Windows has neither O_NOFOLLOW nor functions that take a folder's descriptor."""
-    monkeypatch.delattr(os, "O_NOFOLLOW")
+def test_a_folder_is_removed_where_there_is_no_rm(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "name", "nt")
     (tmp_path / "work" / "a").mkdir(parents=True)
     (tmp_path / "work" / "a" / "file").write_text("x")
     remove(tmp_path / "work")
@@ -55,47 +68,30 @@ def test_a_folder_is_removed_where_the_system_opens_no_folders(tmp_path, monkeyp
     remove(tmp_path / "work")  # which is gone
 
 
-def test_what_is_too_much_is_said(tmp_path, monkeypatch):
-    (tmp_path / "a").mkdir()
-    (tmp_path / "a" / "b").write_bytes(os.urandom(300_000))
-    assert excess(tmp_path, 400_000) == ""
-    assert excess(tmp_path, 1_000_000, nameless=600_000) == ""
-    assert excess(tmp_path, 250_000) == "it wrote more than 0 MB: ended"
-    assert excess(tmp_path, 1_000_000, nameless=900_000) == "it wrote more than 1 MB: ended"
-    assert excess(tmp_path, 5_000_000, nameless=6_000_000) == "it wrote more than 5 MB: ended"
-    monkeypatch.setattr(work_folder, "MOST_FILES", 2)
-    assert excess(tmp_path, 400_000) == ""
-    monkeypatch.setattr(work_folder, "MOST_FILES", 1)
-    assert excess(tmp_path, 400_000) == "it wrote more than 10 000 files: ended"
+def test_what_is_too_much_is_said_and_links_are_not_followed(tmp_path, monkeypatch):
+    (tmp_path / "large").write_bytes(bytes(3_000_000))
+    work = tmp_path / "work"
+    (work / "a").mkdir(parents=True)
+    (work / "a" / "b").write_bytes(bytes(300_000))
+    (work / "a" / "link").symlink_to(tmp_path / "large")
+    (work / "up").symlink_to(tmp_path)
+    assert excess(work, 400_000) == ""
+    assert excess(work, 250_000) == "it wrote more than 0 MB: ended"
+    (work / "c").write_bytes(bytes(2_000_000))
+    assert excess(work, 2_000_000) == "it wrote more than 2 MB: ended"
+    monkeypatch.setattr(work_folder, "MOST_FILES", 5)
+    assert excess(work, 4_000_000) == ""
+    monkeypatch.setattr(work_folder, "MOST_FILES", 4)
+    assert excess(work, 4_000_000) == "it wrote more than 10 000 files: ended"
 
 
 def test_nobody_waits_for_a_folder_whose_removal_takes_long_and_it_goes_all_the_same(tmp_path, monkeypatch):
-    from threading import Event
-
     (tmp_path / "work").mkdir()
-    nested(tmp_path / "work", 50)
-    goes_on, right = Event(), work_folder.remove
-    monkeypatch.setattr(work_folder, "remove", lambda folder: goes_on.wait(60) and right(folder))
-    removing = work_folder.remove_soon(tmp_path / "work", patience=0.01)
-    assert (tmp_path / "work").exists()
-    goes_on.set()
-    removing.join()
-    assert not (tmp_path / "work").exists()
-
-
-def test_a_link_counts_for_itself_and_a_deep_folder_is_too_much(tmp_path):
-    (tmp_path / "large").write_bytes(os.urandom(3_000_000))
-    (tmp_path / "work").mkdir()
-    (tmp_path / "work" / "link").symlink_to(tmp_path / "large")
-    (tmp_path / "work" / "up").symlink_to(tmp_path)
-    assert excess(tmp_path / "work", 1_000_000) == ""
-    nested(tmp_path / "work", 990)
-    assert excess(tmp_path / "work", 1_000_000) == ""
-    nested(tmp_path / "work" / "d" / "d", 0)
-    (tmp_path / "work" / "x").mkdir()
-    nested(tmp_path / "work" / "x", 1100)
-    assert excess(tmp_path / "work", 1_000_000) == "it nested folders too deep: ended"
+    nested(tmp_path / "work", 500)
+    monkeypatch.setattr(work_folder, "REMOVAL_SECONDS", 0.0)
     remove(tmp_path / "work")
+    assert (tmp_path / "work").exists()
+    assert goes(tmp_path / "work")
 
 
 def test_a_copy_has_the_files_and_who_may_run_them_without_links_devices_and_hidden_folders(tmp_path):
@@ -129,3 +125,56 @@ def test_a_submission_that_is_too_large_is_said_with_the_limit(tmp_path, monkeyp
     monkeypatch.setattr(work_folder, "MOST_FILES", 1)
     with pytest.raises(InputError):
         copy_files(tmp_path / "in", tmp_path / "to", 1_000_000)
+
+
+HOLDS_ONE = """
+from raytwin.sandbox.work_folder import new_folder
+import time
+folder, held = new_folder()
+(folder / "work").mkdir()
+print(folder, flush=True)
+time.sleep(600)
+"""
+
+
+def test_the_next_run_removes_what_a_killed_one_left_and_nobody_elses(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    environment = os.environ | {"TMPDIR": str(tmp_path)}
+    running = [
+        subprocess.Popen([sys.executable, "-c", HOLDS_ONE], env=environment, stdout=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
+    try:
+        killed, living = (Path(process.stdout.readline().strip()) for process in running)
+        mine, held = work_folder.new_folder()
+        running[0].kill()
+        running[0].wait()
+        others = [tmp_path / "raytwin-of-others", tmp_path / f"{work_folder.PREFIX}file", tmp_path / "outside"]
+        (tmp_path / "outside").mkdir()
+        others[0].mkdir()
+        others[1].touch()
+        (tmp_path / f"{work_folder.PREFIX}link").symlink_to(tmp_path / "outside")
+        if os.getuid() == 0:
+            others.append(tmp_path / f"{work_folder.PREFIX}theirs")
+            others[-1].mkdir()
+            os.chown(others[-1], 12345, 12345)
+        work_folder.sweep()
+        assert goes(killed)
+        assert all(path.exists() for path in (living, mine, *others))
+    finally:
+        for process in running:
+            process.kill()
+            process.wait()
+            process.stdout.close()
+    os.close(held)
+    work_folder.sweep()
+    assert goes(mine)
+    assert goes(living)
+
+
+def test_a_run_of_a_class_removes_what_a_killed_one_left(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    left, held = work_folder.new_folder()
+    os.close(held)
+    assert run([], tmp_path / "out", Workers()) == []
+    assert goes(left)

@@ -22,6 +22,7 @@ from raytwin.image_input import ENDINGS
 from raytwin.parallel import Stored, Workers
 from raytwin.progress import Progress, silent
 from raytwin.sandbox.sandbox import plain
+from raytwin.sandbox.work_folder import sweep
 
 RESULTS = "results"
 """The folder of what came of each job; it makes a run go on where it stopped."""
@@ -80,8 +81,10 @@ def run(
 ) -> list[Result]:
     """Return the results in the jobs' order; each is written to `out`/results/KEY.json as it comes.
 
-    What the grader failed on before is graded again. `each` is called with every new result as it comes.
+    What the grader failed on before is graded again. `each` is called with every new result as it comes. Folders that a
+    killed run left in the temporary directory are removed first.
     """
+    sweep()
     said = _with_feedback_of(jobs)
     made = Stored(out / RESULTS, Result).run(
         grade_submission, jobs, workers, failed=_fault, redo=lambda result: result.grader_fault, again=again,

@@ -20,10 +20,24 @@ from raytwin.grade.rubric import read_rubric
 from raytwin.grade.sandboxed_calls import call_all
 from raytwin.grade.submission_code import code_of
 from raytwin.sandbox.sandbox import Answer, plain
+from raytwin.sandbox.turns import refused, turn
 
 
 def grade_submission(job: Job) -> Result:
-    """Grade one submission. Whatever it does, there is a result; InputError is for the rubric's faults."""
+    """Grade one submission. Whatever it does, there is a result; InputError is for the rubric's faults.
+
+    One to which the system refused a process or a thread is graded again alone: neighbours may have taken it.
+    """
+    with turn():
+        result, again = _graded(job)
+    if again:
+        with turn(alone=True):
+            result, _ = _graded(job)
+    return result
+
+
+def _graded(job: Job) -> tuple[Result, bool]:
+    """The result, and whether a process or a thread was refused."""
     began = time.perf_counter()
     rubric = read_rubric(job.rubric)
     result = Result(job.student, job.key, rubric.title, (), seed=job.seed, graded=f"{datetime.now(UTC):%Y-%m-%d %H:%M}")
@@ -36,7 +50,8 @@ def grade_submission(job: Job) -> Result:
     except InputError as error:
         for one in asked:
             one.answer = Answer(problem=f"expected {error.expected}, got {error.got}", sort="missing")
-        return marked(result, rubric, asked, plain(error))[0]
+        return marked(result, rubric, asked, plain(error))[0], False
     result, helped = marked(result, rubric, asked, problem, code)
     result = followed(result, rubric, asked, helped)
-    return msgspec.structs.replace(result, seconds=round(time.perf_counter() - began, 4))
+    result = msgspec.structs.replace(result, seconds=round(time.perf_counter() - began, 4))
+    return result, any(refused(one.answer) for one in asked)

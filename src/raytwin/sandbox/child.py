@@ -10,6 +10,7 @@ import importlib.util
 import json
 import os
 import random
+import signal
 import sys
 import traceback
 from collections.abc import Callable
@@ -58,6 +59,7 @@ def main() -> None:
         except EOFError:
             return
         answer: dict[str, Any] = {"call": call["call"]}
+        lock.allow_cpu(job["limits"]["a_call"])
         try:
             arrays = loading.arrays_of(functions[call["function"]](*call["arguments"]))[:8]
             if sum(a.nbytes for a in arrays) > job["limits"]["answer"]:
@@ -120,6 +122,8 @@ def _hint(error: BaseException, submission: Path, modules: list[str]) -> str:
     if isinstance(error, ModuleNotFoundError):
         names = [name for name in modules if not name.startswith("_")]
         return f"A submission may import the standard library, its own files, {', '.join(names)}."
+    if str(error).startswith(f"exit code {-getattr(signal, 'SIGXCPU', 0)},"):
+        return "The program was ended: it computed for longer than a call may."
     if not isinstance(error, OSError):
         return ""
     file = error.filename if isinstance(error.filename, str) else ""

@@ -7,12 +7,14 @@ the process and all that it starts, and cannot be taken back.
 import contextlib
 import ctypes
 import errno
+import math
 import os
 import platform
 import site
 import struct
 import sys
 import sysconfig
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -27,14 +29,21 @@ LOCKS = {
 
 WITHOUT_LOCK = {
     "process group": "processes that a submission leaves behind may go on",
-    "rlimits": "memory and seconds are watched, but not bounded by the system",
+    "rlimits": "submissions are stopped by the clock and by the size of their folder only",
     "other uid": "submissions run under your own user ID; the other locks hold",
     "Landlock": "submissions can read the files that their user can",
-    "seccomp": "submissions can use the network",
+    "seccomp": "submissions can use the network, and leave the group of processes that is killed",
 }
 """Every lock, and the consequence where it does not hold."""
 
 HOLDS = "holds"
+
+BYTES_OF_LIBRARIES = 1_000_000_000
+"""Addresses that files take, which are mapped and hardly read; what a process writes counts as its data as well."""
+NEIGHBOURS = max(8, os.cpu_count() or 1)
+"""Submissions that an ordinary user may grade at the same time: RLIMIT_NPROC counts the threads of all of them."""
+SPARE_CPU_SECONDS = 1
+"""From SIGXCPU, which says why a process ends, to SIGKILL, which no submission can catch."""
 
 
 def lock(
@@ -83,7 +92,7 @@ def _own_group() -> None:
     if sys.platform == "linux":
         _prctl(1, 9)  # PR_SET_PDEATHSIG: killed with the grader
         _prctl(38, 1)  # PR_SET_NO_NEW_PRIVS: no setuid program helps
-        _prctl(36, 1)  # PR_SET_CHILD_SUBREAPER: orphans stay its children, so their seconds are counted
+        _prctl(36, 1)  # PR_SET_CHILD_SUBREAPER: orphans become its children, not the grader's
         with contextlib.suppress(OSError):  # where memory ends, this process ends, not the grader
             Path("/proc/self/oom_score_adj").write_text("1000")
 
@@ -95,24 +104,38 @@ def _limit(limits: dict[str, int]) -> None:
         raise _Lacking("not on this system") from None
     asked = {
         "RLIMIT_CORE": 0,
-        "RLIMIT_AS": limits["memory"],
-        "RLIMIT_CPU": limits["cpu"],
+        "RLIMIT_DATA": limits["memory"],
+        "RLIMIT_AS": limits["memory"] + BYTES_OF_LIBRARIES,
+        "RLIMIT_CPU": math.ceil(time.process_time()) + limits["cpu"] + SPARE_CPU_SECONDS,
         "RLIMIT_FSIZE": limits["file"],
         "RLIMIT_NOFILE": 64,
         "RLIMIT_MSGQUEUE": 0,
         "RLIMIT_MEMLOCK": 0,
     }
     if os.getuid() != 0:
-        asked["RLIMIT_NPROC"] = _threads_of(os.getuid()) + limits["processes"]
+        asked["RLIMIT_NPROC"] = _threads_of(os.getuid()) + NEIGHBOURS * limits["processes"]
     for name, value in asked.items():
         if (kind := getattr(resource, name, None)) is not None:
             most = resource.getrlimit(kind)[1]
             value = value if most == resource.RLIM_INFINITY else min(value, most)
-            resource.setrlimit(kind, (value, value + (name == "RLIMIT_CPU" and value != most)))
+            resource.setrlimit(kind, (value, value))
+    allow_cpu(limits["cpu"])
+
+
+def allow_cpu(seconds: float) -> None:
+    """Let this process compute for so many seconds from now on, within its hard limit: SIGXCPU ends it."""
+    try:
+        import resource
+    except ImportError:
+        return
+    most = resource.getrlimit(resource.RLIMIT_CPU)[1]
+    if most != resource.RLIM_INFINITY:
+        soft = min(math.ceil(time.process_time() + seconds), most - SPARE_CPU_SECONDS)
+        resource.setrlimit(resource.RLIMIT_CPU, (soft, most))
 
 
 def _threads_of(uid: int) -> int:
-    """How many threads the user runs: the limit is one on all of them together."""
+    """How many threads the user runs."""
     count = 0
     for entry in Path("/proc").glob("[0-9]*"):
         try:
@@ -124,12 +147,13 @@ def _threads_of(uid: int) -> int:
 
 
 def _drop(folder: Path, processes: int) -> None:
-    """Change to a uid that no other process has: this process's number above 60 000. Its folders are its alone."""
+    """Change to a uid that no other process has. The folder is its alone, and it may pass through the one above."""
     if not hasattr(os, "getuid") or os.getuid() != 0:
         raise _Lacking("the grader is not root")
-    uid = 60_000 + os.getpid() % 5_000
-    for own in (folder, folder.parent):
-        os.chown(own, uid, uid)
+    uid = uid_of(os.getpid())
+    os.chown(folder, uid, uid)
+    os.chown(folder.parent, -1, uid)
+    folder.parent.chmod(0o710)
     import resource
 
     resource.setrlimit(resource.RLIMIT_NPROC, (processes, processes))
@@ -142,6 +166,11 @@ def _drop(folder: Path, processes: int) -> None:
         there = getattr(sys.modules.get(name), "__file__", None)
         if there is not None and not os.access(there, os.R_OK):
             raise OSError(errno.EACCES, "another uid cannot read Python's packages", there)
+
+
+def uid_of(pid: int) -> int:
+    """The user that a submission's process runs as, where the grader is root."""
+    return 60_000 + pid % 5_000
 
 
 def _prctl(option: int, value: int) -> None:
@@ -296,11 +325,11 @@ MACHINES = {"x86_64": (0xC000003E, 0), "amd64": (0xC000003E, 0), "aarch64": (0xC
 NEW_NAMESPACES, CLONE_PARENT = 0x7E020080, 0x8000
 """CLONE_NEWNS, CGROUP, UTS, IPC, USER, PID, NET, TIME; and a child of the grader's, whom nobody waits for."""
 SIGCHLD = 17
-"""Where it is ignored, a child that ends takes its seconds along."""
+"""Children that ended count as processes until they are waited for: a submission may not have them dropped."""
 PRCTLS = {"PR_SET_PDEATHSIG": 1, "PR_SET_CHILD_SUBREAPER": 36}
-"""What ends it with the grader, and keeps its orphans where their seconds are counted."""
+"""What ends it with the grader, and makes its orphans its own children."""
 MAP_SHARED, MAP_ANONYMOUS = 1, 0x20
-"""Both: memory that children fill, and that is in nobody's account once they have ended."""
+"""Both: memory without a file that outlives the process that fills it."""
 FCNTLS = {
     "F_SETOWN": 8, "F_SETSIG": 10, "F_SETOWN_EX": 15, "F_SETLEASE": 1024, "F_NOTIFY": 1026, "F_SETPIPE_SZ": 1031,
 }  # fmt: skip

@@ -11,18 +11,18 @@ system: what is lost is said.
 
 import contextlib
 import functools
+import math
 import os
 import queue
 import secrets
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, BinaryIO, Literal, NamedTuple
+from typing import Any, BinaryIO, Literal
 
 import msgspec
 import numpy as np
@@ -31,27 +31,27 @@ from raytwin.errors import InputError
 from raytwin.image_input import ENDINGS
 from raytwin.sandbox import wire
 from raytwin.sandbox.importable import importable
-from raytwin.sandbox.lock import HOLDS, LOCKS, WITHOUT_LOCK
-from raytwin.sandbox.process_group import Member, awake, members, nameless_bytes, processes_of_user, usage
-from raytwin.sandbox.work_folder import MEGA, copy_files, excess, remove_soon
+from raytwin.sandbox.lock import HOLDS, LOCKS, WITHOUT_LOCK, uid_of
+from raytwin.sandbox.work_folder import MEGA, copy_files, excess, new_folder, remove
 from raytwin.scene_folders import REFERENCES
 
 POLL = 0.1
-"""Seconds between two looks at the clock, the processes, their memory and their folder."""
-QUICK = 0.02
-"""Seconds: no further look within them, since a look takes as long as a quick call."""
+"""Seconds between two looks at the clock and at the working folder."""
 FORGED = "it wrote into the grader's pipe"
 PENDING = object()
 """No answer yet."""
 CLOCK_FACTOR = 10
-"""A submission is ended when its time by the clock exceeds a limit of seconds this many times, whatever the load."""
+"""A submission is ended when its time by the clock exceeds a limit of seconds this many times.
+
+Asleep it uses no processor, and on a busy machine it waits for one: the clock cannot tell one from the other.
+"""
 
 
 class Limits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Limits of one submission, all its processes together; `cpu_seconds` is each process's.
+    """Limits of one submission.
 
-    `seconds` and `seconds_a_call` are those that it computed or slept, not those that it waited for a core: a busy
-    machine fails nobody. Where the system does not say (no /proc), they are the clock's.
+    Each of its processes may take `memory_mb`, write files of `file_mb`, and compute for `seconds_a_call` in a call and
+    for `seconds` (`cpu_seconds`, if that is less) in all. By the clock, all may take `CLOCK_FACTOR` times as long.
     """
 
     seconds: float = 60.0
@@ -100,25 +100,6 @@ class Answer:
     sort: Literal["", "error", "limit", "broken", "missing"] = ""
 
 
-class Spent(NamedTuple):
-    """Seconds of all processes together: of computing, of all being asleep, and of the clock."""
-
-    computed: float = 0.0
-    asleep: float = 0.0
-    clock: float = 0.0
-
-    def beyond(self, limit: float, words: bool) -> str:
-        """What is said where it is too much; `words`: the system distinguishes computing from sleeping."""
-        if self.computed + self.asleep >= limit:
-            how = ", asleep" if self.asleep > self.computed else " of computing"
-            return f"not done after {limit:g} s{how if words else ''}: ended"
-        return (
-            f"not done after {CLOCK_FACTOR * limit:g} s of the clock: ended"
-            if self.clock > CLOCK_FACTOR * limit
-            else ""
-        )
-
-
 class Sandbox:
     """A process with a submission in it. `functions`: those asked for that exist; `printed`: how its output begins."""
 
@@ -132,13 +113,14 @@ class Sandbox:
         self._code, self._calls = code, 0
         self.problem = Answer()
         """Why nothing can be called any more: empty where all is well."""
-        self._spent, self._seen, self._looked_at, self._files_looked_at = Spent(), 0.0, 0.0, 0.0
-        self._uid: int | None = None
+        self.spent = 0.0
+        """Seconds in which it was to answer, without those in which it waited for a core."""
+        self._clock, self._looked_at = 0.0, 0.0
         self._hidden = tuple(str(Path(h).resolve()) for h in (*hidden, REFERENCES, _package()))
         self._with_uid = uid if uid is not None else probe().get("other uid") == HOLDS
 
     def __enter__(self) -> "Sandbox":
-        self._base = Path(tempfile.mkdtemp(prefix="raytwin-"))
+        self._base, self._held = new_folder()
         self._work, self._copy = self._base / "work", self._base / "submission"
         self._work.mkdir(mode=0o700)
         self._copy.mkdir(mode=0o755)
@@ -169,8 +151,9 @@ class Sandbox:
         self._outbox: queue.Queue[Any] = queue.Queue(1)
         most = self.limits.answer_mb * MEGA
         limits = {
-            "memory": (self.limits.memory_mb + 1000) * MEGA,  # addresses, of which libraries take many
-            "cpu": self.limits.cpu_seconds,
+            "memory": self.limits.memory_mb * MEGA,
+            "cpu": math.ceil(self._cpu_seconds),
+            "a_call": self.limits.seconds_a_call,
             "file": self.limits.file_mb * MEGA,
             "processes": self.limits.processes,
             "answer": most - (1 << 16),
@@ -193,8 +176,6 @@ class Sandbox:
         if self.problem.problem or not self._is_table(ready, {"locks": dict, "pid": int}):
             return
         self.locks = {str(k): str(v) for k, v in ready["locks"].items()}
-        if self.locks.get("other uid") == HOLDS:
-            self._uid = 60_000 + self._process.pid % 5_000
         self._inbox.put(None)
         loaded = self._wait(self.limits.seconds)
         if self.problem.problem:
@@ -224,12 +205,10 @@ class Sandbox:
         if function not in self.functions:
             return Answer(problem=f"{function} is not written", sort="missing")
         self._calls += 1
-        start, before = time.monotonic(), self._spent
+        before = self.spent
         self._inbox.put({"call": self._calls, "function": function, "arguments": list(arguments)})
         answer = self._wait(self.limits.seconds_a_call)
-        seconds = time.monotonic() - start
-        if before.computed and self._looked_at > start:  # the system counts: what it waited for a core is not its own
-            seconds = min(seconds, sum(self._spent[:2]) - sum(before[:2]))
+        seconds = self.spent - before
         if not self.problem.problem and self._is_table(answer, {"call": int}):
             if isinstance(answer.get("error"), str):
                 return Answer(seconds=seconds, problem=plain(answer["error"]), sort="error")
@@ -241,9 +220,8 @@ class Sandbox:
         return replace(self.problem, seconds=seconds)
 
     @property
-    def spent(self) -> float:
-        """Seconds, as `Limits.seconds` counts them."""
-        return self._spent.computed + self._spent.asleep
+    def _cpu_seconds(self) -> float:
+        return min(self.limits.seconds, self.limits.cpu_seconds)
 
     def _pump(self, requests: BinaryIO, answers: BinaryIO, most: int) -> None:
         """Send requests and read answers, in a thread, since either pipe may hang. A request of None: only read."""
@@ -268,7 +246,7 @@ class Sandbox:
                 kept += part[: max(0, 16_384 - len(kept))]
                 seen += len(part)
                 self.printed = kept.decode(errors="replace")  # as it comes: the thread may never end
-                if seen > self.limits.output_mb * MEGA and not self.problem.problem:
+                if seen > self.limits.output_mb * MEGA:
                     self._end(f"it printed more than {self.limits.output_mb} MB", "limit")
                     break
         with contextlib.suppress(OSError):
@@ -276,84 +254,61 @@ class Sandbox:
 
     def _wait(self, most: float) -> Any:
         """The next answer, that may take `most` seconds; None once there can be none, and then `problem` says why."""
-        before, looked = self._spent, time.monotonic()
-        while True:
-            try:
+        began, waited = time.monotonic(), self._waited_for_a_core()
+        whole = CLOCK_FACTOR * self.limits.seconds
+        limit = min(CLOCK_FACTOR * most, whole - self._clock)
+        answer = PENDING
+        while answer is PENDING and not self.problem.problem:
+            with contextlib.suppress(queue.Empty):
                 answer = self._outbox.get(timeout=POLL)
-            except queue.Empty:
-                answer = PENDING
             if isinstance(answer, Exception):
-                if not self.problem.problem:
-                    self._end(*self._how_it_ended(answer))
-                return None
-            now = time.monotonic()
-            if answer is not PENDING and now - self._looked_at < QUICK:
-                return answer
-            found, looked = self._look(now - looked), now
-            self._looked_at = now
-            if exceeded := self._exceeded(most, before, found):
-                self._end(exceeded, "limit")
-                return None
-            if answer is not PENDING:
-                return answer
+                self._end(*self._how_it_ended(answer, most))
+            elif answer is PENDING and time.monotonic() - began > limit:
+                limit = min(CLOCK_FACTOR * most, whole)
+                self._end(f"not done after {limit:g} s of the clock: ended", "limit")
+            elif time.monotonic() - self._looked_at > POLL:
+                self._looked_at = time.monotonic()
+                if exceeded := excess(self._work, self.limits.folder_mb * MEGA):
+                    self._end(exceeded, "limit")
+        elapsed = time.monotonic() - began
+        self._clock += elapsed
+        self.spent += max(0.0, elapsed - max(0.0, self._waited_for_a_core() - waited))
+        return None if self.problem.problem else answer
 
-    def _look(self, elapsed: float) -> list[Member]:
-        """Return the processes; add to the total what they computed since the last look, or slept of `elapsed` s."""
-        found = members(self._process.pid)
-        seconds = usage(found).seconds
-        computed = max(0.0, seconds - self._seen)
-        self._seen = max(self._seen, seconds)
-        # Where this process had to wait itself, nobody knows what the other did meanwhile.
-        slept = 0.0 if computed or awake(found) else min(elapsed, 2 * POLL)
-        new = (computed, slept, elapsed)
-        self._spent = Spent(*(a + b for a, b in zip(self._spent, new, strict=True)))
-        return found
+    def _waited_for_a_core(self) -> float:
+        """Seconds in which its first thread was ready to run and another had the core; 0 where no system says so."""
+        with contextlib.suppress(OSError, ValueError, IndexError):
+            return int(Path(f"/proc/{self._process.pid}/schedstat").read_text().split()[1]) / 1e9
+        return 0.0
 
-    def _exceeded(self, most: float, before: Spent, found: list[Member]) -> str:
-        limits, words, used = self.limits, self._spent.computed > 0, usage(found)
-        of_this = Spent(*(a - b for a, b in zip(self._spent, before, strict=True)))
-        if beyond := self._spent.beyond(limits.seconds, words) or of_this.beyond(most, words):
-            return beyond
-        if used.processes > limits.processes:
-            return f"it started more than {limits.processes} processes: ended"
-        if used.memory > limits.memory_mb * MEGA:
-            return f"it took more than {limits.memory_mb} MB: ended"
-        if time.monotonic() - self._files_looked_at < POLL / 2:  # after a quick answer: files take long to look at
-            return ""
-        self._files_looked_at = time.monotonic()
-        return excess(self._work, limits.folder_mb * MEGA, nameless_bytes(found))
-
-    def _how_it_ended(self, error: Exception) -> tuple[str, Literal["limit", "broken"]]:
+    def _how_it_ended(self, error: Exception, most: float) -> tuple[str, Literal["limit", "broken"]]:
         if not isinstance(error, EOFError | OSError):
             return FORGED, "broken"
         with contextlib.suppress(subprocess.TimeoutExpired):
             code = self._process.wait(timeout=1.0)
             if code == -getattr(signal, "SIGXCPU", 0):
-                return f"not done after {self.limits.cpu_seconds} s of computing: ended", "limit"
+                limit = most if self.spent + most <= self._cpu_seconds else self._cpu_seconds
+                return f"not done after {limit:g} s of computing: ended", "limit"
             if code < 0:
                 return f"the process was ended by {_signal_name(-code)}", "broken"
             return f"the process ended itself (exit code {code}) without an answer", "broken"
         return "it closed the pipe to the grader", "broken"
 
     def _end(self, problem: str, sort: Literal["error", "limit", "broken"]) -> None:
-        self.problem = Answer(problem=problem, sort=sort)
+        if not self.problem.problem:  # the first reason is the cause of others
+            self.problem = Answer(problem=problem, sort=sort)
         self._kill()
 
     def _kill(self) -> None:
-        """The process and all that it has started: nobody can leave the group where seccomp holds, nor its own uid."""
+        """The process and all that it has started: nobody leaves the group where seccomp holds, nor its own uid."""
         if os.name == "posix":
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(self._process.pid, signal.SIGKILL)
         with contextlib.suppress(OSError):
             self._process.kill()
-        if self._uid is not None:
-            for _ in range(20):
-                others = [pid for pid in processes_of_user(self._uid) if pid != self._process.pid]
-                if not others:
-                    break
-                for pid in others:
-                    with contextlib.suppress(OSError):
-                        os.kill(pid, signal.SIGKILL)
+        if self.locks.get("other uid") == HOLDS and self.locks.get("seccomp") != HOLDS:
+            uid = uid_of(self._process.pid)
+            subprocess.run(["sh", "-c", "kill -9 -1"], user=uid, group=uid, extra_groups=(), check=False)
 
     def close(self) -> None:
         if hasattr(self, "_process"):
@@ -365,7 +320,9 @@ class Sandbox:
             with contextlib.suppress(queue.Empty):
                 self._outbox.get_nowait()
             self._draining.join(1.0)
-        remove_soon(self._base)
+        remove(self._base)
+        if self._held >= 0:
+            os.close(self._held)
 
 
 # ------------------------------------------------------------------------------------------ probe

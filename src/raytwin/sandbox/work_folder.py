@@ -3,6 +3,8 @@
 import contextlib
 import os
 import shutil
+import subprocess
+import tempfile
 import threading
 from pathlib import Path
 
@@ -12,12 +14,44 @@ MEGA = 1_000_000
 """Bytes per MB, as the messages count."""
 MOST_FILES = 10_000
 """Files and folders that a submission may hand in, and that it may write."""
-DEEPEST = 2000
-"""Characters of a path below the working folder: beyond, folders are nested to hide or to stall."""
-
 
 REMOVAL_SECONDS = 1.0
 """Seconds that grading waits for the removal of a submission's folder."""
+PREFIX = "raytwin-sandbox-"
+"""How the names of submissions' folders in the temporary directory begin."""
+
+
+def new_folder() -> tuple[Path, int]:
+    """Make a submission's folder; return it and the descriptor of a lock. It is in use until that is closed.
+
+    It has its final name only once it is locked, so `sweep` in another process never takes it for left behind.
+    """
+    folder = Path(tempfile.mkdtemp(prefix="raytwin-new-"))
+    if os.name != "posix":
+        return folder, -1
+    import fcntl
+
+    held = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    with contextlib.suppress(OSError):  # some network file systems have no locks: `sweep` finds none either
+        fcntl.flock(held, fcntl.LOCK_SH)
+    return folder.rename(folder.with_name(folder.name.replace("raytwin-new-", PREFIX))), held
+
+
+def sweep() -> None:
+    """Remove this user's submissions' folders whose process is gone: it was killed before it could do so."""
+    if os.name != "posix":
+        return
+    import fcntl
+
+    for folder in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
+        with contextlib.suppress(OSError):
+            there = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+            try:
+                fcntl.flock(there, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if os.fstat(there).st_uid == os.getuid():
+                    remove(folder)
+            finally:
+                os.close(there)
 
 
 def copy_files(folder: Path, to: Path, most: int) -> None:
@@ -39,82 +73,29 @@ def copy_files(folder: Path, to: Path, most: int) -> None:
             (here / name).chmod(0o755 if os.access(path, os.X_OK) else 0o644)
 
 
-def excess(folder: Path, most: int, nameless: int = 0) -> str:
-    """What is too much of all that lies below the folder, in words; `nameless`: bytes that count as well."""
-    size, count, todo = nameless, 0, [str(folder)]
-    longest = len(todo[0]) + DEEPEST
-    while todo:
-        with contextlib.suppress(OSError), os.scandir(todo.pop()) as entries:
-            for entry in entries:
-                count += 1
-                if count > MOST_FILES:
-                    return "it wrote more than 10 000 files: ended"
-                if len(entry.path) > longest:
-                    return "it nested folders too deep: ended"
-                with contextlib.suppress(OSError):
-                    if entry.is_dir(follow_symlinks=False):
-                        todo.append(entry.path)
-                    else:
-                        size += entry.stat(follow_symlinks=False).st_blocks * 512
-        if size > most:
-            break
+def excess(folder: Path, most: int) -> str:
+    """What is too much of all that lies below the folder, in words."""
+    size, count = 0, 0
+    for where, folders, names in os.walk(folder):
+        count += len(folders) + len(names)
+        if count > MOST_FILES:
+            return "it wrote more than 10 000 files: ended"
+        for name in names:
+            with contextlib.suppress(OSError):
+                size += os.lstat(f"{where}/{name}").st_size
     return f"it wrote more than {most // MEGA} MB: ended" if size > most else ""
 
 
-def remove_soon(folder: Path, patience: float = REMOVAL_SECONDS) -> threading.Thread:
-    """Remove the folder; return after `patience` seconds; whatever is left goes while the next submission is graded.
-
-    A disk may take 5 ms to remove a folder, and a submission can nest 20 000. The interpreter ends after the thread.
-    """
-    removing = threading.Thread(target=remove, args=(folder,), name=f"remove {folder.name}")
-    removing.start()
-    removing.join(patience)
-    return removing
-
-
 def remove(folder: Path) -> None:
-    """Remove the folder, however deep and whatever its rights: down by one name and up by `..`, so no path grows.
+    """Remove the folder in a process of its own, and wait for that for a second: thousands of folders take longer.
 
-    Windows opens no folders, and no other user's files lie there: there `shutil` does it.
+    The process goes on even if the grader ends. A folder that its owner may not read is opened first.
     """
-    if os.open not in os.supports_dir_fd or not hasattr(os, "O_NOFOLLOW"):
+    if os.name != "posix":
         shutil.rmtree(folder, ignore_errors=True)
         return
-    way: list[str] = []
-    with contextlib.suppress(OSError):
-        here = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-        try:
-            while True:
-                below = _emptied(here)
-                if below:
-                    os.chmod(below, 0o700, dir_fd=here)
-                    way.append(below)
-                    here = _moved(here, below)
-                elif way:
-                    here = _moved(here, "..")
-                    os.rmdir(way.pop(), dir_fd=here)
-                else:
-                    break
-        finally:
-            os.close(here)
-        folder.rmdir()
-
-
-def _emptied(here: int) -> str:
-    """Remove the files and empty folders in a folder; return the first folder that is not empty, if there is one."""
-    with os.scandir(here) as entries:
-        for entry in entries:
-            if not entry.is_dir(follow_symlinks=False):
-                os.unlink(entry.name, dir_fd=here)
-                continue
-            try:
-                os.rmdir(entry.name, dir_fd=here)
-            except OSError:
-                return entry.name
-    return ""
-
-
-def _moved(here: int, to: str) -> int:
-    there = os.open(to, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW, dir_fd=here)
-    os.close(here)
-    return there
+    command = ["sh", "-c", 'rm -rf "$0" || { chmod -R u+rwx "$0"; rm -rf "$0"; }', str(folder)]
+    quiet = {"stderr": subprocess.DEVNULL, "start_new_session": True}
+    removing = threading.Thread(target=subprocess.run, args=(command,), kwargs=quiet, daemon=True)
+    removing.start()
+    removing.join(REMOVAL_SECONDS)
