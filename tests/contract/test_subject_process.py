@@ -85,6 +85,12 @@ def test_a_program_that_leaves_a_process_behind_has_ended_when_it_has(tmp_path, 
     assert time.monotonic() - began < 50
 
 
+def test_a_program_whose_command_has_no_seed_is_called_once(tmp_path):
+    found = find_subject("./mine {scene} {out}", "shadow")
+    assert (found.seeded, found.renders, found.samples) == (False, 1, 0)
+    assert find_subject("./mine {scene} {out} {seed}", "shadow").seeded
+
+
 def test_a_process_that_ended_is_started_again_at_the_next_call(tmp_path):
     process = SubjectProcess(subject(tmp_path, "os._exit(0) if seed else None"))
     scene = {"height": 2, "width": 3}

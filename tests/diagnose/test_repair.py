@@ -483,33 +483,3 @@ def test_no_change_binds_a_name_that_the_function_only_reads():
             function = made[0] if isinstance(made, list) else made
             assert not [n for n in ast.walk(function) if isinstance(n, ast.Name) and n.id == "LIMIT"
                         and isinstance(n.ctx, ast.Store)], edit.after  # fmt: skip
-
-
-def test_beside_a_change_a_text_that_differs_with_a_switch_is_changed_without():
-    """Which statements of such a text run is unknown: no place of a switch says so."""
-    text = (
-        "def f(x):\n    y = x[:2] + 1\n    return [*y, g(x[2])]\n"
-        "def g(v):\n    y = v * 3\n    return -y if 'raytwin_switch' in g.__code__.co_names else y\n"
-    )
-
-    def run(chosen, arguments, changed):
-        return [ran(c, arguments) for c in chosen]
-
-    def ran(candidate, arguments):
-        space = {"raytwin_switch": dict(candidate.setting)}
-        exec(text, space)
-        for code in candidate.codes:
-            exec(marshal.loads(code), space)
-        try:
-            return (np.array(space["f"](*arguments), float),)
-        except Exception:
-            return None
-
-    def errors(case, got):
-        return np.abs(got[0] - case.expected) if got[0].shape == case.expected.shape else None
-
-    case = Case("", (np.array([5.0, 6.0, 7.0]),), np.array([4.0, 5.0, 7 / 3]))
-    runner = Runner(run, lambda chosen, arguments: frozenset(range(100)))
-    right = lambda case, got: np.array_equal(got[0], case.expected)  # noqa: E731
-    found = repair([("", text)], "f", [case], right, runner, lambda: True, errors=errors)
-    assert {found.after, found.beside.after} == {"y = x[:2] - 1", "y = v / 3"}

@@ -79,8 +79,9 @@ FEW = 16
 
 def takes_of(function: Callable[..., Any]) -> set[str]:
     """Return which of `seed` and `samples` a function takes, or says so itself (`takes`); none if it is compiled."""
-    try:
-        names = getattr(function, "takes", None) or inspect.signature(function).parameters
-    except (TypeError, ValueError):
-        return set()
+    if (names := getattr(function, "takes", None)) is None:
+        try:
+            names = inspect.signature(function).parameters
+        except (TypeError, ValueError):
+            return set()
     return {"seed", "samples"} & set(names)
