@@ -1,5 +1,6 @@
 """The whole light between runs: nothing is made twice, nothing is stale, nothing damaged is believed; and its split."""
 
+import math
 import os
 from math import pi
 
@@ -154,3 +155,12 @@ def test_of_light_that_chance_finds_the_fewest_factors_are_told(scenes, fast, fa
     for share in found.shares:
         assert share.factor == pytest.approx(next(iter(told.values())), abs=4 * share.error)
         assert share.error < 0.05
+
+
+@pytest.mark.parametrize(("count", "most"), [(60, 1 << 18), (640, 1 << 15), (100_000, 1 << 12)])
+def test_the_more_objects_a_scene_has_the_fewer_pixels_the_ledger_takes(single, monkeypatch, count, most):
+    none = {f"{half} {part}": np.zeros(3) for half in (0, 1) for part in speed.PARTS}
+    monkeypatch.setattr(WholeLight, "_sampled", lambda _: none | {"seconds": np.zeros(len(speed.PARTS) - 1)})
+    crowd = msgspec.structs.replace(single, objects=(single.spheres[0],) * count)
+    pixels = math.prod(WholeLight(crowd, "drjit32").shape[:2])
+    assert most / 4 < pixels <= most

@@ -24,6 +24,8 @@ from raytwin.speed import ENGINES, PARTS, light_parts, trace, walk
 
 PIXELS, PIXELS_NUMPY, SAMPLES = 1 << 18, 1 << 13, 8
 """A larger frame's light is that of every k-th pixel of every k-th row; twice so many samples each."""
+OBJECTS, FEWEST_PIXELS = 64, 1 << 12
+"""Objects from which on pixels get fewer as objects get more, so that the ledger takes no longer; down to so many."""
 SEEDS = 0xA11CE, 0xB0B
 """Seeds that no user's render has, so that no image is compared with its own samples."""
 SMALL = 96
@@ -49,7 +51,9 @@ class WholeLight:
     def __init__(self, scene: Scene, engine: str, depth: int = 8, keep: bool = False) -> None:
         self.scene, self.engine, self.depth, self.keep = scene, engine, depth, keep
         w, h = scene.camera.image_size
-        self.step = math.ceil(math.sqrt(w * h / (PIXELS_NUMPY if ENGINES[engine].is_numpy else PIXELS)))
+        pixels = PIXELS_NUMPY if ENGINES[engine].is_numpy else PIXELS
+        pixels = max(FEWEST_PIXELS, pixels * OBJECTS // max(OBJECTS, len(scene.objects)))
+        self.step = math.ceil(math.sqrt(w * h / pixels))
         self.thin = scene.with_camera(scene.camera.every(self.step))
         self.shape = (self.thin.camera.height, self.thin.camera.width, 3)
         names = {(k, part): f"{k} {part}" for k in range(len(SEEDS)) for part in PARTS}
