@@ -12,7 +12,7 @@ from raytwin import files, twin
 from raytwin.analysis import recommend
 from raytwin.analysis.light_parts import gone
 from raytwin.analysis.recommend import needs, search
-from raytwin.analysis.recommend.bounds import Bounds
+from raytwin.analysis.recommend.bounds import Bounds, shading
 from raytwin.analysis.recommend.converged import measure
 from raytwin.analysis.recommend.search import Search, Tried
 from raytwin.analysis.recommend.simplify import still_terms
@@ -23,7 +23,8 @@ from raytwin.renderers.subject_renderers import Filled, PathTraced, Speculated, 
 from raytwin.scene import Camera, Environment, Rectangle, Scene, Sphere, Sun
 from raytwin.scene.lens import distort
 from raytwin.speed import light_parts, walk
-from raytwin.tracer import sample_cosine_hemisphere, trace
+from raytwin.tracer import STAGES, sample_cosine_hemisphere, trace
+from raytwin.tracer.world import intersect
 
 
 @pytest.fixture(scope="module")
@@ -90,6 +91,50 @@ def test_nothing_is_proven_of_a_white_furnace_and_all_of_a_convex_body():
 def test_a_sphere_round_the_eye_is_filled_by_itself():
     camera = view_of((0, 0, 0), (0, 0, 3), 3)
     assert Bounds(Scene("within", camera, (Sphere((0, 0, 0), 9.0, grey(0.5)),), WHITE)).shares.tolist() == [[1.0]]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_object_that_shades_another_is_missed(seed):
+    """Rays to the sun from points on an object meet no object that is not said to shade it."""
+    rng = np.random.default_rng(seed)
+    count, planes = int(rng.integers(1, 100)), int(rng.integers(0, 4))
+    radii = rng.choice([0.02, 0.05, 0.6], count, p=[0.6, 0.35, 0.05]).tolist()
+    spheres = tuple(Sphere(tuple(c), r) for c, r in zip(rng.uniform(-1, 1, (count, 3)).tolist(), radii, strict=True))
+    leaves = tuple(
+        Rectangle(tuple(c), (0.2, 0.0, 0.0), (0.0, 0.2, 0.1)) for c in rng.uniform(-1, 1, (planes, 3)).tolist()
+    )
+    scene = Scene("cloud", None, (*spheres, *leaves), (Sun(tuple(rng.uniform(-1, 1, 3).tolist())),))
+    found = shading(scene)
+    assert not np.diag(found).any()
+    for j, thing in enumerate(scene.objects):
+        if isinstance(thing, Sphere):
+            way = rng.normal(size=(3, 40))
+            off = thing.radius * way / np.linalg.norm(way, axis=0)
+        else:
+            off = np.array([thing.half_u, thing.half_v]).T @ rng.uniform(-1, 1, (2, 40))
+        points = tuple(np.array(thing.center)[:, None] + off)
+        for i in np.flatnonzero(~found[j]).tolist():
+            with np.errstate(all="ignore"):
+                meets = intersect(points, scene.sun.to_light, scene.objects[i], STAGES) < np.inf
+            assert i == j or not meets.any(), (i, j)
+
+
+@pytest.mark.parametrize("scale", [1.0, 50.0])
+def test_a_caster_may_be_a_ten_thousandth_beyond_touching_for_float32_and_no_further(scale):
+    """Of radii 0.1 and 0.05 under the zenith: 0.15 (1 + 1e-4), and 1e-6 of the largest coordinate for each."""
+    room = 0.15 * 1.0001 + 2e-6
+
+    def shaders(x: float, z: float) -> list[list[int]]:
+        spheres = (Sphere((0.0, 0.0, 0.0), 0.1 * scale), Sphere((0.0, x * scale, z * scale), 0.05 * scale))
+        found = shading(Scene("two", None, spheres, (Sun((0.0, 0.0, 1.0)),)))
+        return [np.flatnonzero(row).tolist() for row in found]
+
+    assert shaders(room - 2e-7, 1.0) == [[1], []]
+    assert shaders(room + 2e-7, 1.0) == [[], []]
+    assert shaders(0.0, -1.0) == [[], [0]]
+    low = 0.15 * 1.0001 + 2e-6 * 0.15
+    assert shaders(0.0, -low * (1 - 1e-6)) == [[1], [0]]
+    assert shaders(0.0, -low * (1 + 1e-6)) == [[], [0]]
 
 
 @pytest.mark.parametrize("name", ["overlap", "gloss", "studio"])

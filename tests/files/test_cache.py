@@ -52,6 +52,24 @@ def test_arrays_that_were_stored_are_loaded(cache):
 
 
 @pytest.mark.parametrize(
+    "change",
+    [
+        {"a": np.array([1.0, 2.5])}, {"a": np.array([1, 2])}, {"a": np.array([[1.0, 2.0]])}, {"b": np.zeros(1)},
+        {"seal": np.zeros(32, np.uint8)}, {"seal": np.array("none")},
+    ],
+)  # fmt: skip
+def test_stored_arrays_are_loaded_under_their_own_key_and_only_as_they_were_stored(cache, change):
+    cache.store_arrays("a", {"a": np.array([1.0, 2.0])})
+    assert cache.load_arrays("a")["a"].tolist() == [1.0, 2.0]
+    cache.path("b").write_bytes(cache.path("a").read_bytes())
+    assert cache.load_arrays("b") is None
+    np.savez(cache.path("a"), **(read_arrays(cache.path("a")) | change))
+    assert cache.load_arrays("a") is None
+    np.savez(cache.path("a"), a=np.array([1.0, 2.0]))
+    assert cache.load_arrays("a") is None
+
+
+@pytest.mark.parametrize(
     "data",
     [
         encrypted(),

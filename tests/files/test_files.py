@@ -15,6 +15,7 @@ import numpy as np
 import OpenEXR
 import pytest
 import tomli_w
+from counting import Compared, calls
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -22,8 +23,10 @@ from PIL import Image as Pillow
 
 from raytwin import files
 from raytwin.errors import InputError
+from raytwin.files import scene_files
 from raytwin.image import Image, Surface
 from raytwin.scene import Camera, Lambert, Rectangle, Sphere
+from raytwin.scene.object_names import numbered
 
 SCENE = """
 [camera]
@@ -512,3 +515,37 @@ def test_a_wrong_exr_is_named(tmp_path):
         (tmp_path / "x.exr").write_bytes(data[: int(share * len(data))])
         with pytest.raises(InputError, match="got a damaged one"):
             files.read_exr(tmp_path / "x.exr")
+
+
+# ------------------------------------------------------------------------------------------------ many objects
+
+
+def many(count: int, named: bool = False) -> str:
+    """A scene.toml of `count` spheres more."""
+    name = "name = 'ball {0}'\n" if named else ""
+    ball = "[[spheres]]\ncenter = [0.0, 0.0, 0.05]\nradius = 0.05\n" + name
+    return SCENE + "".join(ball.format(i) for i in range(count))
+
+
+@pytest.mark.parametrize("named", [False, True])
+def test_four_times_the_spheres_take_four_times_the_calls_to_read(tmp_path, named):
+    counts = []
+    for count in (100, 400):
+        (tmp_path / "scene.toml").write_text(many(count, named))
+        files.read_scene(tmp_path)  # what is done once is done
+        counts.append(calls(lambda: files.read_scene(tmp_path).scene.names))
+    assert 3 < counts[1] / counts[0] < 4.1
+
+
+def test_each_name_is_compared_with_a_few_others_at_most(tmp_path, monkeypatch):
+    """A name that two objects share, and a kind that many are of, are looked up, not searched for."""
+    Compared.times = 0
+    kinds = numbered(Compared(kind) for kind in ["sphere"] * 300 + ["plane"] * 200)
+    assert (kinds[299], kinds[300], kinds[499]) == ("sphere 299", "plane 0", "plane 199")
+    (tmp_path / "scene.toml").write_text(many(500))
+    found = scene_files.called
+    monkeypatch.setattr(scene_files, "called", lambda *rest: tuple(map(Compared, found(*rest))))
+    assert Compared.times <= 2 * 500
+    Compared.times = 0
+    files.read_scene(tmp_path)
+    assert Compared.times <= 2 * 500

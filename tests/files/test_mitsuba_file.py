@@ -1,9 +1,11 @@
 from pathlib import Path
 
 import pytest
+from counting import calls
 
 from raytwin import files
 from raytwin.errors import InputError
+from raytwin.files import mitsuba_file
 
 HEAD = """<integrator type="path"/><sensor type="perspective"><film type="hdrfilm">
 <integer name="width" value="$w"/><integer name="height" value="9"/></film></sensor><default name="w" value="12"/>"""
@@ -90,3 +92,22 @@ def test_a_file_elsewhere_may_be_allowed_by_name(folder, monkeypatch):
 def test_a_command_that_needs_raytwins_own_scene_says_so(folder):
     with pytest.raises(InputError, match=r"a scene\.toml.*got XML"):
         files.read_scene(written(folder))
+
+
+def test_four_times_the_shapes_and_parameters_take_four_times_the_calls_to_read(folder):
+    counts = []
+    for count in (25, 100):
+        pot = '<shape type="ply"><string name="filename" value="parts/pot.ply"/></shape>'
+        body = "".join(f'<default name="p{i}" value="{i}"/>{pot}' for i in range(count))
+        file = written(folder, body)
+        files.read_mitsuba(file)
+        counts.append(calls(lambda file=file: files.read_mitsuba(file)))
+    assert counts[1] / counts[0] < 4.5
+
+
+def test_a_file_that_many_shapes_share_is_read_once(folder, monkeypatch):
+    read, content = [], mitsuba_file._content
+    monkeypatch.setattr(mitsuba_file, "_content", lambda file, *kind: (read.append(file.name), content(file, *kind))[1])
+    body = '<shape type="ply"><string name="filename" value="parts/pot.ply"/></shape>' * 20
+    assert len(files.read_mitsuba(written(folder, body)).names) == 20
+    assert read.count("pot.ply") == 1

@@ -4,7 +4,6 @@ import math
 from itertools import cycle
 
 import cv2
-import msgspec
 import numpy as np
 import pytest
 from engines import SHIPPED, TRIED
@@ -12,11 +11,11 @@ from hypothesis import assume, example, given, reject, settings
 from hypothesis import strategies as st
 
 from raytwin.files import read_scene
-from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere, Sun
+from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere
 from raytwin.scene.lens import undone
-from raytwin.speed import tile_lists, trace, trace_points, trim_box
+from raytwin.speed import trace, trim_box
 from raytwin.speed.boxes import EMPTY, _tangents, field_of_view
-from raytwin.speed.tile_lists import caster_pairs, plan
+from raytwin.speed.frame import touched
 from raytwin.tracer import back_project, intersect_rectangle, intersect_sphere
 from raytwin.tracer.pixel_to_ray import to_board
 
@@ -200,125 +199,18 @@ def boxes(draw) -> tuple[int, int, int, int]:
 
 @pytest.mark.parametrize("side", [128, 32])
 @settings(max_examples=150, deadline=None)
-@given(found=st.lists(st.tuples(boxes(), st.booleans()), max_size=12))
-def test_every_tile_lists_the_objects_whose_boxes_touch_it_the_spheres_first(side, found):
-    round_ones = [is_round for _, is_round in found]
-    found = [box for box, _ in found]
-    ball, leaf = Sphere((0.0, 0.0, 0.0), 1.0), Rectangle((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-    camera = Camera((W, H), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), np.eye(3).tolist(), (0.0, 0.0, 0.0))
-    scene = Scene("boxes", camera, tuple(ball if is_round else leaf for is_round in round_ones))
-    work = plan(scene, np.array(found, int).reshape(-1, 4), (W, H), side, shadows=False)
-    busy = set(work.tiles.tolist())
-    for tile in range(-(-W // side) * -(-H // side)):
-        x, y = tile % work.columns * side, tile // work.columns * side
+@given(found=st.lists(boxes(), max_size=12))
+def test_every_tile_lists_the_objects_whose_boxes_touch_it_in_their_order(side, found):
+    tile, thing = touched(np.array(found, int).reshape(-1, 4), side, (W, H))
+    columns = -(-W // side)
+    for number in range(columns * -(-H // side)):
+        x, y = number % columns * side, number // columns * side
         touching = [
             i for i, (x0, y0, x1, y1) in enumerate(found)
             if x0 < x1 and x0 < x + side and x < x1 and y0 < y + side and y < y1
         ]  # fmt: skip
-        assert work.seen.at(tile) == sorted(touching, key=lambda i: not round_ones[i])
-        assert (tile in busy) == bool(touching)
-        assert work.seen.middle[tile] - work.seen.first[tile] == sum(round_ones[i] for i in touching)
-        assert work.casters.at(tile) == []
-
-
-@settings(max_examples=40, deadline=None)
-@given(st.integers(1, 100), st.integers(0, 3), vectors(-1, 1), st.integers(0, 2**32 - 1))
-def test_no_object_that_shades_another_is_missed(count, planes, to_light, seed):
-    assume(max(map(abs, to_light)) > 1e-3)
-    rng = np.random.default_rng(seed)
-    radii = rng.choice([0.02, 0.05, 0.6], count, p=[0.6, 0.35, 0.05]).tolist()
-    spheres = tuple(Sphere(tuple(c), r) for c, r in zip(rng.uniform(-1, 1, (count, 3)).tolist(), radii, strict=True))
-    leaves = tuple(
-        Rectangle(tuple(c), (0.2, 0.0, 0.0), (0.0, 0.2, 0.1)) for c in rng.uniform(-1, 1, (planes, 3)).tolist()
-    )
-    scene = Scene("cloud", None, (*spheres, *leaves), (Sun(to_light),))
-    found = caster_pairs(scene)
-    assert found is not None
-    first, flat = found
-    assert len(first) == count + planes + 1
-    for j in range(len(scene.objects)):
-        listed = flat[first[j] : first[j + 1]].tolist()
-        assert listed == sorted(set(listed) - {j})
-    for j in rng.choice(len(scene.objects), min(6, len(scene.objects)), replace=False).tolist():
-        thing, listed = scene.objects[j], flat[first[j] : first[j + 1]].tolist()
-        # Points on the object, and the objects that truly stand between them and the sun.
-        if isinstance(thing, Sphere):
-            way = rng.normal(size=(3, 40))
-            points = np.array(thing.center)[:, None] + thing.radius * way / np.linalg.norm(way, axis=0)
-        else:
-            a, b = rng.uniform(-1, 1, (2, 40))
-            points = np.array(thing.center)[:, None] + np.outer(thing.half_u, a) + np.outer(thing.half_v, b)
-        for i, other in enumerate(scene.objects):
-            if i != j and i not in listed:
-                meet = intersect_sphere if isinstance(other, Sphere) else intersect_rectangle
-                with np.errstate(all="ignore"):
-                    assert not (meet(tuple(points), scene.sun.to_light, other) < np.inf).any(), (i, j)
-
-
-@pytest.mark.parametrize("scale", [1.0, 50.0])
-def test_a_caster_may_be_a_ten_thousandth_beyond_touching_for_float32_and_no_further(scale):
-    """Of radii 0.1 and 0.05 under the zenith: 0.15 (1 + 1e-4), and 1e-6 of the largest coordinate for each."""
-    room = 0.15 * 1.0001 + 2e-6
-
-    def listed(x: float, z: float) -> list[list[int]]:
-        spheres = (Sphere((0.0, 0.0, 0.0), 0.1 * scale), Sphere((0.0, x * scale, z * scale), 0.05 * scale))
-        first, flat = caster_pairs(Scene("two", None, spheres, (Sun((0.0, 0.0, 1.0)),)))
-        return [flat[first[j] : first[j + 1]].tolist() for j in (0, 1)]
-
-    assert listed(room - 2e-7, 1.0) == [[1], []]
-    assert listed(room + 2e-7, 1.0) == [[], []]
-    assert listed(0.0, -1.0) == [[], [0]]
-    low = 0.15 * 1.0001 + 2e-6 * 0.15
-    assert listed(0.0, -low * (1 - 1e-6)) == [[1], [0]]
-    assert listed(0.0, -low * (1 + 1e-6)) == [[], [0]]
-
-
-def a_cloud(single: Scene, count: int = 90) -> Scene:
-    """Spheres, a few of them large, and two rectangles, in a small picture."""
-    rng = np.random.default_rng(7)
-    places = rng.uniform(-0.1, 0.1, (count, 3)).tolist()
-    spheres = [Sphere(tuple(c), 0.05 if i % 40 == 0 else 0.006) for i, c in enumerate(places)]
-    leaves = [Rectangle((0.0, 0.0, z), (0.06, 0.0, 0.0), (0.0, 0.06, 0.03)) for z in (-0.1, 0.02)]
-    return msgspec.structs.replace(single, camera=single.camera.resized(107, 80), objects=(*spheres, *leaves))
-
-
-def test_shading_lists_the_balls_that_overlap_seen_from_the_sun_and_are_not_behind(single, monkeypatch):
-    """|(c_i - c_j) x l| <= R_i + R_j and (c_i - c_j) · l >= -(R_i + R_j), pair by pair; in portions too."""
-    scene = a_cloud(single)
-    c, light = np.array([thing.center for thing in scene.objects]), np.array(scene.sun.to_light)
-    R = np.array(
-        [t.radius if isinstance(t, Sphere) else math.hypot(0.06, math.hypot(0.06, 0.03)) for t in scene.objects]
-    )
-    R = R * (1 + 1e-4) + 1e-6 * abs(c).max()
-    expected = []
-    for j in range(len(c)):
-        apart = c - c[j]
-        over = np.linalg.norm(np.cross(apart, light), axis=1) <= R + R[j]
-        expected.append([i for i in np.flatnonzero(over & (apart @ light >= -(R + R[j]))).tolist() if i != j])
-    assert 300 < sum(map(len, expected)) < 5000
-    for portion in (tile_lists.PORTION, 37):
-        monkeypatch.setattr(tile_lists, "PORTION", portion)
-        first, flat = caster_pairs(scene)
-        assert [flat[first[j] : first[j + 1]].tolist() for j in range(len(c))] == expected
-
-
-@pytest.mark.parametrize("most", [100, 1000, 1500])
-def test_too_many_pairs_become_one_list_for_all_tiles_and_the_same_pixels(single, monkeypatch, most):
-    """Below 100 the tiles' own lists are one, below 1000 the casters' of each object, then those of each tile."""
-    scene = a_cloud(single)
-    exact = trace(scene, "shadow", "numpy32")
-    some = trace_points(scene, *np.indices((107, 80), float).reshape(2, -1)[:, ::97], "shadow", "numpy32")
-    monkeypatch.setattr(tile_lists, "MOST", most)
-    np.testing.assert_array_equal(trace(scene, "shadow", "numpy32").mean, exact.mean)
-    again = trace_points(scene, *np.indices((107, 80), float).reshape(2, -1)[:, ::97], "shadow", "numpy32")
-    np.testing.assert_array_equal(again.colour, some.colour)
-
-
-def test_spheres_in_a_line_to_the_sun_are_listed_once():
-    """Each shades all behind it: 5e7 pairs would take 740 MB."""
-    count, to_light = 10_000, np.array([0.6, 0.0, 0.8])
-    spheres = tuple(Sphere(tuple(c), 0.01) for c in (0.02 * np.arange(count)[:, None] * to_light).tolist())
-    assert caster_pairs(Scene("line", None, spheres, (Sun(tuple(to_light.tolist())),))) is None
+        assert thing[tile == number].tolist() == touching
+    assert (np.diff(tile) >= 0).all()
 
 
 # ------------------------------------------------------------------------------------------------ images

@@ -11,7 +11,7 @@ import pytest
 
 from raytwin.errors import InputError, MachineError
 from raytwin.scene import Lambert, Rectangle, Sphere, Sun
-from raytwin.speed import ENGINES, trace
+from raytwin.speed import ENGINES, frame, trace
 from raytwin.speed.engine import pixel_grid
 from raytwin.speed.fast_world import ObjectList
 from raytwin.speed.frame import EyeScene, with_solver
@@ -24,6 +24,7 @@ from raytwin.tracer import (
     intersect_rectangle,
     intersect_sphere,
 )
+from raytwin.tracer import trace as plain_trace
 
 FLOAT32_AGREES = 1e-5
 
@@ -128,6 +129,27 @@ def test_a_crowd_on_a_table_is_the_same_for_every_engine_and_without_boxes(engin
     assert (image.surface.ids != exact.surface.ids).sum() <= 2
     # A shadow's edge may fall on the other side of a pixel's centre; float32 turns a small ball's normal by 1e-4.
     assert (np.abs(image.mean - exact.mean) > 1e-3).any(axis=-1).mean() < 3e-4
+
+
+@pytest.mark.parametrize(("count", "size"), [(70, (213, 160)), (2000, (80, 60))])
+def test_a_cloud_of_spheres_is_the_plain_tracers_to_the_last_bit(engine, rng, single, monkeypatch, count, size):
+    """Dr.Jit rounds otherwise: there lists, trees and one object after the other give the same bits."""
+    at, r = rng.uniform((-0.15, -0.12, 0.0), (0.15, 0.12, 0.1), (count, 3)), rng.uniform(0.04, 0.15, count) / count**0.5
+    spheres = tuple(Sphere(tuple(c), radius) for c, radius in zip(at.tolist(), r.tolist(), strict=True))
+    sun = Sun((0.6, -0.3, 0.5))
+    scene = msgspec.structs.replace(
+        single, camera=single.camera.resized(*size), objects=spheres, lights=(sun, single.sky)
+    )
+    exact, image = plain_trace(scene, "shadow"), trace(scene, "shadow", engine)
+    assert len(np.unique(exact.surface.ids)) > min(count, 500) / 2
+    assert (exact.mean < plain_trace(scene, "lambert").mean).any(axis=-1).mean() > 0.05
+    assert (image.surface.ids != exact.surface.ids).sum() <= (0 if ENGINES[engine].bits == 64 else 5)
+    compared = [exact] if engine == "numpy64" else [trace(scene, "shadow", engine, trim="none")]
+    monkeypatch.setattr(frame, "LONG", 0)
+    for other in (*compared, trace(scene, "shadow", engine)):
+        np.testing.assert_array_equal(image.mean, other.mean)
+        for layer in ("ids", "depth", "normal"):
+            np.testing.assert_array_equal(getattr(image.surface, layer), getattr(other.surface, layer))
 
 
 # -------------------------------------------------------------------------------- engines, rungs, solvers

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun, to_camera_frame
-from raytwin.speed import trace
-from raytwin.speed.boxes import trim_boxes
-from raytwin.speed.tile_lists import plan
+from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.speed import frame, trace
+from raytwin.speed.fast_world import ObjectList
 
 SIZE = (80, 60)
 
@@ -47,16 +46,22 @@ def test_short_lists_of_casters_change_no_pixel(seed, grazing):
         )
 
 
-def test_a_tables_tile_knows_only_the_spheres_whose_shadows_reach_it():
+def test_a_tables_tile_asks_only_the_spheres_whose_shadows_reach_it(monkeypatch):
     """A hundred small spheres over a table that fills the picture: each shadow touches a few of its 80 tiles."""
     at = (np.stack(np.meshgrid(np.arange(10), np.arange(10)), axis=-1).reshape(-1, 2) - 4.5) * 0.1
     balls = tuple(Sphere((x, y, 0.05), 0.01) for x, y in at.tolist())
     table = Rectangle((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0))
     down = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
     camera = Camera((320, 256), ((300.0, 0.0, 159.5), (0.0, 300.0, 127.5), (0.0, 0.0, 1.0)), down, (0.0, 0.0, 1.0))
-    scene = to_camera_frame(Scene("table", camera, (*balls, table), (Sun((0.3, 0.2, 1.0)),)))
-    work = plan(scene, trim_boxes(scene.objects, scene.camera), camera.image_size, 32)
-    casters = work.casters.last - work.casters.first
-    assert casters.max() <= 12
-    assert casters.sum() < 4 * 100
-    np.testing.assert_array_equal(trace(scene, "shadow").mean, trace(scene, "shadow", trim="none").mean)
+    scene = Scene("table", camera, (*balls, table), (Sun((0.3, 0.2, 1.0)),))
+    full, asked, fold = trace(scene, "shadow", trim="none").mean, [], ObjectList.fold
+
+    def counted(self, ray, *rest):
+        asked.extend([len(self.ids)] if ray.start is not None else [])
+        return fold(self, ray, *rest)
+
+    monkeypatch.setattr(ObjectList, "fold", counted)
+    monkeypatch.setattr(frame, "TILE_NUMPY", 32)
+    np.testing.assert_array_equal(trace(scene, "shadow").mean, full)
+    assert max(asked) <= 12
+    assert sum(asked) < 4 * 100

@@ -1,11 +1,13 @@
 """A Mitsuba file's render beside closed forms, and beside the twin of the scene that was exported as a file."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
+from counting import lines
 
 from raytwin import files, twin
 from raytwin.compare import compare
@@ -13,6 +15,7 @@ from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.renderers.mitsuba_xml import mitsuba_xml
 from raytwin.scene import MitsubaScene
+from raytwin.twin import mitsuba_render
 
 BALL = """<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="6"/></integrator>
 <sensor type="perspective"><float name="fov" value="60"/><float name="near_clip" value="0.5"/>
@@ -48,6 +51,25 @@ def test_a_ball_under_an_even_sky_has_its_albedo_times_the_sky_and_is_where_it_i
     assert surface.depth[7, 10] == pytest.approx(3, rel=1e-6)  # from the eye, not from near_clip
     assert surface.normal[7, 10] == pytest.approx([0, 0, 1], abs=1e-5)
     assert not surface.depth[0, 0]
+
+
+def test_which_shape_each_pixel_sees_is_looked_up_for_all_shapes_at_once(tmp_path):
+    """Of 4 balls, and of 16: the pixels are not searched for each shape."""
+    twin.activate()
+    head = BALL[: BALL.index("<shape")]
+    counts = []
+    for side in (2, 4):
+        places = [(x - side / 2 + 0.5, y - side / 2 + 0.5) for y in range(side) for x in range(side)]
+        balls = [
+            f'<shape type="sphere"><point name="center" x="{x}" y="{y}" z="0"/>'
+            '<float name="radius" value="0.4"/></shape>'
+            for x, y in places
+        ]
+        scene = scene_of(tmp_path, f"{head}{''.join(balls)}</scene>")
+        look = partial(mitsuba_render._surface, scene, mitsuba_render._loaded(scene))
+        assert set(np.unique(look().ids)) == set(range(-1, side * side))
+        counts.append(lines(look, mitsuba_render._look_at_once))
+    assert counts[0] == counts[1] > 0
 
 
 def test_an_exported_scene_is_rendered_as_its_twin_is(tmp_path, scenes):

@@ -36,7 +36,7 @@ def test_a_second_render_comes_from_the_cache(scene, monkeypatch, rung, batches)
 
 
 def test_a_crafted_file_is_rendered_again(scene, tmp_path):
-    """Sound archives whose arrays no render of this scene can have."""
+    """Sound archives whose arrays no render of this scene has."""
     first = render(scene, "path", samples=2)
     (file,) = tmp_path.glob("renders/*.npz")
     with np.load(file) as kept:
@@ -44,6 +44,7 @@ def test_a_crafted_file_is_rendered_again(scene, tmp_path):
     nan, wide = sound["mean"].copy(), np.zeros((24, 33, 3), np.float32)
     nan[3, 4, 1] = np.nan
     for crafted in (
+        {"mean": 2 * sound["mean"]}, {"samples": np.int64(3)},
         {"mean": nan}, {"mean": wide}, {"mean": sound["mean"].astype(np.float64)}, {"variance": sound["mean"][:3]},
         {"ids": sound["ids"][0]}, {"ids": sound["ids"] + 0.5}, {"depth": np.float32(1)}, {"samples": np.array([1, 2])},
         {"samples": np.int64(-4)}, {"normal": np.full_like(sound["normal"], np.inf)}, {"batches": np.array("x")},
@@ -54,6 +55,16 @@ def test_a_crafted_file_is_rendered_again(scene, tmp_path):
     npy = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header
     with zipfile.ZipFile(file, "w") as archive:
         archive.writestr("mean.npy", npy)
+    assert same(first, render(scene, "path", samples=2))
+
+
+def test_the_file_of_another_render_is_not_taken_for_this_ones(scene, tmp_path):
+    """Of the same size and kind, and sound."""
+    first = render(scene, "path", samples=2)
+    (file,) = tmp_path.glob("renders/*.npz")
+    render(scene, "path", samples=2, seed=1)
+    (other,) = set(tmp_path.glob("renders/*.npz")) - {file}
+    file.write_bytes(other.read_bytes())
     assert same(first, render(scene, "path", samples=2))
 
 

@@ -4,7 +4,7 @@ import contextlib
 import hashlib
 import os
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -17,12 +17,16 @@ from raytwin.files.safe_write import replacing
 
 T = TypeVar("T")
 
+SEAL = "seal"
+"""The name of the hash among a file's arrays."""
+
 
 @dataclass(frozen=True)
 class Cache:
     """The files `<cache_folder()>/<folder>/<key><ending>`; beyond `limit` bytes those used longest ago are deleted.
 
-    A file may be damaged, or written by somebody else: `load` returns only what its `read` has checked.
+    A file may be damaged, or written by somebody else: `load` returns only what its `read` has checked, and
+    `load_arrays` only what `store_arrays` has written under the same key.
     """
 
     folder: str
@@ -58,6 +62,20 @@ class Cache:
                 write(temporary)
             self._drop_oldest(path.parent)
 
+    def load_arrays(self, key: str) -> dict[str, np.ndarray] | None:
+        """Return the arrays stored under this key by their names; None where there are none, or others."""
+
+        def read(path: Path) -> dict[str, np.ndarray] | None:
+            arrays = read_arrays(path)
+            return arrays if arrays.pop(SEAL).tobytes() == _seal(key, arrays) else None
+
+        return self.load(key, read)
+
+    def store_arrays(self, key: str, arrays: Mapping[str, np.ndarray]) -> None:
+        """Store the arrays with a hash of key and content."""
+        seal = np.frombuffer(_seal(key, arrays), np.uint8)
+        self.store(key, lambda to: np.savez(to, allow_pickle=False, **arrays, **{SEAL: seal}))
+
     def _drop_oldest(self, folder: Path) -> None:
         files = (f for f in folder.iterdir() if f.is_file() and not f.name.startswith("."))  # others are being written
         known = sorted(((f.stat().st_mtime, f.stat().st_size, f) for f in files), reverse=True)
@@ -74,6 +92,16 @@ def _is_plain(path: Path) -> bool:
         return path.is_file() or not path.exists()
     except OSError:  # a folder above that may not be entered, a name too long
         return False
+
+
+def _seal(key: str, arrays: Mapping[str, np.ndarray]) -> bytes:
+    """A hash of the key, and of the arrays' names, kinds, shapes and numbers. It shows what is altered or crafted by
+    hand, not what somebody seals with this very function."""
+    total = hashlib.sha256(key.encode())
+    for name, array in sorted(arrays.items()):
+        total.update(repr((name, array.dtype.str, array.shape)).encode())
+        total.update(np.ascontiguousarray(array).data)
+    return total.digest()
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:

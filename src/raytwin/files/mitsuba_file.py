@@ -57,7 +57,8 @@ def read_mitsuba(path: str | os.PathLike) -> MitsubaScene:
     for element in root.iter():
         for key in _files_of(element):
             inside = _found(f"{file}: {element.get('name') or element.tag}", element.get(key, ""), text_folders)
-            found[inside] = hashlib.sha256(_content(inside, "a file")).hexdigest()
+            if inside not in found:
+                found[inside] = hashlib.sha256(_content(inside, "a file")).hexdigest()
             element.set(key, os.path.relpath(inside, folder))
     named = {os.path.relpath(one, folder): digest for one, digest in sorted(found.items())}
     named.pop(file.name, None)  # what is in it, is in the text
@@ -110,9 +111,10 @@ def _substitute(file: Path, root: ET.Element) -> None:
         for element in holder.findall("default"):
             known.setdefault(element.get("name", ""), element.get("value", ""))
             holder.remove(element)
+    longest_first = sorted(known, key=len, reverse=True)
     for element in root.iter():
         for key, value in element.attrib.items():
-            for name in sorted(known, key=len, reverse=True):
+            for name in longest_first if "$" in value else ():
                 value = value.replace(f"${name}", known[name])
             if "$" in value:
                 raise InputError(f"{file}: <{element.tag}> {key}", "a parameter with a <default>", value)

@@ -119,9 +119,11 @@ def check_contents(scene: SceneFile, where: str) -> None:
             raise InputError(f"{where}{name}", error.expected, error.got) from None
     numbers = numbered(name.partition("s[")[0] for name, _ in things)
     names = called(numbers, [thing.name for _, thing in things], [thing.albedo for _, thing in things])
-    for i, (field, _) in enumerate(things):
-        if names[i] in names[:i]:
-            raise InputError(f"{where}{field}.name", "a name that no other object has", repr(names[i]))
+    taken: set[str] = set()
+    for (field, _), name in zip(things, names, strict=True):
+        if name in taken:
+            raise InputError(f"{where}{field}.name", "a name that no other object has", repr(name))
+        taken.add(name)
 
 
 def read_sky_map(file: Path, data: dict[str, Any]) -> None:

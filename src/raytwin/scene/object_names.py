@@ -1,7 +1,9 @@
 """How people call the objects of a scene: by the name its file gives, else by kind, number and colour."""
 
 import colorsys
-from collections.abc import Iterable, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import count
 from typing import Any
 
 from msgspec import UNSET
@@ -17,8 +19,8 @@ HUES = (
 
 def numbered(kinds: Iterable[str]) -> tuple[str, ...]:
     """Return `sphere 0, sphere 1, plane 0` for the kinds `sphere, sphere, plane`."""
-    seen = list(kinds)
-    return tuple(f"{kind} {seen[:i].count(kind)}" for i, kind in enumerate(seen))
+    counts: defaultdict[str, Iterator[int]] = defaultdict(count)
+    return tuple(f"{kind} {next(counts[kind])}" for kind in kinds)
 
 
 def called(numbers: Sequence[str], names: Sequence[Any], colours: Sequence[Sequence[float]]) -> tuple[str, ...]:

@@ -34,16 +34,7 @@ def trim_boxes(things: Sequence[Shape], camera: Camera) -> Int[np.ndarray, "n 4"
     cut to what the frame can see, and its sides are bent by the distortion. Where the distortion folds within that
     field of view, if only in a corner that the frame leaves out, the whole frame is returned.
     """
-    return _boxes(*_extents(things, camera), camera)
-
-
-def ball_boxes(center: np.ndarray, radius: np.ndarray, camera: Camera) -> Int[np.ndarray, "n 4"]:
-    """The same for balls round `center` (n, 3) with `radius` (n,)."""
-    return _boxes(*_ball_extents(center, radius, camera), camera)
-
-
-def _boxes(low: np.ndarray, high: np.ndarray, camera: Camera) -> Int[np.ndarray, "n 4"]:
-    """From the least and the greatest normalised (x, y) (n, 2)."""
+    low, high = _extents(things, camera)
     field = field_of_view(camera)
     frame = np.array((camera.width, camera.height))
     empty = np.asarray(~(low < high).all(axis=1))

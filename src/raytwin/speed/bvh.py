@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raytwin.arrays import Vec, maximum, minimum, select
-from raytwin.scene import Rectangle, Scene, Shape, Sphere
-from raytwin.speed.engine import Engine, from_numpy, gather
-from raytwin.speed.fast_world import Body, MaxDistance, Objects, no_reach, same_list
+from raytwin.scene import Rectangle, Shape, Sphere
+from raytwin.speed.engine import Engine, constant, from_numpy, gather
+from raytwin.speed.fast_world import Body, MaxDistance, no_reach
 from raytwin.speed.object_table import Table
 
-FEW = 32
-"""Objects of a kind up to which a tree is not faster than one after the other."""
+FEW = 16
+"""Objects of a scene up to which a tree is not faster than one after the other."""
 MARGIN = 2e-6
 """How much larger a box is than its contents, as a share of the scene's extent: more than float32's rounding."""
 FLAT = 1e-20
@@ -66,29 +66,18 @@ def grow(low: np.ndarray, high: np.ndarray) -> Nodes:
     return Nodes(tuple(box[0].T), tuple(box[1].T), thing, onward)
 
 
-class Chain(NamedTuple):
-    """One part of the objects after the other."""
-
-    parts: tuple[Objects, ...]
-
-    def fold(self, ray: Any, state: Any, body: Body, reach: MaxDistance = no_reach) -> Any:
-        for part in self.parts:
-            state = part.fold(ray, state, body, reach)
-        return state
-
-
 class KernelTree(NamedTuple):
     """Objects of one kind on Dr.Jit, where each ray goes from node to node."""
 
     table: Table
     kind: type
     nodes: Nodes
+    end: Any
 
     def fold(self, ray: Any, state: Any, body: Body, reach: MaxDistance = no_reach) -> Any:
         import drjit
 
         nodes, inverse = self.nodes, inverted(ray.d)
-        end = len(nodes.thing) - 2  # as in Table
 
         def step(place: Any, *state: Any) -> Any:
             near, far = through(*nodes.box(place), ray.origin, inverse)
@@ -100,22 +89,31 @@ class KernelTree(NamedTuple):
             state = drjit.if_stmt(state, met & (thing >= 0), test, lambda *same: same)
             return (select(met, place + 1, gather(nodes.onward, place)), *state)
 
-        place = drjit.zeros(type(nodes.thing), drjit.width(ray.d[0]))
-        return tuple(drjit.while_loop((place, *state), lambda place, *_: place < end, step)[1:])
+        place = drjit.zeros(type(self.end), drjit.width(ray.d[0]))
+        return tuple(drjit.while_loop((place, *state), lambda place, *_: place < self.end, step)[1:])
 
 
-def all_objects(scene: Scene, table: Table, engine: Engine) -> Objects:
-    """All of the scene's objects for rays from anywhere: in trees where Dr.Jit has many of a kind."""
-    rest, trees = list(range(len(scene.objects))), []
+class Trees(NamedTuple):
+    """The tree of each kind after the other."""
+
+    parts: tuple[KernelTree, ...]
+
+    def fold(self, ray: Any, state: Any, body: Body, reach: MaxDistance = no_reach) -> Any:
+        for part in self.parts:
+            state = part.fold(ray, state, body, reach)
+        return state
+
+
+def trees(table: Table, engine: Engine) -> Trees:
+    """All objects of the table, for rays from anywhere on Dr.Jit."""
+    parts = []
     for kind in (Sphere, Rectangle):
-        ids = [i for i, thing in enumerate(scene.objects) if isinstance(thing, kind)]
-        if len(ids) > FEW and not engine.is_numpy:
-            rest = [i for i in rest if i not in set(ids)]
-            nodes = grow(*corners([scene.objects[i] for i in ids]))
-            nodes = lifted(nodes._replace(thing=np.where(nodes.thing >= 0, np.array(ids)[nodes.thing], -1)), engine)
-            trees.append(KernelTree(table, kind, nodes))
-    few = same_list(table, engine, rest)
-    return Chain((few, *trees)) if trees else few
+        ids = np.array([i for i, thing in enumerate(table.objects) if isinstance(thing, kind)])
+        if len(ids):
+            nodes = grow(*corners([table.objects[i] for i in ids]))
+            nodes = nodes._replace(thing=np.where(nodes.thing >= 0, ids[nodes.thing], -1))
+            parts.append(KernelTree(table, kind, lifted(nodes, engine), constant(engine, len(nodes.thing))))
+    return Trees(tuple(parts))
 
 
 def corners(things: Sequence[Shape]) -> tuple[np.ndarray, np.ndarray]:

@@ -1,7 +1,7 @@
 """The tracer's World over fewer objects: what a ray cannot meet is left out.
 
 `FastWorld` asks the tracer's two questions by folding over objects, state = body(state, ray, id, object). Four classes
-say which objects: ObjectList and TileLists here, NumpyTree and KernelTree in `speed.bvh`.
+say which objects: ObjectList, SunwardList and KernelLists here, Trees in `speed.bvh`.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,9 +13,11 @@ from raytwin.arrays import INFINITY, Vec, integers, select
 from raytwin.scene import Rectangle, Sphere
 from raytwin.speed.engine import Engine, from_numpy, gather
 from raytwin.speed.object_table import Table
-from raytwin.speed.tile_lists import Lists, one_list
 from raytwin.tracer.hit import Facts, Hit, Stages
 from raytwin.tracer.world import distance, hides
+
+SIZE_MARGIN, POINT_MARGIN = 1e-4, 1e-6
+"""How much larger a caster is taken to be, as shares of its size and of the largest coordinate: float32's rounding."""
 
 
 class Ray(NamedTuple):
@@ -85,50 +87,84 @@ class ObjectList(NamedTuple):
         return state
 
 
-class TileLists(NamedTuple):
-    """On Dr.Jit each ray has its own list: of `number` k, `flat[first[k]:last[k]]`, where rectangles begin at
-    `middle[k]`. A loop within the kernel."""
+class SunwardList(NamedTuple):
+    """NumPy's objects that may stand between some points and the sun, towards which all rays are parallel.
+
+    Seen in `axes` (3, 3), the last of which points to the sun, object i lies between `low[i]` and `high[i]` (n, 3).
+    `only`: the id of the object that the points are on, None where there are several.
+    """
+
+    table: Table
+    axes: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    only: int | None = None
+
+    def fold(self, ray: Any, state: Any, body: Body, reach: MaxDistance = no_reach) -> Any:
+        others = np.delete(np.arange(len(self.low)), [] if self.only is None else self.only)
+        if not others.size or not (seen := np.broadcast_to(ray.start.ids >= 0, np.shape(ray.origin[0]))).any():
+            return state
+        points = [c if seen.all() else c[seen] for c in ray.origin]
+        low, high = (np.array([find(c) for c in points], float) for find in (np.min, np.max))
+        middle, half = self.axes @ (low + high) / 2, np.abs(self.axes) @ (high - low) / 2
+        half += POINT_MARGIN * np.abs([low, high]).max()
+        near = (self.high[others] >= middle - half).all(axis=1)
+        near &= (self.low[others, :2] <= (middle + half)[:2]).all(axis=1)
+        return ObjectList(self.table, others[near].tolist()).fold(ray, state, body)
+
+
+def sunward_list(table: Table, to_sun: Sequence[float]) -> SunwardList:
+    """All objects of the table as the sun sees them."""
+    side = np.cross(to_sun, np.eye(3)[np.abs(to_sun).argmin()])
+    side /= np.linalg.norm(side)
+    axes, things = np.array([side, np.cross(to_sun, side), to_sun]), table.objects
+    center = np.array([thing.center for thing in things]).reshape(-1, 3)
+    half = np.array(
+        [(thing.radius,) * 3 if isinstance(thing, Sphere) else np.abs([thing.half_u, thing.half_v] @ axes.T).sum(axis=0)
+         for thing in things]
+    ).reshape(-1, 3)  # fmt: skip
+    half = half * (1 + SIZE_MARGIN) + POINT_MARGIN * np.abs(center).max(initial=0)
+    return SunwardList(table, axes, center @ axes.T - half, center @ axes.T + half)
+
+
+class KernelLists(NamedTuple):
+    """On Dr.Jit each ray has a list of each kind's objects: of `number` k, `ids[first[k]:first[k + 1]]`. A loop within
+    the kernel."""
 
     table: Table
     number: Any
-    flat: Any
-    first: Any
-    middle: Any
-    last: Any
+    parts: tuple[tuple[type, Any, Any], ...]
 
     def fold(self, ray: Any, state: Any, body: Body, reach: MaxDistance = no_reach) -> Any:
-        for kind, start, stop in ((Sphere, self.first, self.middle), (Rectangle, self.middle, self.last)):
-            if kind in self.table.kinds:
-                state = self._loop(kind, start, stop, ray, state, body)
-        return state
-
-    def _loop(self, kind: type, start: Any, stop: Any, ray: Any, state: Any, body: Body) -> Any:
         import drjit
 
-        start, stop = gather(start, self.number), gather(stop, self.number)
+        for kind, ids, first in self.parts:
 
-        def step(place: Any, *state: Any) -> Any:
-            index = gather(self.flat, place)
-            return (place + 1, *body(state, ray, index, self.table.object(kind, index)))
+            def step(place: Any, *state: Any, kind: type = kind, ids: Any = ids) -> Any:
+                index = gather(ids, place)
+                return (place + 1, *body(state, ray, index, self.table.object(kind, index)))
 
-        _, *state_after = drjit.while_loop((start, *state), lambda place, *state: place < stop, step)
-        return tuple(state_after)
-
-
-def tile_lists(table: Table, engine: Engine, lists: Lists, tiles: np.ndarray, number: Any) -> TileLists | ObjectList:
-    """On Dr.Jit, for each ray the list of the tile `tiles[number]`; or all objects, where they are few."""
-    if table.few:
-        return ObjectList(table, range(len(table.objects)))
-    ends = (from_numpy(engine, end[tiles], whole=True) for end in lists[1:])
-    flat = from_numpy(engine, np.append(lists.flat, (0, 0)), whole=True)  # as in Table
-    return TileLists(table, number, flat, *ends)
+            place, end = gather(first, self.number), gather(first, self.number + 1)
+            loop = drjit.while_loop((place, *state), lambda place, *_, end=end: place < end, step)
+            state = tuple(loop[1:])
+        return state
 
 
-def same_list(table: Table, engine: Engine, ids: Sequence[int]) -> TileLists | ObjectList:
-    """The same objects for every ray, on any engine."""
-    if engine.is_numpy or table.few:
-        return ObjectList(table, ids)
-    is_flat = np.array([not isinstance(table.objects[i], Sphere) for i in ids], bool)
-    one = one_list(2, is_flat)
-    zero = from_numpy(engine, np.zeros(1, int), whole=True)
-    return tile_lists(table, engine, one._replace(flat=np.array(ids, int)[one.flat]), np.zeros(2, int), zero)
+def kernel_lists(table: Table, engine: Engine, owner: np.ndarray, ids: np.ndarray, number: Any) -> KernelLists:
+    """Object ids[i] is in the list of `owner[i]`, in ascending order; `number`: of each ray's list."""
+    parts = []
+    for kind in (Sphere, Rectangle):
+        mine = np.array([isinstance(thing, kind) for thing in table.objects], bool)[ids]
+        if mine.any():
+            first = np.searchsorted(owner[mine], np.arange(owner[-1] + 2))
+            padded = (np.append(a, (0, 0)) for a in (ids[mine], first))  # as in Table
+            parts.append((kind, *(from_numpy(engine, a, whole=True) for a in padded)))
+    return KernelLists(table, number, tuple(parts))
+
+
+def same_list(table: Table, engine: Engine) -> ObjectList | KernelLists:
+    """All objects for every ray, one after the other."""
+    ids = np.arange(len(table.objects))
+    if engine.is_numpy or table.few or not len(ids):
+        return ObjectList(table, ids.tolist())
+    return kernel_lists(table, engine, 0 * ids, ids, from_numpy(engine, np.zeros(1, int), whole=True))

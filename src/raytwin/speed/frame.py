@@ -1,4 +1,4 @@
-"""The whole tracer, fast: tiles with short lists of objects, in any engine; the same pixels as `tracer.trace`."""
+"""The whole tracer, fast: tiles that see some object, in any engine; the same pixels as `tracer.trace`."""
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -15,13 +15,12 @@ from raytwin.lights import Lighting, lighting
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, to_camera_frame
 from raytwin.scene.lens import without_ray
+from raytwin.speed import bvh
 from raytwin.speed.boxes import TRIMS
-from raytwin.speed.bvh import all_objects
 from raytwin.speed.engine import ENGINES, Engine, canvas, flush, only_where, pixel_grid, store, tile_grid, to_engine
-from raytwin.speed.fast_world import FastWorld, ObjectList, Objects, same_list, tile_lists
+from raytwin.speed.fast_world import FastWorld, ObjectList, Objects, SunwardList, kernel_lists, same_list, sunward_list
 from raytwin.speed.newton_steps import newton_steps
 from raytwin.speed.object_table import Table
-from raytwin.speed.tile_lists import plan
 from raytwin.tracer.hit import Stages, World
 from raytwin.tracer.pixel_to_ray import to_board, undistort
 from raytwin.tracer.render_image import EYE, STAGES
@@ -30,6 +29,11 @@ from raytwin.tracer.sphere import SOLVERS, intersect_sphere
 from raytwin.tracer.world import surface_at
 
 TILE_NUMPY, TILE_DRJIT = 128, 32
+LONG = 64
+"""Objects of a tile, on average, up to which a kernel tries one after the other for rays from the eye: neighbours try
+the same ones, where in a tree each goes its own way."""
+BOXED = ("intersect_sphere", "intersect_rectangle", "nearer", "sun_visible")
+"""The stages on which it depends which objects a ray can be spared."""
 Piece = tuple[Any, Any, Any, World]
 """u, v, place of the pixels; the objects that their rays may meet."""
 
@@ -107,7 +111,7 @@ def draw(
     """
     check_rows(rung, engine, solver, trim)
     how, boxes = ENGINES[engine], TRIMS[trim](scene.objects, scene.camera)
-    view = EyeScene(scene, how, with_solver(stages, solver))
+    view = EyeScene(scene, how, with_solver(stages, solver), every=trim == "none")
     layers = [out] if surface is None else [out, surface.ids, surface.depth, surface.normal]
     queued = [(layer, canvas(how, layer)) for layer in layers]
     lost = without_ray(scene.camera)
@@ -128,7 +132,7 @@ def draw(
         only_where(how, ids >= 0, shade)
 
     with np.errstate(all="ignore"):  # infinities and NaN of missed rays are selected away
-        for piece in (tiles if how.is_numpy else kernel)(view, boxes, RUNGS[rung].shadows):
+        for piece in (tiles if how.is_numpy else kernel)(view, boxes):
             paint(*piece)
     flush(how, queued)
     for layer, values in zip(layers, before, strict=False):
@@ -152,11 +156,14 @@ def with_solver(stages: Stages, solver: str) -> Stages:
 class EyeScene:
     """A scene as its camera sees it: `local` in the camera's frame, in float64; the rest in the engine's floats.
 
-    `camera` has its rotation, which leads back to the board's frame.
+    `camera` has its rotation, which leads back to the board's frame. `every`: no object is left out of any test.
     """
 
-    def __init__(self, scene: Scene, engine: Engine, stages: Stages = STAGES) -> None:
+    def __init__(self, scene: Scene, engine: Engine, stages: Stages = STAGES, every: bool = False) -> None:
         self.engine, self.stages = engine, stages
+        # A replaced step may meet objects beyond their boxes, or ask for others than the nearest.
+        replaced = any(getattr(stages, name) is not getattr(STAGES, name) for name in BOXED)
+        self.every = every or replaced
         self.local = to_camera_frame(scene, engine.precision)
         self.camera: Camera = to_engine(scene.camera, engine)
         light: Lighting = to_engine(lighting(self.local), engine)
@@ -172,43 +179,75 @@ class EyeScene:
         return x, y, z
 
     def world(self, seen: Objects, casters: Objects) -> FastWorld:
-        """With short lists for rays from the eye, and from what they meet to the sun."""
+        """What the eye's rays are tested against, and then the rays from there to the sun."""
         return FastWorld(self.table, self.stages, seen, casters)
 
     @cached_property
     def one_by_one(self) -> Objects:
         """All objects, one after the other."""
-        return same_list(self.table, self.engine, range(len(self.table.objects)))
+        return same_list(self.table, self.engine)
 
     @cached_property
     def everywhere(self) -> FastWorld:
         """With all objects, for rays from anywhere."""
-        own = self.stages.intersect_sphere, self.stages.intersect_rectangle
-        # A replaced step may meet objects beyond their boxes.
-        boxed = own == (STAGES.intersect_sphere, STAGES.intersect_rectangle)
-        every = all_objects(self.local, self.table, self.engine) if boxed else self.one_by_one
-        return self.world(every, every)
+        many = not self.engine.is_numpy and len(self.table.objects) > bvh.FEW and not self.every
+        found = bvh.trees(self.table, self.engine) if many else self.one_by_one
+        return self.world(found, found)
+
+    def near(self, ids: list[int]) -> FastWorld:
+        """NumPy's, for rays from the eye that can meet the objects `ids` alone."""
+        seen = ObjectList(self.table, ids)
+        if self.every:
+            return self.world(seen, self.one_by_one)
+        return self.world(seen, self._sunward._replace(only=ids[0] if len(ids) == 1 else None))
+
+    @cached_property
+    def _sunward(self) -> SunwardList:
+        return sunward_list(self.table, self.local.sun.to_light)
 
 
-def tiles(view: EyeScene, boxes: Int[np.ndarray, "n 4"], shadows: bool) -> Iterator[Piece]:
+def spans(boxes: Int[np.ndarray, "n 4"], side: int) -> list[tuple[slice, slice]]:
+    """The rows and columns of square tiles of `side` pixels that each box touches."""
+    ends = np.concatenate([boxes[:, :2] // side, -(-boxes[:, 2:] // side)], axis=1).tolist()
+    return [(slice(y0, y1), slice(x0, x1)) for x0, y0, x1, y1 in ends]
+
+
+def touched(boxes: Int[np.ndarray, "n 4"], side: int, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Which tile each object's box touches, and the object's id: in the order of both. Tiles are counted row by row."""
+    number = np.arange(-(-size[1] // side) * -(-size[0] // side)).reshape(-(-size[1] // side), -1)
+    found = [number[span].ravel() for span in spans(boxes, side)]
+    ids = np.repeat(np.arange(len(boxes)), [len(part) for part in found])
+    tile = np.concatenate([number[:0, 0], *found])
+    order = np.argsort(tile, kind="stable")
+    return tile[order], ids[order]
+
+
+def tiles(view: EyeScene, boxes: Int[np.ndarray, "n 4"]) -> Iterator[Piece]:
     """(u, v, place, world) of one tile after the other, whose arrays stay in the processor's cache."""
-    work = plan(view.local, boxes, view.local.camera.image_size, TILE_NUMPY, shadows)
-    for tile in work.tiles.tolist():
-        ids = work.seen.at(tile)
-        corner = np.array((tile % work.columns, tile // work.columns)) * work.side
-        x0, y0 = np.maximum(boxes[ids, :2].min(axis=0), corner).tolist()
-        x1, y1 = np.minimum(boxes[ids, 2:].max(axis=0), corner + work.side).tolist()
+    size = view.local.camera.image_size
+    tile, thing = touched(boxes, TILE_NUMPY, size)
+    busy, start = np.unique(tile, return_index=True)
+    rows, columns = np.divmod(busy, -(-size[0] // TILE_NUMPY))
+    for x, y, ids in zip(columns * TILE_NUMPY, rows * TILE_NUMPY, np.split(thing, start[1:]), strict=False):
+        x0, y0 = np.maximum(boxes[ids, :2].min(axis=0), (x, y)).tolist()
+        x1, y1 = np.minimum(boxes[ids, 2:].max(axis=0), (x + TILE_NUMPY, y + TILE_NUMPY)).tolist()
         u, v = pixel_grid(view.engine, (x0, y0, x1, y1))
-        place = slice(y0, y1), slice(x0, x1)
-        yield u, v, place, view.world(ObjectList(view.table, ids), ObjectList(view.table, work.casters.at(tile)))
+        yield u, v, (slice(y0, y1), slice(x0, x1)), view.near(ids.tolist())
 
 
-def kernel(view: EyeScene, boxes: Int[np.ndarray, "n 4"], shadows: bool) -> Iterator[Piece]:
+def kernel(view: EyeScene, boxes: Int[np.ndarray, "n 4"]) -> Iterator[Piece]:
     """The same for Dr.Jit: all tiles at once."""
-    w, h = view.local.camera.image_size
-    work = plan(view.local, boxes, (w, h), TILE_DRJIT, shadows)
-    if len(work.tiles):
-        u, v, place, number = tile_grid(view.engine, work.tiles, work.side, work.columns, (w, h))
-        lists = (tile_lists(view.table, view.engine, a, work.tiles, number) for a in (work.seen, work.casters))
-        kind = view.engine.float_type
-        yield kind(u), kind(v), place, view.world(*lists)
+    size = view.local.camera.image_size
+    found = np.zeros((-(-size[1] // TILE_DRJIT), -(-size[0] // TILE_DRJIT)), bool)
+    pairs = 0
+    for span in spans(boxes, TILE_DRJIT):
+        found[span] = True
+        pairs += found[span].size
+    if len(busy := np.flatnonzero(found)):
+        u, v, place, number = tile_grid(view.engine, busy, TILE_DRJIT, found.shape[1], size)
+        kind, world = view.engine.float_type, view.everywhere
+        if not view.table.few and pairs <= LONG * len(busy):
+            tile, ids = touched(boxes, TILE_DRJIT, size)
+            lists = kernel_lists(view.table, view.engine, np.searchsorted(busy, tile), ids, number)
+            world = view.world(lists, world.casters)
+        yield kind(u), kind(v), place, world

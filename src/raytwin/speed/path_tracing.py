@@ -204,7 +204,7 @@ def _sampled(
         return repeat(number, batch, (0 * u,) * (2 * values + 1))[:-1]
 
     with np.errstate(all="ignore"):
-        for u, v, place, world in (tiles if how.is_numpy else kernel)(view, boxes, True):
+        for u, v, place, world in (tiles if how.is_numpy else kernel)(view, boxes):
             u, v = (u + 0 * v, v + 0 * u)
             found = estimate(u, v, pixel_numbers(how, place, scene.camera.width), world)
             scale = 1 / (samples * max(batches - 1, 1))

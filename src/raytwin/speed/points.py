@@ -14,7 +14,7 @@ from raytwin.scene import Scene, Shape
 from raytwin.scene.lens import has_no_ray
 from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.engine import ENGINES, evaluate, from_numpy, to_numpy
-from raytwin.speed.fast_world import FastWorld, ObjectList, Ray
+from raytwin.speed.fast_world import FastWorld, Ray
 from raytwin.speed.frame import EyeScene
 from raytwin.tracer.hit import Hit
 from raytwin.tracer.pixel_to_ray import to_board
@@ -93,6 +93,6 @@ def _parts(view: EyeScene, u: np.ndarray, v: np.ndarray) -> Iterator[tuple[slice
             part = slice(start, start + CHUNK)
             x, y = u[part], v[part]
             near = (x0 - 1 < x.max()) & (x.min() < x1) & (y0 - 1 < y.max()) & (y.min() < y1)
-            yield part, view.world(ObjectList(view.table, np.flatnonzero(near).tolist()), view.one_by_one)
+            yield part, view.near(np.flatnonzero(near).tolist())
     elif len(u):
         yield slice(None), view.everywhere

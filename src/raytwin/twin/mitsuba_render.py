@@ -41,7 +41,7 @@ def render_mitsuba(
     batches = max(1, min(batches, samples))
     about = mitsuba_provenance(scene, samples, seed, batches, variant)
     make = partial(_pooled, scene, samples, seed, batches, progress)
-    return render_cache.cached(about, scene.image_size, cache, make)
+    return render_cache.cached(about, cache, make)
 
 
 def _pooled(scene: MitsubaScene, samples: int, seed: int, batches: int, progress: Progress) -> Image:
@@ -150,13 +150,13 @@ def _look_at_once(loaded: Any, u: np.ndarray, v: np.ndarray, numbers: list[int])
     ray = sensor.sample_ray(sensor.shutter_open(), 0.5, mi.Point2f(mi.Float(u), mi.Float(v)), mi.Point2f(0.5))[0]
     hit = loaded.ray_intersect(ray)
     own = np.array(dr.reinterpret_array(mi.UInt32, hit.shape))
-    ids = np.full(own.shape, BACKGROUND)
-    for number, one in zip(numbers, np.array(dr.reinterpret_array(mi.UInt32, loaded.shapes_dr())), strict=True):
-        ids[own == one] = number
+    keys = np.array(dr.reinterpret_array(mi.UInt32, loaded.shapes_dr()))
+    number_of = np.full(1 + max(own.max(initial=0), keys.max(initial=0)), BACKGROUND)
+    number_of[keys] = numbers
     depth = np.array(dr.select(hit.is_valid(), hit.t, 0))
     facing = dr.select(dr.dot(hit.n, ray.d) > 0, -hit.n, hit.n)
     far = dr.norm(ray.o - sensor.world_transform().translation())
-    return ids, depth, np.array(facing).T, np.array(far)
+    return number_of[own], depth, np.array(facing).T, np.array(far)
 
 
 def _look_one_by_one(loaded: Any, u: np.ndarray, v: np.ndarray, numbers: list[int]) -> Looked:

@@ -77,7 +77,7 @@ def render(
         renderer = _engine(about["variant"]).Renderer(scene, textures, plan.depth or 0)
         return _rendered(renderer, scene, plan, progress, settled=not textures)
 
-    return render_cache.cached(about, scene.camera.image_size, cache, make)
+    return render_cache.cached(about, cache, make)
 
 
 def _rendered(renderer: Any, scene: Scene, plan: "_Plan", progress: Progress, settled: bool) -> Image:

@@ -36,7 +36,6 @@ import numpy as np
 from raytwin.lights.envmap_tables import tabulate
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
 from raytwin.speed.path_tracing import area_boxes
-from raytwin.speed.tile_lists import caster_pairs
 from raytwin.tracer.hit import NO_SPECULAR
 from raytwin.tracer.world import specular_of
 
@@ -66,15 +65,7 @@ class Bounds:
         self.sky, self.even, self.unlike = _skies(scene)
         self.sun = (albedo + peak * specular) * np.array(scene.sun.irradiance) / np.pi
         self.glint = specular * np.maximum(self.sky, self.even)
-        self.shades = np.zeros((n, n), bool)
-        found = caster_pairs(scene) if n else None
-        if found is None:
-            self.shades[:] = n > 0
-        else:
-            first, flat = found
-            for i in range(n):
-                self.shades[i, flat[first[i] : first[i + 1]]] = True
-            self.shades |= np.diag(np.diag(shares) > 0)  # a sphere seen from within hides the sun from itself
+        self.shades = shading(scene) | np.diag(np.diag(shares) > 0)  # a sphere seen from within shades itself
         self.q = self._filled().max(axis=0, initial=0.0)
         self.series = [self.sun + albedo * self.even + self.glint]
 
@@ -136,6 +127,21 @@ class Bounds:
             "relmse": 100 * largest**2 * self.covered,
         }.get(metric, largest)  # fmt: skip
         return found if np.isfinite(found) else None
+
+
+def shading(scene: Scene) -> np.ndarray:
+    """(n, n) bool: another object, j, may cast a shadow on object i; never too few.
+
+    Both are put into balls. Seen along the sun's rays these are discs, which must overlap, and the caster's ball must
+    not lie behind the other's.
+    """
+    center = np.array([thing.center for thing in scene.objects]).reshape(-1, 3)
+    radius = np.array([thing.radius if isinstance(thing, Sphere) else _reach(thing) for thing in scene.objects])
+    radius = radius * (1 + 1e-4) + 1e-6 * np.abs(center).max(initial=0)  # for float32's rounding
+    apart, both, to_light = center - center[:, None], radius + radius[:, None], np.array(scene.sun.to_light)
+    ahead = apart @ to_light
+    across = np.linalg.norm(apart - ahead[..., None] * to_light, axis=-1)
+    return np.asarray((across <= both) & (ahead >= -both) & ~np.eye(len(center), dtype=bool))
 
 
 def _full(shares: np.ndarray) -> np.ndarray:
