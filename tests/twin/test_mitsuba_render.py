@@ -1,5 +1,8 @@
 """A Mitsuba file's render beside closed forms, and beside the twin of the scene that was exported as a file."""
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -51,6 +54,42 @@ def test_a_ball_under_an_even_sky_has_its_albedo_times_the_sky_and_is_where_it_i
     assert surface.depth[7, 10] == pytest.approx(3, rel=1e-6)  # from the eye, not from near_clip
     assert surface.normal[7, 10] == pytest.approx([0, 0, 1], abs=1e-5)
     assert not surface.depth[0, 0]
+
+
+def test_plugins_of_the_current_folder_stand_in_for_none_of_mitsubas_own(tmp_path):
+    """Neither where a variant is tried, nor where a scene of either kind is loaded."""
+    (tmp_path / "plugins").mkdir()
+    for name in ("sphere", "constant", "diffuse", "prb"):
+        for file in (f"{name}.so", f"{name}.dylib", f"{name}.dll"):
+            (tmp_path / "plugins" / file).write_text("what would be run")
+    (tmp_path / "scene.xml").write_text(BALL)
+    script = """if True:
+        from raytwin import files, twin
+        print(twin.activate().variant)
+        twin.render_mitsuba(files.read_mitsuba("scene.xml"), 1)
+        import mitsuba
+        mitsuba.load_dict({"type": "scene", "ball": {"type": "sphere"}})
+        """
+    run = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, env=os.environ | {"RAYTWIN_CACHE": str(tmp_path / "cache")},
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.split() == [twin.activate().variant]
+
+
+@pytest.mark.parametrize("name", ["prb", "prb_basic", "volprim_rf_basic"])
+def test_a_plugin_in_python_is_refused_in_the_variant_that_lacks_it(tmp_path, name):
+    scene = scene_of(tmp_path, BALL.replace('type="path"', f'type="{name}"'))
+    with pytest.raises(InputError, match=f"the plugin {name}, which only the other variants have"):
+        twin.render_mitsuba(scene, 1, variant="scalar_rgb")
+
+
+def test_an_integrator_in_python_renders_as_the_one_of_cpp(tmp_path):
+    """At the same samples, a false-alarm rate of 1e-3."""
+    path = twin.render_mitsuba(scene_of(tmp_path, BALL), 64)
+    prb = twin.render_mitsuba(scene_of(tmp_path, BALL.replace('type="path"', 'type="prb"')), 64, 1)
+    assert compare(prb, path).verdict == "pass"
 
 
 def test_which_shape_each_pixel_sees_is_looked_up_for_all_shapes_at_once(tmp_path):

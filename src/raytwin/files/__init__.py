@@ -13,6 +13,7 @@ from raytwin.files.mitsuba_file import (
     as_loaded,
     edited,
     is_mitsuba,
+    mitsuba_plugins,
     read_mitsuba,
     with_film,
     write_mitsuba,

@@ -2,9 +2,8 @@
 
 import re
 from functools import partial
-from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, fromstring, tostring
+from xml.etree.ElementTree import fromstring, tostring
 
 import numpy as np
 
@@ -75,24 +74,14 @@ def _loaded(scene: MitsubaScene) -> Any:
     import mitsuba as mi
 
     root = files.as_loaded(scene)
-    _check_plugins(scene, root)
+    if mi.variant() == SCALAR:  # it does not have them, and would look for a library of this name
+        for name in files.mitsuba_plugins()[1] & {element.get("type") for element in root.iter()}:
+            expected = f"a scene that Mitsuba's variant {SCALAR} renders"
+            raise InputError(scene.file, expected, f"the plugin {name}, which only the other variants have")
     try:
         return mi.load_string(tostring(root, "unicode"), optimize=False)
     except Exception as error:  # RuntimeError, or whatever a plugin of Python's raises
         raise _refused(scene, error) from None
-
-
-def _check_plugins(scene: MitsubaScene, root: Element) -> None:
-    """Raise InputError for a plugin that is none of Mitsuba's own: loading it runs its code."""
-    import mitsuba as mi
-
-    own = {path.stem for path in (Path(mi.__file__).parent / "plugins").iterdir()} | {"scene"}
-    own |= {name.removeprefix("lib") for name in own}
-    for element in root.iter():
-        name = element.get("type")
-        if name is not None and name not in own and element.tag != "spectrum" and name not in files.allowed():
-            expected = f"a plugin of Mitsuba's, or one that --allow names ({files.ALLOW})"
-            raise InputError(f"{scene.file}: <{element.tag}>", expected, name)
 
 
 def _rendered(scene: MitsubaScene, loaded: Any, samples: int, seed: tuple[int, int]) -> np.ndarray:
