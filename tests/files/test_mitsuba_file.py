@@ -11,6 +11,9 @@ HEAD = """<default name="w" value="12"/><integrator type="path"/><sensor type="p
 <integer name="width" value="$w"/><integer name="height" value="9"/></film></sensor>"""
 
 
+CROP = '<integer name="crop_offset_x" value="{x}"/><integer name="crop_width" value="{w}"/></film>'
+
+
 def written(folder: Path, body: str = "", head: str = HEAD) -> Path:
     file = folder / "scene.xml"
     file.write_text(f'<scene version="3.0.0">{head}{body}</scene>')
@@ -114,7 +117,10 @@ def test_what_is_wrong_with_a_file_is_said_in_one_line(folder, body):
 
 
 @pytest.mark.parametrize(
-    ("head", "said"), [("", "no <sensor>"), (HEAD.replace("$w", "-1"), "pixels"), (HEAD.replace("$w", "1e9"), "pixels")]
+    ("head", "said"),
+    [("", "no <sensor>")]
+    + [(HEAD.replace("$w", width), "pixels, from 1 to 100000") for width in ("-1", "1e9", "9" * 5000)]
+    + [(HEAD.replace("</film>", CROP.format(x=x, w=w)), "a window inside the film") for x, w in ((0, 13), (6, 7))],
 )
 def test_a_scene_without_a_camera_or_size_is_refused(folder, head, said):
     with pytest.raises(InputError, match=said):

@@ -35,8 +35,10 @@ DEEPEST_INCLUDE = 15
 """Includes within includes, as in Mitsuba."""
 DEEPEST_ELEMENT = 100
 """Elements within elements: Python walks them by recursion."""
-DEFAULT_SIZE = {"width": 768, "height": 576}
-"""Mitsuba's, where a film has none."""
+FILM = ("width", "x", 768), ("height", "y", 576)
+"""A film's sides, their axes and, where a film has none, Mitsuba's lengths in pixels."""
+COLOURS = {"rgba": "rgb", "xyz": "rgb", "xyza": "rgb", "luminance_alpha": "luminance"}
+"""Pixel formats that are rendered in another one: linear Rec. 709 or grey, without coverage, as raytwin compares."""
 
 
 def allowed() -> tuple[str, ...]:
@@ -193,8 +195,10 @@ def _files_of(element: ET.Element) -> Iterator[str]:
 
 
 def as_loaded(scene: MitsubaScene) -> ET.Element:
-    """The scene's elements with the whole path of each file in the place of its name."""
+    """The scene's elements with the whole path of each file in the place of its name, and COLOURS on its films."""
     root = ET.fromstring(scene.text)
+    for element in root.iterfind(".//film/string[@name='pixel_format']"):
+        element.set("value", COLOURS.get(element.get("value", "").lower(), element.get("value", "")))
     for element in root.iter():
         for key in _files_of(element):
             element.set(key, str(Path(scene.folder) / element.get(key, "")))
@@ -215,36 +219,71 @@ def _found(where: str, value: str, folders: list[Path], own: Path, is_folder: bo
     return path
 
 
-def _image_size(file: Path, root: ET.Element) -> tuple[int, int]:
-    """The film's size, cropped, of the first sensor."""
+def _film(file: Path, root: ET.Element) -> dict[str, int]:
+    """Size and window of the first sensor's film, in pixels, under Mitsuba's names."""
     sensor, integrator = root.find("sensor"), root.find("integrator")
     if sensor is None or integrator is None:
         missing = "sensor" if sensor is None else "integrator"
         raise InputError(file, "a scene with a sensor, a film and an integrator of its own", f"no <{missing}>")
-    film = sensor.find("film")
-    sides = {e.get("name", ""): e.get("value", "") for e in film.findall("integer")} if film is not None else {}
-    size = []
-    for side, usual in DEFAULT_SIZE.items():
-        text = sides.get(f"crop_{side}", sides.get(side, str(usual)))
-        if not text.strip().isdecimal() or not 1 <= int(text) <= 100_000:
-            raise InputError(f"{file}: film {side}", "pixels, from 1 to 100000", text)
-        size.append(int(text))
-    if size[0] * size[1] > MAX_PIXELS:
-        raise InputError(f"{file}: film", f"at most {MAX_PIXELS / 1e6:.0f} megapixels", f"{size[0]} x {size[1]}")
-    return size[0], size[1]
+    said = {e.get("name", ""): e.get("value", "") for e in sensor.findall("film/integer")}
+    film: dict[str, int] = {}
+
+    def pixels(name: str, usual: int, fewest: int) -> int:
+        text = said.get(name, str(usual)).strip()
+        if not re.fullmatch("[0-9]{1,6}", text) or not fewest <= int(text) <= 100_000:
+            raise InputError(f"{file}: film {name}", f"pixels, from {fewest} to 100000", text)
+        film[name] = int(text)
+        return film[name]
+
+    for side, axis, usual in FILM:
+        whole = pixels(side, usual, 1)
+        window, offset = pixels(f"crop_{side}", whole, 1), pixels(f"crop_offset_{axis}", 0, 0)
+        if offset + window > whole:
+            expected = f"a window inside the film, {whole} pixels"
+            raise InputError(f"{file}: film crop_{side}", expected, f"{window} pixels from {offset} on")
+    return film
 
 
-def with_film(scene: MitsubaScene, **integers: int) -> MitsubaScene:
-    """The scene with these integers in its film: width, height, crop_width and so on."""
+def _image_size(file: Path, root: ET.Element) -> tuple[int, int]:
+    """The size of what the film shows: its window's."""
+    film = _film(file, root)
+    width, height = film["crop_width"], film["crop_height"]
+    if width * height > MAX_PIXELS:
+        raise InputError(f"{file}: film", f"at most {MAX_PIXELS / 1e6:.0f} megapixels", f"{width} x {height}")
+    return width, height
+
+
+def with_film(scene: MitsubaScene, width: int, height: int) -> MitsubaScene:
+    """The scene with an image of this size that shows the same: a window in the film becomes larger or smaller, too."""
+    old = _film(Path(scene.file), ET.fromstring(scene.text))
+    new: dict[str, int] = {}
+    for (side, axis, _), length in zip(FILM, (width, height), strict=True):
+        ratio = length / old[f"crop_{side}"]
+        offset = round(old[f"crop_offset_{axis}"] * ratio)
+        new[side] = max(round(old[side] * ratio), offset + length)
+        new |= {f"crop_{side}": length, f"crop_offset_{axis}": offset} if old[side] > old[f"crop_{side}"] else {}
+    return _with_film(scene, new)
+
+
+def with_window(scene: MitsubaScene, x: int, y: int, width: int, height: int) -> MitsubaScene:
+    """The scene that shows this part of its image alone, from pixel (x, y) on."""
+    film = _film(Path(scene.file), ET.fromstring(scene.text))
+    window = {"crop_offset_x": film["crop_offset_x"] + x, "crop_offset_y": film["crop_offset_y"] + y}
+    return _with_film(scene, film | window | {"crop_width": width, "crop_height": height})
+
+
+def _with_film(scene: MitsubaScene, integers: dict[str, int]) -> MitsubaScene:
+    """The scene whose film has these numbers of pixels, and no others."""
     root = ET.fromstring(scene.text)
     film = root.find("sensor/film")
     if film is None:
         sensor = root.find("sensor")
         assert sensor is not None  # checked when it was read
         film = ET.SubElement(sensor, "film", {"type": "hdrfilm"})
+    names = {name for side, axis, _ in FILM for name in (side, f"crop_{side}", f"crop_offset_{axis}")}
+    for element in [e for e in film.findall("integer") if e.get("name") in names]:
+        film.remove(element)
     for name, value in integers.items():
-        for element in [e for e in film.findall("integer") if e.get("name") == name]:
-            film.remove(element)
         ET.SubElement(film, "integer", {"name": name, "value": str(value)})
     return edited(scene, root)
 

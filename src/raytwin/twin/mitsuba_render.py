@@ -18,7 +18,7 @@ from raytwin.twin.plain import LANES
 
 BATCHES = 16
 """Independent renders behind a variance."""
-VERSION = "1"
+VERSION = "2"
 """Part of every cache key: raise it when a change moves a pixel."""
 
 
@@ -85,10 +85,11 @@ def _loaded(scene: MitsubaScene) -> Any:
 
 
 def _rendered(scene: MitsubaScene, loaded: Any, samples: int, seed: tuple[int, int]) -> np.ndarray:
-    """(H, W, 3): the first three channels of the film, or its only one."""
+    """(H, W, 3): the film's colours, or its grey, without what an `aov` integrator adds after them."""
     import mitsuba as mi
 
     width, height = scene.image_size
+    colours = _colours(scene)
     most = samples if mi.variant() == SCALAR else max(1, LANES // (width * height))
     passes = -(-samples // most)
     total: np.ndarray = np.zeros((height, width, 3))
@@ -99,10 +100,23 @@ def _rendered(scene: MitsubaScene, loaded: Any, samples: int, seed: tuple[int, i
             made = np.asarray(mi.render(loaded, spp=part, seed=number))
         except Exception as error:
             raise _refused(scene, error) from None
-        if made.ndim != 3 or made.shape[:2] != (height, width) or made.shape[2] == 2:
+        if made.shape[:2] != (height, width) or made.shape[2] < colours:
             raise InputError(scene.file, f"a film of {width} x {height} pixels in grey or RGB", made.shape)
-        total += part * (np.repeat(made[..., :1], 3, axis=2) if made.shape[2] == 1 else made[..., :3])
+        total += part * np.broadcast_to(made[..., :colours], total.shape)
     return total / samples
+
+
+def _colours(scene: MitsubaScene) -> int:
+    """Channels of light that come first in the film: 1 if it is grey, else 3."""
+    root = fromstring(scene.text)
+    integrator = root.find("integrator")
+    while integrator is not None and integrator.get("type") == "aov":
+        if integrator.find("ref") is None and integrator.find("integrator") is None:
+            raise InputError(f"{scene.file}: <integrator>", "an image's integrator inside aov", "none")
+        integrator = integrator.find("integrator")
+    pixel_format = root.find("sensor/film/string[@name='pixel_format']")
+    grey = pixel_format is not None and pixel_format.get("value", "").lower().startswith("luminance")
+    return 1 if grey else 3
 
 
 def _surface(scene: MitsubaScene, loaded: Any) -> Surface:
