@@ -16,6 +16,7 @@ from raytwin.files.mitsuba_file import (
     mitsuba_plugins,
     read_mitsuba,
     with_film,
+    with_pose,
     with_window,
     write_mitsuba,
 )

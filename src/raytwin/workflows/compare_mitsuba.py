@@ -21,6 +21,7 @@ from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.scene import MitsubaScene, Tolerance
 from raytwin.workflows.compare_scene import Result
 from raytwin.workflows.make_reference import LEVEL, read_scene
+from raytwin.workflows.nothing_in_view import judged_in_view
 from raytwin.workflows.rounds import render_sides
 from raytwin.workflows.settings import CompareSettings
 from raytwin.workflows.versions import versions
@@ -66,6 +67,7 @@ def compare_mitsuba(path: str | Path, chosen: CompareSettings, *, progress: Prog
     if found.verdict == "fail":
         with stages.stage("cause"):
             found = found.because(*explain(made, right))
+    found = judged_in_view(found, right, scene)
     about = {"twin_variant": backend.variant, "tracer_engine": subject.name, "libllvm": backend.libllvm, "solver": None}
     report = Report(scene.name, None, found.saying(UNKNOWN), dict(stages.seconds), about, None)
     settings = {"scene": Path(scene.file).name, "twin": "the file's own integrator and film"}
@@ -88,6 +90,7 @@ def compare_with_reference(scene: str, settings: CompareSettings, folder: Path) 
     comparison = compare(made, known.image, tolerance=known.tolerance)
     if comparison.verdict == "fail":
         comparison = comparison.because(*explain(made, known.image, known.scene, settings.rung))
+    comparison = judged_in_view(comparison, known.image, sized)
     report = Report(found.name, None if of_file else settings.rung, comparison, spent, {}, None if of_file else ())
     return plain_result(report, sized, known.tolerance, subject, made, known.image, {"reference": known.path.name})
 
