@@ -98,6 +98,7 @@ BAD = {
         "a plugin of Mitsuba's",
     '<include filename="parts/evil.xml"/>': "a plugin of Mitsuba's",
     '<include filename="parts/up.xml"/>': "in the scene's folder",
+    '<include filename="parts/bare.xml"/>': "whose outermost element is <scene>",
 }  # fmt: skip
 
 
@@ -110,10 +111,12 @@ def test_what_is_wrong_with_a_file_is_said_in_one_line(folder, body):
     (folder / "big.xml").write_text(f"<scene><!--{' ' * (1 << 23)}--></scene>")
     (folder / "parts" / "evil.xml").write_text('<medium version="3.0.0" type="evil"/>')
     (folder / "parts" / "up.xml").write_text('<scene><include filename="../../outside.ply"/></scene>')
+    (folder / "parts" / "bare.xml").write_text('<default version="3.0.0" name="a" value="1"/>')
     with pytest.raises(InputError, match=BAD[body]) as told:
         files.read_mitsuba(written(folder, body))
     assert ".xml" in str(told.value)
     assert "\n" not in str(told.value)
+    assert len(str(told.value)) < 500
 
 
 @pytest.mark.parametrize(

@@ -35,6 +35,7 @@ DEEPEST_INCLUDE = 15
 """Includes within includes, as in Mitsuba."""
 DEEPEST_ELEMENT = 100
 """Elements within elements: Python walks them by recursion."""
+OUTERMOST = "a Mitsuba scene, whose outermost element is <scene>"
 FILM = ("width", "x", 768), ("height", "y", 576)
 """A film's sides, their axes and, where a film has none, Mitsuba's lengths in pixels."""
 COLOURS = {"rgba": "rgb", "xyz": "rgb", "xyza": "rgb", "luminance_alpha": "luminance"}
@@ -56,9 +57,9 @@ def read_mitsuba(path: str | os.PathLike) -> MitsubaScene:
     file = find_scene(path)
     folder = file.absolute().parent
     reading, folders = _Reading(file), [folder]
-    (root,) = reading.elements(file, folders, 0, 0)
+    root = reading.element(file, folders, 0, 0)
     if root.tag != "scene":
-        raise InputError(file, "a Mitsuba scene, whose outermost element is <scene>", f"<{root.tag}>")
+        raise InputError(file, OUTERMOST, f"<{root.tag}>")
     found = reading.found
     for element in root.iter():
         for key in _files_of(element):
@@ -86,7 +87,7 @@ class _Reading:
         self._parameters: dict[str, str] = {}
         self._spent = self._includes = 0
 
-    def elements(self, file: Path, folders: list[Path], depth: int, level: int) -> list[ET.Element]:
+    def element(self, file: Path, folders: list[Path], depth: int, level: int) -> ET.Element:
         """The file's outermost element, without includes, parameters and search folders: these go to `folders`."""
         content = _content(file, "a Mitsuba scene (XML)", MOST_XML)
         self._spend(len(content))
@@ -97,7 +98,9 @@ class _Reading:
             root = ET.fromstring(content)
         except (ET.ParseError, ValueError, LookupError) as error:
             raise InputError(file, "a Mitsuba scene (XML)", error) from None
-        return self._expanded(root, file, folders, depth, level)
+        if root.tag in ("default", "include", "path"):
+            raise InputError(file, OUTERMOST, f"<{root.tag}>")
+        return self._expanded(root, file, folders, depth, level)[0]
 
     def _expanded(
         self, element: ET.Element, file: Path, folders: list[Path], depth: int, level: int
@@ -128,7 +131,7 @@ class _Reading:
         if depth > DEEPEST_INCLUDE or self._includes > MOST_INCLUDES:
             raise InputError(where, f"at most {MOST_INCLUDES} includes, {DEEPEST_INCLUDE} deep", "more")
         inner = _found(where, include.get("filename", ""), folders, self.own)
-        (root,) = self.elements(inner, [inner.parent, *folders], depth, level)
+        root = self.element(inner, [inner.parent, *folders], depth, level)
         if root.tag == "scene":
             return list(root)
         root.attrib.pop("version", None)
@@ -146,7 +149,7 @@ class _Reading:
                 self._spend(value.count(f"${name}") * len(self._parameters[name]))
                 value = value.replace(f"${name}", self._parameters[name])
             if "$" in value:
-                raise InputError(f"{where} {key}", "a parameter with a <default> before it", value)
+                raise InputError(f"{where} {key}", "a parameter with a <default> before it", value[:80])
             element.set(key, value)
 
     def _spend(self, characters: int) -> None:
@@ -164,14 +167,16 @@ def mitsuba_plugins() -> tuple[frozenset[str], frozenset[str]]:
         return frozenset(), frozenset()
     package = Path(spec.origin).parent
     libraries = frozenset(path.stem.removeprefix("lib") for path in (package / "plugins").iterdir())
-    texts = (path.read_text(encoding="utf-8") for path in (package / "python").rglob("*.py"))
+    texts = (path.read_text(encoding="utf-8") for path in (package / "python" / "ad").rglob("*.py"))
     return libraries, frozenset(re.findall(r'^mi\.register_\w+\(\s*"(\w+)"', "\n".join(texts), re.MULTILINE))
 
 
 def _check_type(where: str, name: str | None) -> None:
     """Raise InputError for a plugin that is none of Mitsuba's own: loading it runs its code."""
     libraries, in_python = mitsuba_plugins()
-    if libraries and name is not None and name not in {"scene", *libraries, *in_python, *allowed()}:
+    if name in (None, "scene") or name in libraries or name in in_python:
+        return
+    if libraries and name not in allowed():
         raise InputError(where, f"a plugin of Mitsuba's, or one that --allow names ({ALLOW})", name)
 
 
@@ -231,7 +236,7 @@ def _film(file: Path, root: ET.Element) -> dict[str, int]:
     def pixels(name: str, usual: int, fewest: int) -> int:
         text = said.get(name, str(usual)).strip()
         if not re.fullmatch("[0-9]{1,6}", text) or not fewest <= int(text) <= 100_000:
-            raise InputError(f"{file}: film {name}", f"pixels, from {fewest} to 100000", text)
+            raise InputError(f"{file}: film {name}", f"pixels, from {fewest} to 100000", text[:80])
         film[name] = int(text)
         return film[name]
 
