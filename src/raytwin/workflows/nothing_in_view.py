@@ -26,14 +26,14 @@ OPENCV: Axes = {
     (-1, 1, -1): "its x and z axes flipped",
     (1, 1, 1): "",
 }
-"""Of raytwin's own scenes: x right, y down, z forward."""
+"""The axes of raytwin's own scenes are OpenCV's: x right, y down, z forward."""
 MITSUBA: Axes = {
     (-1, 1, -1): "its x and z axes flipped, as OpenGL, NeRF and Blender have them",
     (-1, -1, 1): "its x and y axes flipped, as OpenCV has them",
     (1, -1, -1): "its y and z axes flipped",
     (1, 1, 1): "",
 }
-"""Of Mitsuba's: x left, y up, z forward."""
+"""Mitsuba's axes: x left, y up, z forward."""
 
 
 def judged_in_view(comparison: Comparison, reference: Image, scene: Scene | MitsubaScene) -> Comparison:
