@@ -7,8 +7,11 @@ from raytwin import files
 from raytwin.errors import InputError
 from raytwin.files import mitsuba_file
 
-HEAD = """<integrator type="path"/><sensor type="perspective"><film type="hdrfilm">
-<integer name="width" value="$w"/><integer name="height" value="9"/></film></sensor><default name="w" value="12"/>"""
+HEAD = """<default name="w" value="12"/><integrator type="path"/><sensor type="perspective"><film type="hdrfilm">
+<integer name="width" value="$w"/><integer name="height" value="9"/></film></sensor>"""
+
+
+CROP = '<integer name="crop_offset_x" value="{x}"/><integer name="crop_width" value="{w}"/></film>'
 
 
 def written(folder: Path, body: str = "", head: str = HEAD) -> Path:
@@ -48,6 +51,31 @@ def test_a_scene_is_known_by_its_content_and_that_of_its_files_alone(folder, tmp
     assert files.read_mitsuba(folder).digest != before
 
 
+def test_an_include_and_a_search_folder_are_looked_for_where_mitsuba_looks(folder):
+    """Beside the including file, then beside those that include it; later <path>s first; parameters in names."""
+    (folder / "parts" / "all.xml").write_text('<scene><include filename="parts/$which.xml"/></scene>')
+    (folder / "parts" / "one.xml").write_text(
+        '<bsdf version="3.0.0" type="diffuse" name="lost"><include name="reflectance" filename="two.xml"/></bsdf>'
+    )
+    (folder / "parts" / "two.xml").write_text('<texture version="3.0.0" type="checkerboard"/>')
+    (folder / "pot.ply").write_text("another mesh")
+    pot = '<shape type="ply"><string name="filename" value="pot.ply"/><include filename="parts/all.xml" /></shape>'
+    found = files.read_mitsuba(written(folder, f'<default name="which" value="one"/>{pot}<path value="parts"/>'))
+    assert set(found.files) == {"parts/all.xml", "parts/one.xml", "parts/two.xml", "parts/pot.ply"}
+    assert '<bsdf type="diffuse"><texture type="checkerboard" name="reflectance" /></bsdf>' in found.text
+
+
+def test_every_plugin_that_mitsuba_brings_is_its_own():
+    libraries, in_python = files.mitsuba_plugins()
+    assert libraries >= {"path", "hdrfilm", "d65", "sphere"}
+    assert in_python >= {"prb", "prb_basic", "prb_projective", "prbvolpath", "direct_projective"}
+
+
+def test_a_plugin_may_be_allowed_by_name(folder, monkeypatch):
+    monkeypatch.setenv(files.ALLOW, "mine")
+    assert 'type="mine"' in files.read_mitsuba(written(folder, '<bsdf type="mine"/>')).text
+
+
 BAD = {
     "<shape>": "mismatched tag",
     '<float name="a" value="$x"/>': "<default>",
@@ -56,21 +84,46 @@ BAD = {
     '<shape type="ply"><string name="filename" value="link.ply"/></shape>': "in the scene's folder",
     '<include filename="/etc/hostname"/>': "in the scene's folder",
     '<path value=".."/>': "in the scene's folder",
-    '<include filename="scene.xml"/>': "includes at most 8 deep",
-}
+    '<include filename="scene.xml"/>': "includes, 15 deep",
+    '<float name="a" value="$x"/><default name="x" value="1"/>': "a <default> before it",
+    '<include filename="many.xml"/>': "at most 1000 includes",
+    "<bsdf>" * 3000 + "</bsdf>" * 3000: "elements at most 100 deep",
+    "<default name='a0' value='xx'/>" + "".join(f"<default name='a{i + 1}' value='$a{i}$a{i}'/>" for i in range(60)):
+        "at most 64 MB of XML",
+    "<default name='a' value='" + 2**17 * "x" + "'/>" + 600 * "<float name='b' value='$a'/>": "at most 64 MB of XML",
+    '<include filename="big.xml"/>' * 9: "at most 64 MB of XML",
+    '<emitter type="area"><spectrum name="radiance" type="evil"/></emitter>': "a plugin of Mitsuba's",
+    '<shape type="../evil"/>': "a plugin of Mitsuba's",
+    '<default name="t" value="evil"/><bsdf type="$t" id="a"/><alias id="a" as="b"/><ref id="b"/>':
+        "a plugin of Mitsuba's",
+    '<include filename="parts/evil.xml"/>': "a plugin of Mitsuba's",
+    '<include filename="parts/up.xml"/>': "in the scene's folder",
+    '<include filename="parts/bare.xml"/>': "whose outermost element is <scene>",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("body", BAD)
 def test_what_is_wrong_with_a_file_is_said_in_one_line(folder, body):
     (folder / "link.ply").symlink_to(folder.parent / "outside.ply")
+    (folder / "many.xml").write_text("<scene>" + '<include filename="few.xml"/>' * 40 + "</scene>")
+    (folder / "few.xml").write_text("<scene>" + '<include filename="none.xml"/>' * 40 + "</scene>")
+    (folder / "none.xml").write_text("<scene/>")
+    (folder / "big.xml").write_text(f"<scene><!--{' ' * (1 << 23)}--></scene>")
+    (folder / "parts" / "evil.xml").write_text('<medium version="3.0.0" type="evil"/>')
+    (folder / "parts" / "up.xml").write_text('<scene><include filename="../../outside.ply"/></scene>')
+    (folder / "parts" / "bare.xml").write_text('<default version="3.0.0" name="a" value="1"/>')
     with pytest.raises(InputError, match=BAD[body]) as told:
         files.read_mitsuba(written(folder, body))
-    assert "scene.xml" in str(told.value)
+    assert ".xml" in str(told.value)
     assert "\n" not in str(told.value)
+    assert len(str(told.value)) < 500
 
 
 @pytest.mark.parametrize(
-    ("head", "said"), [("", "no <sensor>"), (HEAD.replace("$w", "-1"), "pixels"), (HEAD.replace("$w", "1e9"), "pixels")]
+    ("head", "said"),
+    [("", "no <sensor>")]
+    + [(HEAD.replace("$w", width), "pixels, from 1 to 100000") for width in ("-1", "1e9", "9" * 5000)]
+    + [(HEAD.replace("</film>", CROP.format(x=x, w=w)), "a window inside the film") for x, w in ((0, 13), (6, 7))],
 )
 def test_a_scene_without_a_camera_or_size_is_refused(folder, head, said):
     with pytest.raises(InputError, match=said):

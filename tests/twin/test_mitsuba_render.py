@@ -1,5 +1,8 @@
 """A Mitsuba file's render beside closed forms, and beside the twin of the scene that was exported as a file."""
 
+import os
+import subprocess
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -9,6 +12,7 @@ import pytest
 from counting import lines
 
 from raytwin import files, twin
+from raytwin.compare import compare
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.scene import MitsubaScene
@@ -21,6 +25,12 @@ BALL = """<scene version="3.0.0"><integrator type="path"><integer name="max_dept
 </sensor>
 <shape type="sphere" id="ball"><bsdf type="diffuse"><rgb name="reflectance" value="0.8 0.5 0.2"/></bsdf></shape>
 <emitter type="constant"><rgb name="radiance" value="2 2 2"/></emitter></scene>"""
+
+PATH = '<integrator type="path"/>'
+AOV = '<integrator type="aov"><string name="aovs" value="depth:depth,where:position"/>{}</integrator>'
+FORMAT = '<rfilter type="box"/><string name="pixel_format" value="{}"/>'
+RGB = (2.0, 4.0, 1.0)
+GREY = 0.212671 * RGB[0] + 0.715160 * RGB[1] + 0.072169 * RGB[2]
 
 
 def scene_of(folder: Path, text: str) -> MitsubaScene:
@@ -48,6 +58,72 @@ def test_a_ball_under_an_even_sky_has_its_albedo_times_the_sky_and_is_where_it_i
     assert surface.depth[7, 10] == pytest.approx(3, rel=1e-6)  # from the eye, not from near_clip
     assert surface.normal[7, 10] == pytest.approx([0, 0, 1], abs=1e-5)
     assert not surface.depth[0, 0]
+
+
+@pytest.mark.parametrize(
+    "integrator", [PATH, AOV.format(PATH), AOV.format(2 * PATH), f'<integrator type="moment">{PATH}</integrator>']
+)
+@pytest.mark.parametrize(
+    ("pixel_format", "colour"),
+    [(name, RGB) for name in ("rgb", "RGBA", "xyz", "XYZA")] + [(f"luminance{a}", (GREY,) * 3) for a in ("", "_alpha")],
+)
+def test_a_film_of_any_colours_is_linear_rec_709(tmp_path, integrator, pixel_format, colour):
+    text = BALL.replace("2 2 2", "2 4 1").replace('<rfilter type="box"/>', FORMAT.format(pixel_format))
+    path = text[text.index("<integrator") : text.index("<sensor")]
+    image = twin.render_mitsuba(scene_of(tmp_path, text.replace(path, integrator)), 1)
+    assert image.mean[0, 0] == pytest.approx(colour, rel=1e-4)
+
+
+def test_an_integrator_that_renders_no_colours_is_refused(tmp_path):
+    path = '<integrator type="path"><integer name="max_depth" value="6"/></integrator>'
+    for nested in (AOV.format(""), AOV.format(AOV.format(""))):
+        with pytest.raises(InputError, match="an image's integrator inside aov, got none"):
+            twin.render_mitsuba(scene_of(tmp_path, BALL.replace(path, nested)), 1)
+
+
+def test_a_film_with_a_window_shows_the_same_at_every_size(tmp_path):
+    window = files.with_window(scene_of(tmp_path, BALL), 6, 4, 7, 5)
+    larger = files.with_film(window, 21, 15)
+    assert (window.image_size, larger.image_size) == ((7, 5), (21, 15))
+    ids, more = (twin.render_mitsuba(scene, 1).surface.ids for scene in (window, larger))
+    assert set(np.unique(ids)) == {-1, 0}
+    np.testing.assert_array_equal(more[1::3, 1::3], ids)
+
+
+def test_plugins_of_the_current_folder_stand_in_for_none_of_mitsubas_own(tmp_path):
+    """Neither where a variant is tried, nor where a scene of either kind is loaded."""
+    (tmp_path / "plugins").mkdir()
+    for name in ("sphere", "constant", "diffuse", "prb"):
+        for file in (f"{name}.so", f"{name}.dylib", f"{name}.dll"):
+            (tmp_path / "plugins" / file).write_text("what would be run")
+    (tmp_path / "scene.xml").write_text(BALL)
+    script = """if True:
+        from raytwin import files, twin
+        print(twin.activate().variant)
+        twin.render_mitsuba(files.read_mitsuba("scene.xml"), 1)
+        import mitsuba
+        mitsuba.load_dict({"type": "scene", "ball": {"type": "sphere"}})
+        """
+    run = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, env=os.environ | {"RAYTWIN_CACHE": str(tmp_path / "cache")},
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.split() == [twin.activate().variant]
+
+
+@pytest.mark.parametrize("name", ["prb", "prb_basic", "volprim_rf_basic"])
+def test_a_plugin_in_python_is_refused_in_the_variant_that_lacks_it(tmp_path, name):
+    scene = scene_of(tmp_path, BALL.replace('type="path"', f'type="{name}"'))
+    with pytest.raises(InputError, match=f"the plugin {name}, which only the other variants have"):
+        twin.render_mitsuba(scene, 1, variant="scalar_rgb")
+
+
+def test_an_integrator_in_python_renders_as_the_one_of_cpp(tmp_path):
+    """At the same samples, a false-alarm rate of 1e-3."""
+    path = twin.render_mitsuba(scene_of(tmp_path, BALL), 64)
+    prb = twin.render_mitsuba(scene_of(tmp_path, BALL.replace('type="path"', 'type="prb"')), 64, 1)
+    assert compare(prb, path).verdict == "pass"
 
 
 def test_which_shape_each_pixel_sees_is_looked_up_for_all_shapes_at_once(tmp_path):
@@ -84,7 +160,7 @@ def test_batches_share_no_random_number_and_seeds_none_either(tmp_path):
 
 def test_a_crop_shows_the_same_part(tmp_path):
     whole = twin.render_mitsuba(scene_of(tmp_path, BALL), 4).surface
-    cropped = files.with_film(scene_of(tmp_path, BALL), crop_width=7, crop_height=5, crop_offset_x=6, crop_offset_y=4)
+    cropped = files.with_window(scene_of(tmp_path, BALL), 6, 4, 7, 5)
     part = twin.render_mitsuba(cropped, 4).surface
     assert part is not None
     assert whole is not None

@@ -12,6 +12,7 @@ from raytwin.image import Image
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.report.view import view_of
 from raytwin.workflows import make_reference
+from raytwin.workflows.compare_mitsuba import read_sized
 from raytwin.workflows.compare_scene import compare_scene
 from raytwin.workflows.rounds import Budget
 
@@ -91,6 +92,17 @@ def test_a_reference_of_a_file_is_made_checked_and_goes_stale_with_its_mesh(glas
     stale = make_reference.check(glass, "path", tmp_path / "reference")
     assert stale.exit_code == 1
     assert "bowl.ply changed since" in stale.problems[0]
+
+
+def test_a_reference_of_a_film_with_a_window_is_the_part_that_it_shows(glass, tmp_path):
+    whole = twin.render_mitsuba(files.read_mitsuba(glass), 64, 1)
+    files.write_mitsuba(files.with_window(files.read_mitsuba(glass), 20, 10, 16, 12), glass)
+    made = make_reference.make(glass, "path", tmp_path / "reference", samples=64).new
+    references.save(made)
+    np.testing.assert_array_equal(made.image.surface.ids, whole.surface.ids[10:22, 20:36])
+    assert make_reference.check(glass, "path", tmp_path / "reference", budget=Budget(samples=64)).exit_code == 0
+    assert compare_scene(glass, subject="twin-llvm-path-64", samples=64).reference.shape == made.image.shape
+    assert read_sized(glass, (32, 24)).image_size == (32, 24)
 
 
 def test_the_shipped_file_and_its_reference_belong_together(scenes):

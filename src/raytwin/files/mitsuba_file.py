@@ -1,14 +1,16 @@
 """A Mitsuba scene file (XML): read and checked without Mitsuba, every file that it names found and hashed.
 
-A stranger's scene must not reach for what is not its own: files outside its folder are refused unless allowed by name
-(`RAYTWIN_ALLOW`, names or folders separated as in PATH), and so are, when it is rendered, plugins that Mitsuba does not
-bring.
+A stranger's scene must not reach for what is not its own: files outside its folder and plugins that Mitsuba does not
+bring are refused unless allowed by name (`RAYTWIN_ALLOW`, names or folders separated as in PATH).
 """
 
 import hashlib
 import os
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 import msgspec
@@ -24,11 +26,20 @@ ALLOW = "RAYTWIN_ALLOW"
 own; the processes that raytwin starts see it too."""
 
 MOST_BYTES = 1 << 30
-"""Bytes per file."""
-DEEPEST = 8
-"""Includes within includes."""
-DEFAULT_SIZE = {"width": 768, "height": 576}
-"""Mitsuba's, where a film has none."""
+"""Bytes per mesh, texture or other file that a scene names."""
+MOST_XML = 1 << 26
+"""Characters of a scene's XML with all includes and parameters put in, and parameters looked up while doing so."""
+MOST_INCLUDES = 1000
+"""Files that a scene includes, counted each time."""
+DEEPEST_INCLUDE = 15
+"""Includes within includes, as in Mitsuba."""
+DEEPEST_ELEMENT = 100
+"""Elements within elements: Python walks them by recursion."""
+OUTERMOST = "a Mitsuba scene, whose outermost element is <scene>"
+FILM = ("width", "x", 768), ("height", "y", 576)
+"""A film's sides, their axes and, where a film has none, Mitsuba's lengths in pixels."""
+COLOURS = {"rgba": "rgb", "xyz": "rgb", "xyza": "rgb", "luminance_alpha": "luminance"}
+"""Pixel formats that are rendered in another one: linear Rec. 709 or grey, without coverage, as raytwin compares."""
 
 
 def allowed() -> tuple[str, ...]:
@@ -44,19 +55,15 @@ def is_mitsuba(path: str | os.PathLike) -> bool:
 def read_mitsuba(path: str | os.PathLike) -> MitsubaScene:
     """Read a Mitsuba scene, given its file, its folder or its name. Raises InputError with file and place."""
     file = find_scene(path)
-    found: dict[Path, str] = {}
-    root = _parsed(file, found, 0)
     folder = file.absolute().parent
-    _substitute(file, root)
-    text_folders = [folder]
-    for holder in list(root.iter()):
-        for element in holder.findall("path"):
-            where = f"{file}: <path>"
-            text_folders.append(_own(where, element.get("value", ""), folder, folder, is_folder=True))
-            holder.remove(element)
+    reading, folders = _Reading(file), [folder]
+    root = reading.element(file, folders, 0, 0)
+    if root.tag != "scene":
+        raise InputError(file, OUTERMOST, f"<{root.tag}>")
+    found = reading.found
     for element in root.iter():
         for key in _files_of(element):
-            inside = _found(f"{file}: {element.get('name') or element.tag}", element.get(key, ""), text_folders)
+            inside = _found(f"{file}: {element.get('name') or element.tag}", element.get(key, ""), folders, folder)
             if inside not in found:
                 found[inside] = hashlib.sha256(_content(inside, "a file")).hexdigest()
             element.set(key, os.path.relpath(inside, folder))
@@ -71,54 +78,116 @@ def read_mitsuba(path: str | os.PathLike) -> MitsubaScene:
     return MitsubaScene(name, str(file.absolute()), text, str(folder), _image_size(file, root), names, named)
 
 
-def _parsed(file: Path, found: dict[Path, str], depth: int) -> ET.Element:
-    """The file's elements with those of its includes in their place; each file read is noted in `found`."""
-    content = _content(file)
-    found[file.absolute()] = hashlib.sha256(content).hexdigest()
-    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-        raise InputError(file, "a Mitsuba scene (XML) without a DOCTYPE", "one with")
-    try:
-        root = ET.fromstring(content)
-    except (ET.ParseError, ValueError, LookupError) as error:
-        raise InputError(file, "a Mitsuba scene (XML)", error) from None
-    if root.tag != "scene":
-        raise InputError(file, "a Mitsuba scene, whose outermost element is <scene>", f"<{root.tag}>")
-    if depth > DEEPEST:
-        raise InputError(file, f"includes at most {DEEPEST} deep", "more")
-    for parent in list(root.iter()):
-        for place, element in reversed(list(enumerate(parent))):
-            if element.tag == "include":
-                folder = file.absolute().parent
-                inner = _own(f"{file}: <include>", element.get("filename", ""), folder, folder)
-                parent[place : place + 1] = list(_parsed(inner, found, depth + 1))
-    return root
+class _Reading:
+    """One walk through a scene's files in the order of their text, as Mitsuba's parser walks."""
+
+    def __init__(self, file: Path) -> None:
+        self.file, self.own = file, file.absolute().parent
+        self.found: dict[Path, str] = {}  # every XML file with its SHA-256
+        self._parameters: dict[str, str] = {}
+        self._spent = self._includes = 0
+
+    def element(self, file: Path, folders: list[Path], depth: int, level: int) -> ET.Element:
+        """The file's outermost element, without includes, parameters and search folders: these go to `folders`."""
+        content = _content(file, "a Mitsuba scene (XML)", MOST_XML)
+        self._spend(len(content))
+        self.found[file.absolute()] = hashlib.sha256(content).hexdigest()
+        if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
+            raise InputError(file, "a Mitsuba scene (XML) without a DOCTYPE", "one with")
+        try:
+            root = ET.fromstring(content)
+        except (ET.ParseError, ValueError, LookupError) as error:
+            raise InputError(file, "a Mitsuba scene (XML)", error) from None
+        if root.tag in ("default", "include", "path"):
+            raise InputError(file, OUTERMOST, f"<{root.tag}>")
+        return self._expanded(root, file, folders, depth, level)[0]
+
+    def _expanded(
+        self, element: ET.Element, file: Path, folders: list[Path], depth: int, level: int
+    ) -> list[ET.Element]:
+        """What stands in the element's place: nothing, itself with all in it expanded, or what it includes."""
+        where = f"{file}: <{element.tag}>"
+        if level > DEEPEST_ELEMENT:
+            raise InputError(where, f"elements at most {DEEPEST_ELEMENT} deep", "more")
+        self._put_in_parameters(where, element)
+        if element.tag == "default":
+            self._parameters.setdefault(element.get("name", ""), element.get("value", ""))
+            return []
+        if element.tag == "path":
+            folders.insert(0, _found(where, element.get("value", ""), folders, self.own, is_folder=True))
+            return []
+        if element.tag == "include":
+            return self._included(element, where, folders, depth + 1, level)
+        _check_type(where, element.get("type"))
+        if element.get("filename"):  # Mitsuba looks for it here, and for a <string>'s with the outermost file's folders
+            element.set("filename", str(_found(where, element.get("filename", ""), folders, self.own)))
+        element[:] = [e for child in element for e in self._expanded(child, file, folders, depth, level + 1)]
+        return [element]
+
+    def _included(
+        self, include: ET.Element, where: str, folders: list[Path], depth: int, level: int
+    ) -> list[ET.Element]:
+        self._includes += 1
+        if depth > DEEPEST_INCLUDE or self._includes > MOST_INCLUDES:
+            raise InputError(where, f"at most {MOST_INCLUDES} includes, {DEEPEST_INCLUDE} deep", "more")
+        inner = _found(where, include.get("filename", ""), folders, self.own)
+        root = self.element(inner, [inner.parent, *folders], depth, level)
+        if root.tag == "scene":
+            return list(root)
+        root.attrib.pop("version", None)
+        root.attrib.pop("name", None)
+        root.attrib.update({"name": include.get("name", "")} if include.get("name") else {})
+        return [root]
+
+    def _put_in_parameters(self, where: str, element: ET.Element) -> None:
+        """Put each parameter's value in the place of its $name, the longest name first, as Mitsuba does."""
+        for key, value in element.attrib.items():
+            if "$" not in value:
+                continue
+            self._spend(len(self._parameters))
+            for name in sorted(self._parameters, key=len, reverse=True):
+                self._spend(value.count(f"${name}") * len(self._parameters[name]))
+                value = value.replace(f"${name}", self._parameters[name])
+            if "$" in value:
+                raise InputError(f"{where} {key}", "a parameter with a <default> before it", value[:80])
+            element.set(key, value)
+
+    def _spend(self, characters: int) -> None:
+        self._spent += characters
+        if self._spent > MOST_XML:
+            expected = f"at most {MOST_XML >> 20} MB of XML with all includes and parameters put in"
+            raise InputError(self.file, expected, "more")
 
 
-def _content(file: Path, kind: str = "a Mitsuba scene (XML)") -> bytes:
+@cache
+def mitsuba_plugins() -> tuple[frozenset[str], frozenset[str]]:
+    """What the installed Mitsuba brings: its libraries, and the plugins written in Python."""
+    spec = find_spec("mitsuba")
+    if spec is None or spec.origin is None:
+        return frozenset(), frozenset()
+    package = Path(spec.origin).parent
+    libraries = frozenset(path.stem.removeprefix("lib") for path in (package / "plugins").iterdir())
+    texts = (path.read_text(encoding="utf-8") for path in (package / "python" / "ad").rglob("*.py"))
+    return libraries, frozenset(re.findall(r'^mi\.register_\w+\(\s*"(\w+)"', "\n".join(texts), re.MULTILINE))
+
+
+def _check_type(where: str, name: str | None) -> None:
+    """Raise InputError for a plugin that is none of Mitsuba's own: loading it runs its code."""
+    libraries, in_python = mitsuba_plugins()
+    if name in (None, "scene") or name in libraries or name in in_python:
+        return
+    if libraries and name not in allowed():
+        raise InputError(where, f"a plugin of Mitsuba's, or one that --allow names ({ALLOW})", name)
+
+
+def _content(file: Path, kind: str, most: int = MOST_BYTES) -> bytes:
     check_file(file, kind)
     try:
-        if (size := file.stat().st_size) > MOST_BYTES:
-            raise InputError(file, f"{kind} of at most {MOST_BYTES >> 20} MB", f"{size >> 20} MB")
+        if (size := file.stat().st_size) > most:
+            raise InputError(file, f"{kind} of at most {most >> 20} MB", f"{size >> 20} MB")
         return file.read_bytes()
     except OSError as error:
         raise InputError(file, "a file that can be read", error.strerror or error) from None
-
-
-def _substitute(file: Path, root: ET.Element) -> None:
-    """Put each <default>'s value in the place of its $name, the longest name first, as Mitsuba does."""
-    known: dict[str, str] = {}
-    for holder in list(root.iter()):
-        for element in holder.findall("default"):
-            known.setdefault(element.get("name", ""), element.get("value", ""))
-            holder.remove(element)
-    longest_first = sorted(known, key=len, reverse=True)
-    for element in root.iter():
-        for key, value in element.attrib.items():
-            for name in longest_first if "$" in value else ():
-                value = value.replace(f"${name}", known[name])
-            if "$" in value:
-                raise InputError(f"{file}: <{element.tag}> {key}", "a parameter with a <default>", value)
-            element.set(key, value)
 
 
 def _files_of(element: ET.Element) -> Iterator[str]:
@@ -131,65 +200,108 @@ def _files_of(element: ET.Element) -> Iterator[str]:
 
 
 def as_loaded(scene: MitsubaScene) -> ET.Element:
-    """The scene's elements with the whole path of each file in the place of its name."""
+    """The scene's elements with the whole path of each file in the place of its name, and COLOURS on its films."""
     root = ET.fromstring(scene.text)
+    for element in root.iterfind(".//film/string[@name='pixel_format']"):
+        element.set("value", COLOURS.get(element.get("value", "").lower(), element.get("value", "")))
     for element in root.iter():
         for key in _files_of(element):
             element.set(key, str(Path(scene.folder) / element.get(key, "")))
     return root
 
 
-def _found(where: str, value: str, folders: list[Path]) -> Path:
-    """The file that the text names, in the first folder that has it."""
-    for folder in folders:
-        if (folder / value).is_file():
-            return _own(where, value, folder, folders[0])
-    return _own(where, value, folders[0], folders[0])
-
-
-def _own(where: str, value: str, folder: Path, own: Path, is_folder: bool = False) -> Path:
-    """`folder`/`value`, where it lies in the scene's `own` folder, links followed, or is allowed by name."""
-    path = Path(os.path.normpath(folder / value))
+def _found(where: str, value: str, folders: list[Path], own: Path, is_folder: bool = False) -> Path:
+    """The file that the text names, in the first folder that has it, where it lies in the scene's `own` folder, links
+    followed, or is allowed by name."""
+    tried = [Path(os.path.normpath(folder / value)) for folder in folders]
+    there = [path for path in tried if (path.is_dir() if is_folder else path.is_file())]
+    path = (there or tried)[0]
     real, names = path.resolve(), [Path(name).resolve() for name in allowed()]
     if not real.is_relative_to(own.resolve()) and not any(real.is_relative_to(name) for name in names):
         raise InputError(where, f"a file in the scene's folder, or one that --allow names ({ALLOW})", value)
-    there = path.is_dir() if is_folder else path.is_file()
     if not there:
         raise InputError(where, "a folder" if is_folder else "a file", f"{value}: none there")
     return path
 
 
-def _image_size(file: Path, root: ET.Element) -> tuple[int, int]:
-    """The film's size, cropped, of the first sensor."""
+def _film(file: Path, root: ET.Element) -> dict[str, int]:
+    """Size and window of the first sensor's film, in pixels, under Mitsuba's names."""
     sensor, integrator = root.find("sensor"), root.find("integrator")
     if sensor is None or integrator is None:
         missing = "sensor" if sensor is None else "integrator"
         raise InputError(file, "a scene with a sensor, a film and an integrator of its own", f"no <{missing}>")
-    film = sensor.find("film")
-    sides = {e.get("name", ""): e.get("value", "") for e in film.findall("integer")} if film is not None else {}
-    size = []
-    for side, usual in DEFAULT_SIZE.items():
-        text = sides.get(f"crop_{side}", sides.get(side, str(usual)))
-        if not text.strip().isdecimal() or not 1 <= int(text) <= 100_000:
-            raise InputError(f"{file}: film {side}", "pixels, from 1 to 100000", text)
-        size.append(int(text))
-    if size[0] * size[1] > MAX_PIXELS:
-        raise InputError(f"{file}: film", f"at most {MAX_PIXELS / 1e6:.0f} megapixels", f"{size[0]} x {size[1]}")
-    return size[0], size[1]
+    said = {e.get("name", ""): e.get("value", "") for e in sensor.findall("film/integer")}
+    film: dict[str, int] = {}
+
+    def pixels(name: str, usual: int, fewest: int) -> int:
+        text = said.get(name, str(usual)).strip()
+        if not re.fullmatch("[0-9]{1,6}", text) or not fewest <= int(text) <= 100_000:
+            raise InputError(f"{file}: film {name}", f"pixels, from {fewest} to 100000", text[:80])
+        film[name] = int(text)
+        return film[name]
+
+    for side, axis, usual in FILM:
+        whole = pixels(side, usual, 1)
+        window, offset = pixels(f"crop_{side}", whole, 1), pixels(f"crop_offset_{axis}", 0, 0)
+        if offset + window > whole:
+            expected = f"a window inside the film, {whole} pixels"
+            raise InputError(f"{file}: film crop_{side}", expected, f"{window} pixels from {offset} on")
+    return film
 
 
-def with_film(scene: MitsubaScene, **integers: int) -> MitsubaScene:
-    """The scene with these integers in its film: width, height, crop_width and so on."""
+def _image_size(file: Path, root: ET.Element) -> tuple[int, int]:
+    """The size of what the film shows: its window's."""
+    film = _film(file, root)
+    width, height = film["crop_width"], film["crop_height"]
+    if width * height > MAX_PIXELS:
+        raise InputError(f"{file}: film", f"at most {MAX_PIXELS / 1e6:.0f} megapixels", f"{width} x {height}")
+    return width, height
+
+
+def with_film(scene: MitsubaScene, width: int, height: int) -> MitsubaScene:
+    """The scene with an image of this size that shows the same: a window in the film becomes larger or smaller, too."""
+    old = _film(Path(scene.file), ET.fromstring(scene.text))
+    new: dict[str, int] = {}
+    for (side, axis, _), length in zip(FILM, (width, height), strict=True):
+        ratio = length / old[f"crop_{side}"]
+        offset = round(old[f"crop_offset_{axis}"] * ratio)
+        new[side] = max(round(old[side] * ratio), offset + length)
+        new |= {f"crop_{side}": length, f"crop_offset_{axis}": offset} if old[side] > old[f"crop_{side}"] else {}
+    return _with_film(scene, new)
+
+
+def with_window(scene: MitsubaScene, x: int, y: int, width: int, height: int) -> MitsubaScene:
+    """The scene that shows this part of its image alone, from pixel (x, y) on."""
+    film = _film(Path(scene.file), ET.fromstring(scene.text))
+    window = {"crop_offset_x": film["crop_offset_x"] + x, "crop_offset_y": film["crop_offset_y"] + y}
+    return _with_film(scene, film | window | {"crop_width": width, "crop_height": height})
+
+
+def _with_film(scene: MitsubaScene, integers: dict[str, int]) -> MitsubaScene:
+    """The scene whose film has these numbers of pixels, and no others."""
     root = ET.fromstring(scene.text)
     film = root.find("sensor/film")
     if film is None:
         sensor = root.find("sensor")
         assert sensor is not None  # checked when it was read
         film = ET.SubElement(sensor, "film", {"type": "hdrfilm"})
+    names = {name for side, axis, _ in FILM for name in (side, f"crop_{side}", f"crop_offset_{axis}")}
+    for element in [e for e in film.findall("integer") if e.get("name") in names]:
+        film.remove(element)
     for name, value in integers.items():
-        for element in [e for e in film.findall("integer") if e.get("name") == name]:
-            film.remove(element)
         ET.SubElement(film, "integer", {"name": name, "value": str(value)})
+    return edited(scene, root)
+
+
+def with_pose(scene: MitsubaScene, to_world: list[float]) -> MitsubaScene:
+    """The scene whose first sensor has this matrix, 16 numbers by rows."""
+    root = ET.fromstring(scene.text)
+    sensor = root.find("sensor")
+    assert sensor is not None  # checked when it was read
+    for element in [e for e in sensor.findall("transform") if e.get("name") == "to_world"]:
+        sensor.remove(element)
+    transform = ET.SubElement(sensor, "transform", {"name": "to_world"})
+    ET.SubElement(transform, "matrix", {"value": " ".join(map(repr, to_world))})
     return edited(scene, root)
 
 

@@ -98,6 +98,11 @@ def activate(variant: str | None = None) -> Backend:
     except ImportError as error:  # Dr.Jit was imported before, and found no libLLVM then
         needed = "a libLLVM when Dr.Jit was imported: import it after raytwin, or set DRJIT_LIBLLVM_PATH"
         raise MachineError(f"variant {backend.variant}", needed, error) from None
+    package = Path(mi.__file__).parent
+    if str(mi.file_resolver()[0]) != str(
+        package
+    ):  # else `plugins` of the current folder would stand in for Mitsuba's own
+        mi.file_resolver().prepend(str(package))
     return backend
 
 

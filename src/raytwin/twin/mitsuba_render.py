@@ -2,9 +2,8 @@
 
 import re
 from functools import partial
-from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, fromstring, tostring
+from xml.etree.ElementTree import fromstring, tostring
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from raytwin.twin.plain import LANES
 
 BATCHES = 16
 """Independent renders behind a variance."""
-VERSION = "1"
+VERSION = "2"
 """Part of every cache key: raise it when a change moves a pixel."""
 
 
@@ -70,36 +69,46 @@ def mitsuba_provenance(
     return about | {"samples": str(samples), "seed": str(seed), "batches": str(batches)}
 
 
+def mitsuba_surface(scene: MitsubaScene) -> Surface:
+    """What the center of each pixel sees."""
+    activate()
+    return _surface(scene, _loaded(scene))
+
+
+def mitsuba_reach(scene: MitsubaScene) -> tuple[np.ndarray, np.ndarray]:
+    """The first sensor's `to_world` (4, 4), and how far each shape's box reaches in front of it; negative: behind."""
+    activate()
+    loaded = _loaded(scene)
+    pose = np.array(loaded.sensors()[0].world_transform().matrix, np.float64).reshape(4, 4)
+    forward = np.linalg.inv(pose)[2]
+    reach = []
+    for shape in loaded.shapes():
+        low, high = (np.array(corner, np.float64).ravel() for corner in (shape.bbox().min, shape.bbox().max))
+        reach.append(forward[3] + np.maximum(forward[:3] * low, forward[:3] * high).sum())
+    return pose, np.array(reach)
+
+
 def _loaded(scene: MitsubaScene) -> Any:
     """Mitsuba's scene, without `optimize`, which would merge shapes and let light leak (see twin_scene.load)."""
     import mitsuba as mi
 
     root = files.as_loaded(scene)
-    _check_plugins(scene, root)
+    if mi.variant() == SCALAR:  # it does not have them, and would look for a library of this name
+        for name in files.mitsuba_plugins()[1] & {element.get("type") for element in root.iter()}:
+            expected = f"a scene that Mitsuba's variant {SCALAR} renders"
+            raise InputError(scene.file, expected, f"the plugin {name}, which only the other variants have")
     try:
         return mi.load_string(tostring(root, "unicode"), optimize=False)
     except Exception as error:  # RuntimeError, or whatever a plugin of Python's raises
         raise _refused(scene, error) from None
 
 
-def _check_plugins(scene: MitsubaScene, root: Element) -> None:
-    """Raise InputError for a plugin that is none of Mitsuba's own: loading it runs its code."""
-    import mitsuba as mi
-
-    own = {path.stem for path in (Path(mi.__file__).parent / "plugins").iterdir()} | {"scene"}
-    own |= {name.removeprefix("lib") for name in own}
-    for element in root.iter():
-        name = element.get("type")
-        if name is not None and name not in own and element.tag != "spectrum" and name not in files.allowed():
-            expected = f"a plugin of Mitsuba's, or one that --allow names ({files.ALLOW})"
-            raise InputError(f"{scene.file}: <{element.tag}>", expected, name)
-
-
 def _rendered(scene: MitsubaScene, loaded: Any, samples: int, seed: tuple[int, int]) -> np.ndarray:
-    """(H, W, 3): the first three channels of the film, or its only one."""
+    """(H, W, 3): the film's colours, or its grey, without what an `aov` integrator adds after them."""
     import mitsuba as mi
 
     width, height = scene.image_size
+    colours = _colours(scene)
     most = samples if mi.variant() == SCALAR else max(1, LANES // (width * height))
     passes = -(-samples // most)
     total: np.ndarray = np.zeros((height, width, 3))
@@ -110,10 +119,23 @@ def _rendered(scene: MitsubaScene, loaded: Any, samples: int, seed: tuple[int, i
             made = np.asarray(mi.render(loaded, spp=part, seed=number))
         except Exception as error:
             raise _refused(scene, error) from None
-        if made.ndim != 3 or made.shape[:2] != (height, width) or made.shape[2] == 2:
+        if made.shape[:2] != (height, width) or made.shape[2] < colours:
             raise InputError(scene.file, f"a film of {width} x {height} pixels in grey or RGB", made.shape)
-        total += part * (np.repeat(made[..., :1], 3, axis=2) if made.shape[2] == 1 else made[..., :3])
+        total += part * np.broadcast_to(made[..., :colours], total.shape)
     return total / samples
+
+
+def _colours(scene: MitsubaScene) -> int:
+    """Channels of light that come first in the film: 1 if it is grey, else 3."""
+    root = fromstring(scene.text)
+    integrator = root.find("integrator")
+    while integrator is not None and integrator.get("type") == "aov":
+        if integrator.find("ref") is None and integrator.find("integrator") is None:
+            raise InputError(f"{scene.file}: <integrator>", "an image's integrator inside aov", "none")
+        integrator = integrator.find("integrator")
+    pixel_format = root.find("sensor/film/string[@name='pixel_format']")
+    grey = pixel_format is not None and pixel_format.get("value", "").lower().startswith("luminance")
+    return 1 if grey else 3
 
 
 def _surface(scene: MitsubaScene, loaded: Any) -> Surface:

@@ -8,12 +8,14 @@ nothing of raytwin: the child starts fast, and whatever the parent's import path
 import json
 import os
 import sys
+from pathlib import Path
 
 import drjit as dr
 import mitsuba as mi
 
 variant = sys.argv[1]
 mi.set_variant(variant)
+mi.file_resolver().prepend(str(Path(mi.__file__).parent))  # else `plugins` of the current folder would come first
 grey = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.5}}}
 scene = mi.load_dict(
     {

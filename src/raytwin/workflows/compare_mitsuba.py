@@ -18,6 +18,7 @@ from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.scene import MitsubaScene
 from raytwin.workflows.compare_scene import Result
 from raytwin.workflows.make_reference import LEVEL
+from raytwin.workflows.nothing_in_view import judged_in_view
 from raytwin.workflows.rounds import render_sides
 from raytwin.workflows.settings import CompareSettings
 from raytwin.workflows.versions import versions
@@ -63,6 +64,7 @@ def compare_mitsuba(path: str | Path, chosen: CompareSettings, *, progress: Prog
     if found.verdict == "fail":
         with stages.stage("cause"):
             found = found.because(*explain(made, right))
+    found = judged_in_view(found, right, scene)
     about = {"twin_variant": backend.variant, "tracer_engine": subject.name, "libllvm": backend.libllvm, "solver": None}
     return Result(
         report=Report(scene.name, None, found.saying(UNKNOWN), dict(stages.seconds), about, None),

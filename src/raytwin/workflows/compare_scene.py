@@ -29,6 +29,7 @@ from raytwin.rungs import RUNGS
 from raytwin.scene import MitsubaScene, Scene, SceneFile, Tolerance
 from raytwin.scene.lens import without_ray
 from raytwin.workflows.compared import Compared
+from raytwin.workflows.nothing_in_view import judged_in_view
 from raytwin.workflows.rounds import render_sides
 from raytwin.workflows.settings import CompareSettings
 from raytwin.workflows.versions import versions
@@ -134,6 +135,7 @@ def compare_scene(
     judge = partial(compare_with_twin, scene=scene, tolerance=written.tolerance, flip=chosen.flip)
     made, reference, found = render_sides(subject, scene, job.twin, judge, chosen, stages, noisy, job.alike)
     comparison, ledger = _explained(job, made, reference, found)
+    comparison = judged_in_view(comparison, reference, scene)
     picture = augmented = None
     if photo_path is not None:
         from raytwin.calib import boards

@@ -78,12 +78,7 @@ class FileScene:
         return FileScene(files.with_film(self.scene, width=width, height=height))
 
     def cropped(self, x: int, y: int, width: int, height: int) -> "FileScene":
-        film = ET.fromstring(self.scene.text).find("sensor/film")
-        sides = {e.get("name"): int(e.get("value", "0")) for e in film.findall("integer")} if film is not None else {}
-        x, y = x + sides.get("crop_offset_x", 0), y + sides.get("crop_offset_y", 0)
-        whole = {side: sides.get(side, n) for side, n in zip(("width", "height"), self.image_size, strict=True)}
-        crop = {"crop_offset_x": x, "crop_offset_y": y, "crop_width": width, "crop_height": height}
-        return FileScene(files.with_film(self.scene, **whole, **crop))
+        return FileScene(files.with_window(self.scene, x, y, width, height))
 
     def fewer_bounces(self) -> Iterator[tuple[str, "FileScene"]]:
         root = ET.fromstring(self.scene.text)
