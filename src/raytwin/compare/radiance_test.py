@@ -191,7 +191,11 @@ class RadianceTest:
             return outcome._replace(doubts=(RARE.format(100 * max(rare)[0], max(rare)[1]),))
         if much > 0.5 and outcome.findings and self._shares_noise(shown):
             return outcome._replace(doubts=(SHARED,))
-        if a.variance is not None and not outcome.findings and patterned(a.mean, b.mean, shown.square, claimed=True):
+        if (
+            a.variance is not None
+            and not outcome.findings
+            and patterned(a.mean, b.mean, block_means(a.variance), claimed=True)
+        ):
             bare = replace(self, test=replace(self.test, variance=None, samples=0, batches=None))._by_stated_noise()
             if bare.findings:
                 return bare._replace(findings=[Finding(TILE, PATTERN), *bare.findings])

@@ -77,8 +77,8 @@ def patterned(test: Pixels, reference: Pixels, square: Blocks, claimed: bool = F
     """Whether errors repeat at some distance up to LONGEST along rows, columns or diagonals, in a cell or in all.
 
     Neighbours within a filter's reach may be alike, but not opposite. `square`: the blocks' variances of t - r.
-    `claimed`: a variance is, so that errors which are alike over an area are tested elsewhere; a pattern's are less
-    alike between neighbours, in some direction, than at a distance.
+    `claimed`: they are what an image claims. Errors that are alike over an area are tested elsewhere then: a pattern's
+    are less alike between neighbours, in some direction, than at a distance.
     """
     finite = square[np.isfinite(square)]
     # What float32 rounds is no scatter: where errors are all alike, they are left out.
