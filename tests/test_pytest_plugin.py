@@ -246,7 +246,7 @@ def test_what_is_wrong_is_said_in_a_line(checked):
     folder, result = checked
     for line in (
         "*nosuch.png: expected an image file, got no such file",
-        "*test_no_image.py: expected an image: EXR, PFM, PNG or JPEG*",
+        "*test_no_image.py: expected an image: EXR, PFM, PNG, JPEG, PPM, TIFF, BMP or WebP*",
         "*the test image has the shape (252, 336), not (height, width, 3)",
         "*repeated renders: expected at least 4, got 3",
         "*NaN value*(x=5, y=7)*",

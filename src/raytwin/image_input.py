@@ -15,7 +15,9 @@ from raytwin.image_pool import ImagePool
 
 RENDERS = 8
 """How often a function is called: these many renders give their variance to within a factor of two or so."""
-ENDINGS = (".exr", ".pfm", ".hdr", ".png", ".jpg", ".jpeg")
+ENDINGS = (
+    ".exr", ".pfm", ".hdr", ".png", ".jpg", ".jpeg", ".ppm", ".pgm", ".pnm", ".tif", ".tiff", ".bmp", ".webp",
+)  # fmt: skip
 """What files of a folder are taken for images; `.hdr` is refused in words instead of left out."""
 FEWEST = 4
 """Fewer renders know too little of their variance: with 2, a third of all correct images would fail."""
@@ -37,7 +39,7 @@ class LoadedImage(NamedTuple):
 def as_image(thing: Any, variance: Any = None, renders: int = RENDERS) -> LoadedImage:
     """`thing` as an Image: see the module's first line.
 
-    An Image; a path (EXR, PFM, PNG, JPEG); a function `render(seed)` that returns any of these, called with the
+    An Image; a path (EXR, PFM, picture of 8 bits); a function `render(seed)` that returns any of these, called with the
     seeds 0, 1, ... `renders` - 1 (four times, where these are equal); an array (H, W, 3) or a Mitsuba Bitmap, with
     `variance` *of its mean*, an array or a file;
     a list of these or an array (k, H, W, 3): k >= 4 independent renders, whose spread gives their mean's variance.

@@ -138,7 +138,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "out": _opt("Folder for the report (out/SCENE).", "DIR", *OUT),
     },
     "diff": {
-        "a": _arg("Image to test: EXR, PFM, PNG, JPEG; several renders as a folder or 'x_*.exr'.", "A"),
+        "a": _arg("Image to test: EXR, PFM, a picture of 8 bits; several renders as a folder or 'x_*.exr'.", "A"),
         "b": _arg("Reference, likewise; two folders are compared name by name.", "B"),
         "part": _opt("Part of the EXR: name or number.", "NAME", kind=str | None),
         "layer": _opt("Layer (diffuse for diffuse.R ...) or a single channel.", "NAME", kind=str | None),

@@ -55,7 +55,7 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
     """Compare the image `a` with the reference `b`: verdict, cause, metrics, and pictures in a notebook.
 
     Each of the two is an array (H, W, 3) of linear radiance, row 0 on top (NumPy, torch, Dr.Jit, Mitsuba's TensorXf and
-    Bitmap); an Image; a path to an EXR, PFM, PNG or JPEG, to a folder or a pattern of renders; a list or an array
+    Bitmap); an Image; a path to an EXR, PFM or 8-bit picture, to a folder or a pattern of renders; a list or an array
     (k, H, W, 3) of at least 4 independent renders; a function `render(seed)`, called 8 times; or a `reference`.
 
     `settings` or `options`: fields of DiffSettings, as `tolerance=1e-4`, `variances=(v, None)`, `flip=True`. Where the
