@@ -40,8 +40,8 @@ def as_image(thing: Any, variance: Any = None, renders: int = RENDERS) -> Loaded
     """`thing` as an Image: see the module's first line.
 
     An Image; a path (EXR, PFM, picture of 8 bits); a function `render(seed)` that returns any of these, called with the
-    seeds 0, 1, ... `renders` - 1 (four times, where these are equal); an array (H, W, 3) or a Mitsuba Bitmap, with
-    `variance` *of its mean*, an array or a file;
+    seeds 0, 1, ... `renders` - 1 (four times, where these are equal); an array (H, W, 3), or (H, W, 4) with alpha, or a
+    Mitsuba Bitmap, with `variance` *of its mean*, an array or a file;
     a list of these or an array (k, H, W, 3): k >= 4 independent renders, whose spread gives their mean's variance.
     """
     if variance is not None:
@@ -62,7 +62,8 @@ def read_side(
     `variance` is an image file or an array that holds the variance of the mean, `samples` the samples per pixel of each
     file, where the file has none.
     """
-    paths = renders_at(where)
+    where, named = files.split_layer(where)
+    layer, paths = named or layer, renders_at(where)
     if len(paths) > 1 or where.is_dir():
         if variance is not None:
             raise InputError(where, "one image, where its variance is given", f"{len(paths)} renders")
@@ -135,12 +136,15 @@ def _single(thing: Any) -> LoadedImage:
         return LoadedImage(thing)
     if isinstance(thing, str | os.PathLike):
         return _read(Path(thing))
-    pixels = _array(thing)
+    pixels, alpha = _array(thing), None
+    if pixels.ndim == 3 and pixels.shape[-1] == 4:
+        pixels, alpha = pixels[..., :3], pixels[..., 3]
     if _is_bitmap(thing) and thing.component_format() == type(thing.component_format()).UInt8:
-        return _rounded(Image(pixels, samples=0), files.eight_bits(pixels, dithered=True))
+        return _rounded(Image(pixels, samples=0, alpha=alpha), files.eight_bits(pixels, dithered=True))
     if pixels.dtype == np.float16:
-        return _rounded(Image(pixels.astype(np.float32), samples=0), files.half_floats(pixels.astype(np.float32)))
-    return LoadedImage(Image(pixels, samples=0))
+        pixels = pixels.astype(np.float32)
+        return _rounded(Image(pixels, samples=0, alpha=alpha), files.half_floats(pixels))
+    return LoadedImage(Image(pixels, samples=0, alpha=alpha))
 
 
 def _is_bitmap(thing: Any) -> bool:
@@ -158,14 +162,16 @@ def _array(thing: Any) -> np.ndarray:
     """
     try:
         if _is_bitmap(thing):
-            thing = thing.convert(thing.PixelFormat.RGB, type(thing.component_format()).Float32, srgb_gamma=False)
+            kind = thing.PixelFormat.RGBA if thing.has_alpha() else thing.PixelFormat.RGB
+            thing = thing.convert(kind, type(thing.component_format()).Float32, srgb_gamma=False)
         return np.asarray(thing)
     except (TypeError, ValueError, RuntimeError) as error:
         raise InputError("image", "an array, a path, an Image or a function of a seed", error) from None
 
 
 def _read(path: Path, part: str | None = None, layer: str | None = None) -> LoadedImage:
-    image = files.read_image(path, part, layer)
+    path, named = files.split_layer(path)
+    image = files.read_image(path, part, named or layer)
     return _rounded(image, files.rounding_of(path, image.mean))
 
 

@@ -36,6 +36,7 @@ from raytwin.diagnose.noisy_values import noisy_cause
 from raytwin.diagnose.parametric_faults import FAMILIES, ParametricFault, of_objects, total
 from raytwin.diagnose.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, many
 from raytwin.diagnose.predict import RIGHT
+from raytwin.diagnose.premultiplied import alpha_cause
 from raytwin.files import Rounding
 from raytwin.image import Image
 from raytwin.rungs import RUNGS
@@ -160,11 +161,13 @@ def explain(
     most: int = 2,
     sampled: Sampled | None = None,
     seconds: float = SECONDS,
+    of_reference: Rounding = Rounding(),  # noqa: B008 (frozen)
 ) -> tuple[str, ...]:
     """In words, why an image is not its reference: of a known scene any fault, else what a writer does wrong.
 
-    Of an unknown scene only a cause that explains it is told. `rounding`: of the test's format. `sampled`: the parts of
-    light that chance finds, for the factors of light that are told where no cause explains it.
+    Of an unknown scene only a cause that explains it is told. `rounding`, `of_reference`: what the formats of test and
+    reference round off. `sampled`: the parts of light that chance finds, for the factors of light that are told where
+    no cause explains it.
     """
     shown, right = test.mean, reference.mean
     if shown.shape != right.shape or shown.ndim != 3 or shown.dtype.kind != "f":
@@ -179,6 +182,8 @@ def explain(
         both = (zero if image.variance is None else image.variance for image in (test, reference))
         if words := noisy_cause(shown, right, *both):
             return (f"cause (likely): {words}",)
+    elif words := alpha_cause(test, reference, rounding, of_reference):
+        return (f"cause (likely): {words}",)
     view = view_of(test, reference, scene, rung, rounding, sampled)
     if view.scene is not None:
         return diagnose([view], most=most, seconds=seconds).words

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 from raytwin.errors import InputError
-from raytwin.files.exr import EXR_MAGIC, exr_layer, read_exr, stack, write_exr
+from raytwin.files.exr import EXR_MAGIC, exr_layer, read_exr, split_layer, stack, write_exr
 from raytwin.files.pfm import pfm_bytes, read_pfm
 from raytwin.files.photo_files import from_bytes, read_picture, to_bytes, write_picture
 from raytwin.files.safe_write import check_file, replacing
@@ -20,13 +20,15 @@ KINDS = "EXR, PFM, PNG, JPEG, PPM, TIFF, BMP or WebP"
 def read_image(path: str | os.PathLike, part: str | None = None, layer: str | None = None) -> Image:
     """Read an EXR, PFM, PNG, JPEG, PPM, TIFF, BMP or WebP, whatever its name, as an Image.
 
-    `part` (name or number) and `layer` (`diffuse` for `diffuse.R`..., or a single channel) choose within an EXR.
-    By default it is the first part with colours, with the variance and surface that `write_exr` wrote. Grey becomes
-    three equal channels, alpha is dropped, and pictures of 8 bits are taken to be sRGB. An EXR's pixels are those of
-    its data window. Raises InputError for a file at `path` that is none of these, or damaged; a Radiance HDR and a
-    picture of 16 bits are refused with the command that converts them.
+    `part` (name or number) and `layer` (`diffuse` for `diffuse.R`..., or a single channel) choose within an EXR, as
+    does the path itself: `render.exr:diffuse`. By default it is the first part with colours, with the variance and
+    surface that `write_exr` wrote, or Blender's layer Combined. Grey becomes three equal channels, and pictures of
+    8 bits are taken to be sRGB. An EXR's pixels are those of its data window. Raises InputError for a file at `path`
+    that is none of these, or damaged; a Radiance HDR and a picture of 16 bits are refused with the command that
+    converts them.
     """
-    path = check_file(path, "an image file")
+    path, named = split_layer(path)
+    path, layer = check_file(path, "an image file"), named or layer
     try:
         with path.open("rb") as file:
             kind = kind_of(file.read(4))
@@ -40,10 +42,14 @@ def read_image(path: str | os.PathLike, part: str | None = None, layer: str | No
             if part is None and layer is None:
                 return read_exr(path)[0]
             return exr_layer(path, part, layer)
-        pixels = read_pfm(path) if kind == "PFM" else from_bytes(read_picture(path))
+        if kind == "PFM":
+            pixels, alpha = read_pfm(path), None
+        else:
+            codes, alpha = read_picture(path)
+            pixels = from_bytes(codes)
     except OSError as error:
         raise InputError(path, "an image file", error.strerror or error) from None
-    return Image(pixels if pixels.ndim == 3 else stack([pixels] * 3), samples=0)
+    return Image(pixels if pixels.ndim == 3 else stack([pixels] * 3), samples=0, alpha=alpha)
 
 
 def kind_of(start: bytes) -> str | None:

@@ -93,14 +93,20 @@ def read_photo(path: str | os.PathLike) -> np.ndarray:
         return np.asarray(photo.convert("RGB"))
 
 
-def read_picture(path: str | os.PathLike) -> np.ndarray:
-    """A picture of any of PICTURES as sRGB uint8 (H, W, 3); InputError for one of more than 8 bits per channel."""
+def read_picture(path: str | os.PathLike) -> tuple[np.ndarray, np.ndarray | None]:
+    """A picture of any of PICTURES as sRGB uint8 (H, W, 3), and its alpha (H, W) float32 where it has one.
+
+    Raises InputError for one of more than 8 bits per channel.
+    """
     with _opened(path, PICTURES) as picture:
         if _is_deep(picture):
             name = f"a{Path(path).suffix}"
             convert = f"oiiotool {name} --colorconvert sRGB linear -d float -o a.exr"
             raise InputError(path, f"a {picture.format} of 8 bits per channel", f"more (convert it: {convert})")
-        return np.asarray(picture.convert("RGB"))
+        if not picture.has_transparency_data:
+            return np.asarray(picture.convert("RGB")), None
+        pixels = np.asarray(picture.convert("RGBA"))
+        return pixels[..., :3], pixels[..., 3] / np.float32(255)
 
 
 def _is_deep(picture: Any) -> bool:

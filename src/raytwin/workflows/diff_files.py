@@ -95,7 +95,8 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
     start = time.perf_counter()
     if made.verdict == "fail":
         scene, rung = _known_scene(chosen, reference_side, test)
-        made = made.because(*explain(test, reference, scene, rung, rounding=made_of[0].rounding))
+        rounding, of_reference = (loaded.rounding for loaded in made_of)
+        made = made.because(*explain(test, reference, scene, rung, rounding=rounding, of_reference=of_reference))
     made = _in_place(made, test_side.begins, reference_side.begins)
     metrics = msgspec.structs.asdict(made.radiance) | {"flip_hdr": made.perceptual.flip_mean}
     metrics |= measure(test.mean, reference.mean, [n for n in METRICS if n not in metrics])
@@ -132,7 +133,7 @@ def _side(thing: Any, name: str, chosen: DiffSettings, i: int) -> Side:
         return Side(own, as_image(thing, chosen.variances[i], chosen.renders))
     path = Path(thing)
     loaded = read_side(path, chosen.part, chosen.layer, chosen.variances[i], chosen.samples[i])
-    begins = files.read_origin(renders_at(path)[0], chosen.part)
+    begins = files.read_origin(renders_at(files.split_layer(path)[0])[0], chosen.part)
     return Side(path.name, loaded, begins, *(_scene_of(path, chosen.part) if i else ()))
 
 
