@@ -68,6 +68,24 @@ def test_a_layer_is_chosen_by_name_and_alone_needs_none(tmp_path, a):
     np.testing.assert_array_equal(files.read_image(path, layer="n").mean, a)
 
 
+def test_blenders_combined_is_preferred_and_a_path_may_name_the_layer(tmp_path, a):
+    path = tmp_path / "x.exr"
+    passes = {"View.Combined": a, "View.DiffDir": 2 * a}
+    planes = {f"{name}.{c}": pixels[..., i] for name, pixels in passes.items() for i, c in enumerate("RGB")}
+    write_exr(path, planes)
+    np.testing.assert_array_equal(files.read_image(path).mean, a)
+    np.testing.assert_array_equal(files.read_image(f"{path}:View.DiffDir").mean, 2 * a)
+    with pytest.raises(InputError, match=r"x\.exr: layer: expected one of View[.]Combined, View[.]DiffDir, got Depth"):
+        files.read_image(f"{path}:Depth")
+    with pytest.raises(InputError, match="got no such file"):
+        files.read_image(f"{path}.none:Depth")
+    write_exr(path, planes | {f"Other.Combined.{c}": a[..., i] for i, c in enumerate("RGB")})
+    with pytest.raises(InputError, match=r"View\.DiffDir, as x[.]exr:Other[.]Combined"):
+        files.read_image(path)
+    write_exr(tmp_path / "x.exr:odd", {c: 3 * a[..., i] for i, c in enumerate("RGB")})
+    np.testing.assert_array_equal(files.read_image(tmp_path / "x.exr:odd").mean, 3 * a)
+
+
 def test_a_part_is_chosen_by_name_or_number(tmp_path, a):
     path = tmp_path / "x.exr"
     planes = {"depth": {"Z": np.ascontiguousarray(a[..., 0])}, "beauty": {"RGB": a}, "direct": {"RGB": 2 * a}}
@@ -78,6 +96,7 @@ def test_a_part_is_chosen_by_name_or_number(tmp_path, a):
     assert files.read_image(path, part="direct").variance is None
     for part in ("direct", "2"):
         np.testing.assert_array_equal(files.read_image(path, part=part).mean, 2 * a)
+    np.testing.assert_array_equal(files.read_image(f"{path}:direct").mean, 2 * a)
     np.testing.assert_array_equal(files.read_image(path, part="depth").mean, np.repeat(a[..., :1], 3, -1))
     with pytest.raises(InputError, match="part: expected one of depth, beauty, direct, got 3"):
         files.read_image(path, part="3")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+import OpenEXR
 import pytest
 from program import raytwin, refused
 
@@ -81,6 +82,24 @@ def test_every_kind_of_image_can_be_one_of_the_two(folder):
         files.write_image(folder / name, Image(files.from_bytes(codes)))
         assert diff(folder / name, folder / "x.png").passed
         assert diff(folder / "x.png", folder / name).passed
+
+
+def test_each_side_names_its_own_layer(folder):
+    (folder / "many").mkdir()
+    for k in range(4):
+        passes = {"View.Combined": A, "View.DiffDir": A / 2 + RNG.normal(0, 1e-3, A.shape)}
+        planes = {f"{name}.{c}": np.ascontiguousarray(x[..., i], np.float32)
+                  for name, x in passes.items() for i, c in enumerate("RGB")}  # fmt: skip
+        with OpenEXR.File({"type": OpenEXR.scanlineimage}, planes) as file:
+            file.write(str(folder / "many" / f"{k}.exr"))
+    blend, half = folder / "many" / "0.exr", folder / "half.exr"
+    files.write_exr(half, Image(A / 2))
+    assert diff(blend, folder / "a.exr").verdict == "pass"
+    assert raytwin("diff", "many/0.exr:View.Combined", "a.exr", cwd=folder).returncode == 0
+    assert diff(half, f"{blend}:View.DiffDir", tolerance=0.1).verdict == "pass"
+    assert diff(f"{blend}:View.DiffDir", folder / "a.exr").verdict == "fail"
+    assert diff(f"{blend.parent}:View.DiffDir", half).verdict == "pass"
+    assert diff(f"{blend.parent}/*.exr:View.DiffDir", half).verdict == "pass"
 
 
 def test_two_noisy_images_of_one_scene_pass_and_a_darker_one_fails(tmp_path):
