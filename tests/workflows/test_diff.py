@@ -254,6 +254,20 @@ def test_a_reference_that_holds_its_scene_gives_the_cause_of_a_test_as_check_doe
     assert diff(tmp_path / "mine.exr", tmp_path / "shadow.exr").comparison.cause == ""
 
 
+@pytest.mark.parametrize("scale", [3, 1, 0.002])
+@pytest.mark.parametrize("kind", ["exr", "png"])
+def test_a_black_image_is_called_black_first(tmp_path, scale, kind):
+    """However dark the reference is: its rounded values are black, too."""
+    for name, pixels in (("black", 0 * A), ("reference", np.float32(scale / 3) * A)):
+        files.write_image(tmp_path / f"{name}.{kind}", Image(pixels))
+    found = diff(tmp_path / f"black.{kind}", tmp_path / f"reference.{kind}")
+    assert found.reasons[0] == "cause (proved): the image is black everywhere"
+    assert not any(reason.startswith("or, ") for reason in found.reasons)
+    grey = np.full(A.shape, 0.4, np.float32)
+    assert diff(0 * grey, grey).cause == "the image is black everywhere"
+    assert diff(0 * grey, 0 * grey).passed
+
+
 def test_a_scene_that_is_named_names_the_cause_and_a_wrong_name_is_refused(tmp_path):
     known = references.load(references.SHIPPED / "overlap" / "shadow.exr")
     files.write_image(tmp_path / "b.exr", Image(known.image.mean))

@@ -87,9 +87,6 @@ def diagnose(
 
     Give the views that are right too: a fault that would have spoiled them is none.
     """
-    if (value := _one_value(views)) is not None:
-        text = f"every pixel has the same value, {value:.4g}: nothing of the scene is in the picture"
-        return Diagnosis(False, (Cause("one-value", OUTPUT, text),), ((),), 1.0, None, "proved")
     budget = Budget(seconds)
     samples = many(views, seed)
     errors = [s.off(s.predict(RIGHT)) for s in samples]
@@ -97,6 +94,8 @@ def diagnose(
     where = whereabouts(samples, errors)
     if count == 0:
         return Diagnosis(right=True, explained=1.0, where="right everywhere")
+    if cause := _one_value(views):
+        return Diagnosis(False, (cause,), ((),), 1.0, None, "proved")
     if count < FEW:
         return Diagnosis(right=False, where=where)
     if words := points_of_misses(samples):
@@ -142,14 +141,19 @@ def _search(
     return replace(_described(found, samples, base, where, budget), untried=untried)
 
 
-def _one_value(views: Sequence[SubmittedImage]) -> float | None:
-    """The value of every channel of every pixel, where there is only one, and it is neither 0 nor the sky's."""
+def _one_value(views: Sequence[SubmittedImage]) -> Cause | None:
+    """What is told where every channel of every pixel has one value: 0, or one that is not the sky's."""
     values = {float(x) for view in views for x in (np.min(view.shown), np.max(view.shown))}
     value = values.pop()
+    if value == 0 and not values and not any(view.points for view in views):
+        return Cause("empty", OUTPUT, "the image is black everywhere")
     skies = [x for view in views if view.scene for x in view.scene.sky.radiance]
     if values or not np.isfinite(value) or value == 0 or any(abs(value - x) <= 1e-6 * abs(value) for x in skies):
         return None
-    return None if any(view.right is not None and np.ptp(view.right) <= 1e-6 * value for view in views) else value
+    if any(view.right is not None and np.ptp(view.right) <= 1e-6 * value for view in views):
+        return None
+    text = f"every pixel has the same value, {value:.4g}: nothing of the scene is in the picture"
+    return Cause("one-value", OUTPUT, text)
 
 
 def explain(
