@@ -197,7 +197,7 @@ class ReferenceCheck:
             options |= {"noise": "both" if taken.measured else noise, "half_steps": (taken.rounding.half, None)}
             made = compare(taken.image, shown, **options)
         if made.verdict == "fail":
-            made = made.because(*explain(taken.image, shown, known.scene, self.rung, taken.rounding, most=1))
+            made = made.because(*explain(taken.image, known.image, known.scene, self.rung, taken.rounding, most=1))
         notes = list(taken.notes)
         if not made.passed and shown.variance is not None and taken.image.variance is None:
             notes.append(

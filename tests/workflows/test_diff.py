@@ -12,6 +12,7 @@ from program import raytwin, refused
 
 from raytwin import files, references
 from raytwin.compare import METRICS
+from raytwin.diagnose.explanation import Cause, Diagnosis
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.report.terminal_text import diff_summary
@@ -266,6 +267,27 @@ def test_a_black_image_is_called_black_first(tmp_path, scale, kind):
     grey = np.full(A.shape, 0.4, np.float32)
     assert diff(0 * grey, grey).cause == "the image is black everywhere"
     assert diff(0 * grey, 0 * grey).passed
+
+
+@pytest.mark.parametrize(("of_test", "of_reference"), [("png", "png"), ("png", "exr"), ("exr", "png")])
+@pytest.mark.parametrize("change", ["x / (1 + x)", "2", "red and blue"])
+def test_predictions_are_clipped_and_rounded_as_the_files_are(tmp_path, of_test, of_reference, change):
+    y, x = np.mgrid[0:48, 0:64] / 64
+    light = np.stack([0.02 + 0.6 * x, 0.05 + 0.6 * y, 0.1 + 0.3 * x * y], axis=-1).astype(np.float32)
+    light[4:12, 20:28] = 18
+    changed = {"x / (1 + x)": light / (1 + light), "2": 2 * light, "red and blue": light[..., ::-1]}[change]
+    test, reference = tmp_path / f"test.{of_test}", tmp_path / f"reference.{of_reference}"
+    files.write_image(test, Image(changed))
+    files.write_image(reference, Image(light))
+    found = diff(test, reference)
+    assert change in found.cause or ("times too bright" in found.cause and change == "2")
+    assert found.reasons[1] in [f"this explains {share} % of the squared error" for share in ("99.99", "100")]
+
+
+def test_a_share_below_0_is_not_said():
+    cause = Cause("x", "output", "x is wrong")
+    assert Diagnosis(False, (cause,), ((),), -7.6, None, "likely").words == ("cause (likely): x is wrong",)
+    assert Diagnosis(False, (cause,), ((),), -7.6, None, "likely", "here").words[1:] == ("here",)
 
 
 def test_a_scene_that_is_named_names_the_cause_and_a_wrong_name_is_refused(tmp_path):

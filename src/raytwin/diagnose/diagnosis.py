@@ -60,6 +60,8 @@ HOPELESS = 0.97
 """Share of the cost: a fault that leaves more is not tried together with a second one."""
 PRICE = 0.03
 """Share of the cost that another cause has to bring."""
+BRIGHT = 1e6
+"""What is stored as white may be anything up to this."""
 BEAM = 3
 """Single faults that a second one is added to."""
 
@@ -184,11 +186,11 @@ def explain(
     if variances:
         zero = np.zeros(shown.shape)
         both = (zero if image.variance is None else image.variance for image in (test, reference))
-        if words := noisy_cause(shown, right, *both):
+        if words := noisy_cause(shown, np.clip(right, 0, 1) if rounding.clipped else right, *both):
             return (f"cause (likely): {words}",)
     elif words := alpha_cause(test, reference, rounding, of_reference):
         return (f"cause (likely): {words}",)
-    view = view_of(test, reference, scene, rung, rounding, sampled)
+    view = view_of(test, reference, scene, rung, rounding, sampled, of_reference)
     if view.scene is not None:
         return diagnose([view], most=most, seconds=seconds).words
     made = diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES, most=1, seconds=seconds)
@@ -202,6 +204,7 @@ def view_of(
     rung: str,
     rounding: Rounding = Rounding(),  # noqa: B008 (frozen)
     sampled: Sampled | None = None,
+    of_reference: Rounding = Rounding(),  # noqa: B008 (frozen)
 ) -> SubmittedImage:
     """Return what `diagnose` looks at: noise is slack, and a scene that no fault can be predicted in is unknown."""
     shown = test.mean
@@ -211,8 +214,13 @@ def view_of(
         slack = slack + 3 * np.sqrt(np.maximum(np.sum(variances, axis=0, dtype=float), 0))
     # Faults are predicted under a constant sky, without highlights.
     known = scene and RUNGS[rung].lit and scene.objects and not (scene.glossy or scene.environment)
+    right, bounds = reference.mean, ()
+    if of_reference.half is not None:
+        above = np.where(of_reference.clipped & (right >= 1), BRIGHT, right + of_reference.half)
+        bounds = right - of_reference.half, above
+    clipped = rounding.clipped or of_reference.clipped
     return SubmittedImage(
-        scene if known else None, shown, reference.mean, rung, half=slack, clipped=rounding.clipped, sampled=sampled
+        scene if known else None, shown, right, rung, half=slack, clipped=clipped, sampled=sampled, bounds=bounds
     )
 
 
@@ -259,7 +267,7 @@ def _described(
         explained=share,
         held_out=worst,
         sureness=sureness,
-        where=f"{where}; something else is wrong, too: {left}".rstrip(": ") if count >= FEW else where,
+        where="; ".join(filter(None, (where, f"something else is wrong, too: {left}".rstrip(": ") * (count >= FEW)))),
     )
 
 

@@ -96,7 +96,7 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
     if made.verdict == "fail":
         scene, rung = _known_scene(chosen, reference_side, test)
         rounding, of_reference = (loaded.rounding for loaded in made_of)
-        made = made.because(*explain(test, reference, scene, rung, rounding=rounding, of_reference=of_reference))
+        made = made.because(*explain(test, made_of[1].image, scene, rung, rounding, of_reference=of_reference))
     made = _in_place(made, test_side.begins, reference_side.begins)
     metrics = msgspec.structs.asdict(made.radiance) | {"flip_hdr": made.perceptual.flip_mean}
     metrics |= measure(test.mean, reference.mean, [n for n in METRICS if n not in metrics])
