@@ -27,6 +27,7 @@ from raytwin.diagnose.certainty import (
 )
 from raytwin.diagnose.changes import ORDER, OUTPUT, STAGES, Fault
 from raytwin.diagnose.conditional_faults import faults_suggested
+from raytwin.diagnose.curve import curve_cause
 from raytwin.diagnose.distances import depth_cause
 from raytwin.diagnose.explanation import Cause, Diagnosis, Sureness
 from raytwin.diagnose.hypothesis_search import Hypothesis, Search
@@ -44,6 +45,8 @@ from raytwin.scene import Scene
 
 EXPLAINED = 0.9
 """Share of the squared error below which no cause is named."""
+EXACT = 0.9999
+"""Share of the squared error that a cause explains exactly: below it, a curve through all values is told instead."""
 MATCHED = 0.5
 """Share of the wrong pixels below which no cause is named: its values have to be hit, not only come near."""
 FEW = 6
@@ -192,9 +195,12 @@ def explain(
         return (f"cause (likely): {words}",)
     view = view_of(test, reference, scene, rung, rounding, sampled, of_reference)
     if view.scene is not None:
-        return diagnose([view], most=most, seconds=seconds).words
-    made = diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES, most=1, seconds=seconds)
-    return made.words if made.causes else ()
+        made = diagnose([view], most=most, seconds=seconds)
+    else:
+        made = diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES, most=1, seconds=seconds)
+    if not variances and not (made.right or (made.causes and made.explained > EXACT)) and (words := curve_cause(view)):
+        return (f"cause (likely): {words}",)
+    return made.words if made.causes or view.scene is not None else ()
 
 
 def view_of(
@@ -214,7 +220,8 @@ def view_of(
         slack = slack + 3 * np.sqrt(np.maximum(np.sum(variances, axis=0, dtype=float), 0))
     # Faults are predicted under a constant sky, without highlights.
     known = scene and RUNGS[rung].lit and scene.objects and not (scene.glossy or scene.environment)
-    right, bounds = reference.mean, ()
+    right: np.ndarray = reference.mean
+    bounds: tuple[np.ndarray, ...] = ()
     if of_reference.half is not None:
         above = np.where(of_reference.clipped & (right >= 1), BRIGHT, right + of_reference.half)
         bounds = right - of_reference.half, above
