@@ -18,6 +18,7 @@ from raytwin.image import Image
 from raytwin.report.terminal_text import diff_summary
 from raytwin.tracer import trace
 from raytwin.workflows.diff_files import compare as diff
+from raytwin.workflows.diff_files import told_apart
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 RNG = np.random.default_rng(21)
@@ -101,6 +102,31 @@ def test_each_side_names_its_own_layer(folder):
     assert diff(f"{blend}:View.DiffDir", folder / "a.exr").verdict == "fail"
     assert diff(f"{blend.parent}:View.DiffDir", half).verdict == "pass"
     assert diff(f"{blend.parent}/*.exr:View.DiffDir", half).verdict == "pass"
+
+
+def test_two_files_of_one_name_are_told_apart_by_the_shortest_paths_that_differ(folder):
+    for place in ("new/x", "old/x"):
+        (folder / place).mkdir(parents=True)
+        files.write_exr(folder / place / "tracer.exr", Image(A))
+    found = diff(folder / "new/x/tracer.exr", folder / "old/x/tracer.exr")
+    assert (found.a, found.b) == ("new/x/tracer.exr", "old/x/tracer.exr")
+    run = raytwin("diff", "new/x/tracer.exr", "old/x/tracer.exr", "-o", "out", cwd=folder)
+    assert run.stdout.startswith("PASS  new/x/tracer.exr against old/x/tracer.exr")
+    page = (folder / "out" / "report.html").read_text()
+    assert all(f"{side}: {place}/x/tracer.exr" in page for side, place in (("A", "new"), ("B", "old")))
+    run = raytwin("diff", "new", "old", cwd=folder)
+    assert "PASS  x/tracer.exr" in run.stdout
+    assert told_apart("a.exr", "x/a.exr") == ("a.exr", "x/a.exr")
+    assert told_apart("a.exr", "./a.exr") == ("a.exr", "a.exr")
+    assert told_apart("a.exr", "b.exr") == ("a.exr", "b.exr")
+
+
+def test_two_functions_of_one_name_are_image_and_reference():
+    def render(seed):
+        return A
+
+    found = diff(render, render)
+    assert (found.a, found.b) == ("image", "reference")
 
 
 def test_two_noisy_images_of_one_scene_pass_and_a_darker_one_fails(tmp_path):
