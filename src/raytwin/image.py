@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from raytwin.array_types import Bool, Float, Float32, Int32
+from raytwin.errors import InputError
 from raytwin.notebook import InNotebook, page
 
 BACKGROUND = -1
@@ -58,6 +59,10 @@ class Image(InNotebook):
     surface: Surface | None = None
     batches: int | None = None
     alpha: Float[np.ndarray, "h w"] | None = None
+
+    def __post_init__(self) -> None:
+        if self.samples < 0:
+            raise InputError("samples", "a number of rays per pixel, or 0 if unknown", self.samples)
 
     def blacken(self, lost: Bool[np.ndarray, "h w"] | None) -> "Image":
         """Make the pixels `lost`, which no ray belongs to, black, noise-free and empty of objects; return the image."""

@@ -13,6 +13,7 @@ from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.image_pool import ImagePool
 
+TAKEN = "an array, a path, an Image or a function of a seed"
 RENDERS = 8
 """How often a function is called: these many renders give their variance to within a factor of two or so."""
 ENDINGS = (
@@ -78,12 +79,15 @@ def read_side(
 
 def renders_at(where: Path) -> list[Path]:
     """The image files of a folder, or those that fit a pattern, by name; else the path itself."""
-    if where.is_dir():
-        found = sorted(p for p in where.iterdir() if p.suffix.lower() in ENDINGS)
-    elif where.exists() or not any(c in where.name for c in "*?["):
-        return [where]
-    else:
-        found = sorted(where.parent.glob(where.name))
+    try:
+        if where.is_dir():
+            found = sorted(p for p in where.iterdir() if p.suffix.lower() in ENDINGS)
+        elif where.exists() or not any(c in where.name for c in "*?["):
+            return [where]
+        else:
+            found = sorted(where.parent.glob(where.name))
+    except OSError as error:  # a name too long, a folder that may not be read
+        raise InputError(where, "an image or a folder of images", error.strerror) from None
     if not found:
         raise InputError(where, f"images ({', '.join(ENDINGS)})", "none")
     return found
@@ -139,7 +143,7 @@ def _single(thing: Any) -> LoadedImage:
     pixels, alpha = _array(thing), None
     if pixels.ndim == 3 and pixels.shape[-1] == 4:
         pixels, alpha = pixels[..., :3], pixels[..., 3]
-    if _is_bitmap(thing) and thing.component_format() == type(thing.component_format()).UInt8:
+    if is_bitmap(thing) and thing.component_format() == type(thing.component_format()).UInt8:
         return _rounded(Image(pixels, samples=0, alpha=alpha), files.eight_bits(pixels, dithered=True))
     if pixels.dtype == np.float16:
         pixels = pixels.astype(np.float32)
@@ -147,7 +151,7 @@ def _single(thing: Any) -> LoadedImage:
     return LoadedImage(Image(pixels, samples=0, alpha=alpha))
 
 
-def _is_bitmap(thing: Any) -> bool:
+def is_bitmap(thing: Any) -> bool:
     return hasattr(thing, "srgb_gamma") and hasattr(thing, "component_format")
 
 
@@ -161,12 +165,16 @@ def _array(thing: Any) -> np.ndarray:
     A Bitmap of Mitsuba's says itself whether its values are sRGB; it becomes linear RGB in float32.
     """
     try:
-        if _is_bitmap(thing):
+        if is_bitmap(thing):
             kind = thing.PixelFormat.RGBA if thing.has_alpha() else thing.PixelFormat.RGB
             thing = thing.convert(kind, type(thing.component_format()).Float32, srgb_gamma=False)
-        return np.asarray(thing)
+        made = np.asarray(thing)
     except (TypeError, ValueError, RuntimeError) as error:
-        raise InputError("image", "an array, a path, an Image or a function of a seed", error) from None
+        raise InputError("image", TAKEN, error) from None
+    if made.dtype.kind not in "fiu":
+        kind = "text" if made.dtype.kind in "US" else f"{made.dtype} values"
+        raise InputError("image", TAKEN if made.dtype.kind == "O" else "real numbers", kind)
+    return made
 
 
 def _read(path: Path, part: str | None = None, layer: str | None = None) -> LoadedImage:

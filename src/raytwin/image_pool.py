@@ -74,9 +74,15 @@ class ImagePool:
             before = 0.0 if self._alpha is None else self._alpha
             self._alpha = before + (image.alpha - before) * (n / self.weight)
         with np.errstate(invalid="ignore", over="ignore"):  # NaN and infinity stay, and the comparison finds them
-            step = mean - self._mean
+            step, lost = mean - self._mean, None
+            if not np.isfinite(step.sum()):
+                lost = ~np.isfinite(step)
+                self._mean[lost] += mean[lost]  # infinity stays: inf - inf would be NaN
+                step[lost] = 0
             self._mean += step * (n / self.weight)
             self._scatter += n * step * (mean - self._mean)
+            if lost is not None:
+                self._scatter[lost] = 0
             if image.variance is not None:
                 b = image.batches or image.samples or 1
                 self._scatter += (b - 1) * n * np.asarray(image.variance, np.float64)

@@ -130,7 +130,8 @@ def exr_layer(path: str | os.PathLike, part: str | None = None, layer: str | Non
 def split_layer(path: str | os.PathLike) -> tuple[Path, str | None]:
     """`render.exr:diffuse` as the path and the layer; None where there is a file of the whole name."""
     base, colon, layer = os.fspath(path).rpartition(":")
-    is_path = colon and not Path(path).exists() and (Path(base).exists() or any(c in base for c in "*?["))
+    exists = os.path.exists  # unlike Path's, it takes names that are too long for the system
+    is_path = colon and not exists(path) and (exists(base) or any(c in base for c in "*?["))
     return (Path(base), layer) if is_path else (Path(path), None)
 
 

@@ -140,7 +140,7 @@ def _side(thing: Any, name: str, chosen: DiffSettings, i: int) -> Side:
     return Side(path.name, loaded, begins, *(_scene_of(path, chosen.part) if i else ()))
 
 
-def told_apart(a: str | os.PathLike, b: str | os.PathLike) -> tuple[str, str]:
+def told_apart(a: str | Path, b: str | Path) -> tuple[str, str]:
     """The shortest ends of two paths that differ; their names where the paths are equal."""
     parts = Path(a).parts, Path(b).parts
     ends = [(str(Path(*parts[0][-k:])), str(Path(*parts[1][-k:]))) for k in range(1, 1 + max(map(len, parts)))]
