@@ -246,7 +246,7 @@ def test_what_is_wrong_is_said_in_a_line(checked):
     folder, result = checked
     for line in (
         "*nosuch.png: expected an image file, got no such file",
-        "*test_no_image.py: expected an image: EXR, PFM, PNG or JPEG*",
+        "*test_no_image.py: expected an image: EXR, PFM, PNG, JPEG, PPM, TIFF, BMP or WebP*",
         "*the test image has the shape (252, 336), not (height, width, 3)",
         "*repeated renders: expected at least 4, got 3",
         "*NaN value*(x=5, y=7)*",
@@ -308,6 +308,25 @@ def test_shipped(raytwin_reference, name, rung):
     held.check(0.9 * held.image.mean)
 """
 NEVER = {"test_broken", "test_mistyped", "test_shipped[single-shadow]", "test_shipped[glass-path]"}
+
+
+CLEAR = """
+def test_clear(raytwin_reference):
+    pixels = np.full((6, 8, 4), 0.5, np.float32)
+    pixels[..., 3] = float(Path("value").read_text())
+    raytwin_reference("mine", "path", image=True).check(pixels)
+"""
+
+
+def test_a_transparent_image_fails_against_an_opaque_one_of_ones_own(warm, tmp_path):
+    clear = "from pathlib import Path\n" + CLEAR
+    (tmp_path / "value").write_text("1")
+    assert not failures(run(warm, tmp_path, "--raytwin-update", test_clear=clear))
+    assert not failures(run(warm, tmp_path, test_clear=clear))
+    (tmp_path / "value").write_text("0")
+    result = run(warm, tmp_path, test_clear=clear)
+    assert failures(result).keys() == {"test_clear"}
+    result.stdout.fnmatch_lines(["*alpha differs in 48 pixels*"])
 
 
 def test_update_makes_what_is_missing_or_stale_of_ones_own_and_nothing_else(warm, tmp_path, monkeypatch):

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from raytwin.array_types import Bool, Float, Float32, Int32
+from raytwin.errors import InputError
 from raytwin.notebook import InNotebook, page
 
 BACKGROUND = -1
@@ -46,7 +47,8 @@ class Image(InNotebook):
     `variance` (H, W, 3) float32 is the variance *of the mean*. `samples` is the number of rays per pixel, 0 if unknown.
     Without a variance, an image of one sample counts as noise-free; any other may have noise. `batches` is the number
     of independent renders behind the variance (None: every sample is one); 1 without a variance means that there is
-    noise of unknown variance. `surface` is what each pixel's centre shows, if the renderer knows.
+    noise of unknown variance. `surface` is what each pixel's centre shows, if the renderer knows. `alpha` (H, W) is the
+    share of each pixel that is covered, None if unknown.
 
     `np.asarray(image)` is `mean`. A notebook shows the picture, exposed so that little of it is white.
     """
@@ -56,6 +58,11 @@ class Image(InNotebook):
     samples: int = 1
     surface: Surface | None = None
     batches: int | None = None
+    alpha: Float[np.ndarray, "h w"] | None = None
+
+    def __post_init__(self) -> None:
+        if self.samples < 0:
+            raise InputError("samples", "a number of rays per pixel, or 0 if unknown", self.samples)
 
     def blacken(self, lost: Bool[np.ndarray, "h w"] | None) -> "Image":
         """Make the pixels `lost`, which no ray belongs to, black, noise-free and empty of objects; return the image."""

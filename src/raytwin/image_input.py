@@ -13,9 +13,12 @@ from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.image_pool import ImagePool
 
+TAKEN = "an array, a path, an Image or a function of a seed"
 RENDERS = 8
 """How often a function is called: these many renders give their variance to within a factor of two or so."""
-ENDINGS = (".exr", ".pfm", ".hdr", ".png", ".jpg", ".jpeg")
+ENDINGS = (
+    ".exr", ".pfm", ".hdr", ".png", ".jpg", ".jpeg", ".ppm", ".pgm", ".pnm", ".tif", ".tiff", ".bmp", ".webp",
+)  # fmt: skip
 """What files of a folder are taken for images; `.hdr` is refused in words instead of left out."""
 FEWEST = 4
 """Fewer renders know too little of their variance: with 2, a third of all correct images would fail."""
@@ -37,9 +40,9 @@ class LoadedImage(NamedTuple):
 def as_image(thing: Any, variance: Any = None, renders: int = RENDERS) -> LoadedImage:
     """`thing` as an Image: see the module's first line.
 
-    An Image; a path (EXR, PFM, PNG, JPEG); a function `render(seed)` that returns any of these, called with the
-    seeds 0, 1, ... `renders` - 1 (four times, where these are equal); an array (H, W, 3) or a Mitsuba Bitmap, with
-    `variance` *of its mean*, an array or a file;
+    An Image; a path (EXR, PFM, picture of 8 bits); a function `render(seed)` that returns any of these, called with the
+    seeds 0, 1, ... `renders` - 1 (four times, where these are equal); an array (H, W, 3), or (H, W, 4) with alpha, or a
+    Mitsuba Bitmap, with `variance` *of its mean*, an array or a file;
     a list of these or an array (k, H, W, 3): k >= 4 independent renders, whose spread gives their mean's variance.
     """
     if variance is not None:
@@ -60,7 +63,8 @@ def read_side(
     `variance` is an image file or an array that holds the variance of the mean, `samples` the samples per pixel of each
     file, where the file has none.
     """
-    paths = renders_at(where)
+    where, named = files.split_layer(where)
+    layer, paths = named or layer, renders_at(where)
     if len(paths) > 1 or where.is_dir():
         if variance is not None:
             raise InputError(where, "one image, where its variance is given", f"{len(paths)} renders")
@@ -75,12 +79,15 @@ def read_side(
 
 def renders_at(where: Path) -> list[Path]:
     """The image files of a folder, or those that fit a pattern, by name; else the path itself."""
-    if where.is_dir():
-        found = sorted(p for p in where.iterdir() if p.suffix.lower() in ENDINGS)
-    elif where.exists() or not any(c in where.name for c in "*?["):
-        return [where]
-    else:
-        found = sorted(where.parent.glob(where.name))
+    try:
+        if where.is_dir():
+            found = sorted(p for p in where.iterdir() if p.suffix.lower() in ENDINGS)
+        elif where.exists() or not any(c in where.name for c in "*?["):
+            return [where]
+        else:
+            found = sorted(where.parent.glob(where.name))
+    except OSError as error:  # a name too long, a folder that may not be read
+        raise InputError(where, "an image or a folder of images", error.strerror) from None
     if not found:
         raise InputError(where, f"images ({', '.join(ENDINGS)})", "none")
     return found
@@ -133,15 +140,18 @@ def _single(thing: Any) -> LoadedImage:
         return LoadedImage(thing)
     if isinstance(thing, str | os.PathLike):
         return _read(Path(thing))
-    pixels = _array(thing)
-    if _is_bitmap(thing) and thing.component_format() == type(thing.component_format()).UInt8:
-        return _rounded(Image(pixels, samples=0), files.eight_bits(pixels, dithered=True))
+    pixels, alpha = _array(thing), None
+    if pixels.ndim == 3 and pixels.shape[-1] == 4:
+        pixels, alpha = pixels[..., :3], pixels[..., 3]
+    if is_bitmap(thing) and thing.component_format() == type(thing.component_format()).UInt8:
+        return _rounded(Image(pixels, samples=0, alpha=alpha), files.eight_bits(pixels, dithered=True))
     if pixels.dtype == np.float16:
-        return _rounded(Image(pixels.astype(np.float32), samples=0), files.half_floats(pixels.astype(np.float32)))
-    return LoadedImage(Image(pixels, samples=0))
+        pixels = pixels.astype(np.float32)
+        return _rounded(Image(pixels, samples=0, alpha=alpha), files.half_floats(pixels))
+    return LoadedImage(Image(pixels, samples=0, alpha=alpha))
 
 
-def _is_bitmap(thing: Any) -> bool:
+def is_bitmap(thing: Any) -> bool:
     return hasattr(thing, "srgb_gamma") and hasattr(thing, "component_format")
 
 
@@ -155,15 +165,21 @@ def _array(thing: Any) -> np.ndarray:
     A Bitmap of Mitsuba's says itself whether its values are sRGB; it becomes linear RGB in float32.
     """
     try:
-        if _is_bitmap(thing):
-            thing = thing.convert(thing.PixelFormat.RGB, type(thing.component_format()).Float32, srgb_gamma=False)
-        return np.asarray(thing)
+        if is_bitmap(thing):
+            kind = thing.PixelFormat.RGBA if thing.has_alpha() else thing.PixelFormat.RGB
+            thing = thing.convert(kind, type(thing.component_format()).Float32, srgb_gamma=False)
+        made = np.asarray(thing)
     except (TypeError, ValueError, RuntimeError) as error:
-        raise InputError("image", "an array, a path, an Image or a function of a seed", error) from None
+        raise InputError("image", TAKEN, error) from None
+    if made.dtype.kind not in "fiu":
+        kind = "text" if made.dtype.kind in "US" else f"{made.dtype} values"
+        raise InputError("image", TAKEN if made.dtype.kind == "O" else "real numbers", kind)
+    return made
 
 
 def _read(path: Path, part: str | None = None, layer: str | None = None) -> LoadedImage:
-    image = files.read_image(path, part, layer)
+    path, named = files.split_layer(path)
+    image = files.read_image(path, part, named or layer)
     return _rounded(image, files.rounding_of(path, image.mean))
 
 

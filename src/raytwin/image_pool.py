@@ -39,6 +39,7 @@ class ImagePool:
     _differing: int = 0
     _mean: np.ndarray | None = None
     _scatter: np.ndarray | None = None
+    _alpha: np.ndarray | None = None
 
     def add(self, image: Image) -> None:
         """Add a render, unless it repeats an earlier one."""
@@ -67,10 +68,21 @@ class ImagePool:
             self._mean, self._scatter, self.surface = np.zeros(mean.shape), np.zeros(mean.shape), image.surface
         assert self._scatter is not None
         self.weight += n
+        if image.alpha is None or (self._alpha is None and self.images):
+            self._alpha = None
+        else:
+            before = 0.0 if self._alpha is None else self._alpha
+            self._alpha = before + (image.alpha - before) * (n / self.weight)
         with np.errstate(invalid="ignore", over="ignore"):  # NaN and infinity stay, and the comparison finds them
-            step = mean - self._mean
+            step, lost = mean - self._mean, None
+            if not np.isfinite(step.sum()):
+                lost = ~np.isfinite(step)
+                self._mean[lost] += mean[lost]  # infinity stays: inf - inf would be NaN
+                step[lost] = 0
             self._mean += step * (n / self.weight)
             self._scatter += n * step * (mean - self._mean)
+            if lost is not None:
+                self._scatter[lost] = 0
             if image.variance is not None:
                 b = image.batches or image.samples or 1
                 self._scatter += (b - 1) * n * np.asarray(image.variance, np.float64)
@@ -95,9 +107,9 @@ class ImagePool:
         assert self._scatter is not None
         mean = self._mean.astype(np.float32)
         if self.batches < 2:
-            return Image(mean, None, self.samples, self.surface, 1)
+            return Image(mean, None, self.samples, self.surface, 1, self._alpha)
         variance = (self._scatter / ((self.batches - 1) * self.weight)).astype(np.float32)
-        return Image(mean, variance, self.samples, self.surface, self.batches)
+        return Image(mean, variance, self.samples, self.surface, self.batches, self._alpha)
 
 
 def _has_noise(image: Image) -> bool:

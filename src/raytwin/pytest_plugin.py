@@ -157,7 +157,7 @@ class ReferenceCheck:
         """The verdict on `image`, without failing.
 
         `image`: an array (H, W, 3) of linear radiance, row 0 on top, with the `variance` of its mean where it has
-        noise; independent renders as a list or an array (k, H, W, 3), k >= 4; a path to an EXR, PFM, PNG or JPEG;
+        noise; independent renders as a list or an array (k, H, W, 3), k >= 4; a path to an EXR, PFM or 8-bit picture;
         a function of a seed that returns any of these, called until the verdict is certain, `renders` times at most; a
         raytwin Image. `tolerance`: a number (noise-free values may err by it, relative to the reference's scale, 99.9 %
         of them) or a Tolerance; the scene's by default. `noise="reference"` believes no variance that an image claims,
@@ -197,7 +197,7 @@ class ReferenceCheck:
             options |= {"noise": "both" if taken.measured else noise, "half_steps": (taken.rounding.half, None)}
             made = compare(taken.image, shown, **options)
         if made.verdict == "fail":
-            made = made.because(*explain(taken.image, shown, known.scene, self.rung, taken.rounding))
+            made = made.because(*explain(taken.image, known.image, known.scene, self.rung, taken.rounding))
         notes = list(taken.notes)
         if not made.passed and shown.variance is not None and taken.image.variance is None:
             notes.append(

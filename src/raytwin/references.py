@@ -151,7 +151,7 @@ def checksum(image: Image, header: dict[str, str]) -> str:
     own = {k: v for k, v in header.items() if k not in ("checksum", "samples", "batches")}
     own |= {"samples": str(image.samples), "batches": str(image.batches)}
     total = hashlib.sha256(msgspec.json.encode(own, order="sorted"))
-    parts = {"mean": image.mean, "variance": image.variance}
+    parts = {"mean": image.mean, "variance": image.variance, "alpha": image.alpha}
     if image.surface is not None:
         parts |= {name: getattr(image.surface, name) for name in ("ids", "depth", "normal")}
     for name, pixels in parts.items():

@@ -71,6 +71,10 @@ def sound_files() -> dict[str, bytes]:
         buffer = io.BytesIO()
         Pillow.fromarray(codes).save(buffer, "JPEG", **options)
         made[f"{key}.jpg"] = buffer.getvalue()
+    for key in ("PPM", "TIFF", "BMP", "WEBP"):
+        Pillow.fromarray(codes).save(buffer := io.BytesIO(), key)
+        made[f"rgb.{key.lower()}"] = buffer.getvalue()
+    made["text.ppm"] = b"P3\n33 21\n255\n" + b" ".join(b"%d" % x for x in codes.ravel())
     return made
 
 

@@ -429,12 +429,12 @@ def test_a_wrong_photo_is_named(tmp_path):
     gif = io.BytesIO()
     Pillow.new("P", (8, 8)).save(gif, "GIF")
     wrong = {
-        "truncated.jpg": (whole.getvalue()[: len(whole.getvalue()) // 2], "expected a whole photo (JPEG or PNG), got a damaged one"),  # noqa: E501
+        "truncated.jpg": (whole.getvalue()[: len(whole.getvalue()) // 2], "expected a photo (JPEG or PNG), got a damaged one"),  # noqa: E501
         "text.png": (b"not a picture", "expected a photo (JPEG or PNG), got a file of another kind, or a damaged header"),  # noqa: E501
         "empty.jpg": (b"", "got a file of another kind"),
         "moving.jpg": (gif.getvalue(), "got a file of another kind"),
         "bomb.png": (hostile.png(60_000, 60_000, bytes(64)), "expected a photo of a size that a camera makes"),
-        "short.png": (hostile.png(600, 600, bytes(64)), "expected a whole photo (JPEG or PNG), got a damaged one"),
+        "short.png": (hostile.png(600, 600, bytes(64)), "expected a photo (JPEG or PNG), got a damaged one"),
     }  # fmt: skip
     for name, (data, message) in wrong.items():
         (tmp_path / name).write_bytes(data)

@@ -7,6 +7,7 @@ import hostile
 import numpy as np
 import OpenEXR
 import pytest
+from PIL import Image as Pillow
 
 from raytwin import files
 from raytwin.errors import InputError
@@ -67,6 +68,24 @@ def test_a_layer_is_chosen_by_name_and_alone_needs_none(tmp_path, a):
     np.testing.assert_array_equal(files.read_image(path, layer="n").mean, a)
 
 
+def test_blenders_combined_is_preferred_and_a_path_may_name_the_layer(tmp_path, a):
+    path = tmp_path / "x.exr"
+    passes = {"View.Combined": a, "View.DiffDir": 2 * a}
+    planes = {f"{name}.{c}": pixels[..., i] for name, pixels in passes.items() for i, c in enumerate("RGB")}
+    write_exr(path, planes)
+    np.testing.assert_array_equal(files.read_image(path).mean, a)
+    np.testing.assert_array_equal(files.read_image(f"{path}:View.DiffDir").mean, 2 * a)
+    with pytest.raises(InputError, match=r"x\.exr: layer: expected one of View[.]Combined, View[.]DiffDir, got Depth"):
+        files.read_image(f"{path}:Depth")
+    with pytest.raises(InputError, match="got no such file"):
+        files.read_image(f"{path}.none:Depth")
+    write_exr(path, planes | {f"Other.Combined.{c}": a[..., i] for i, c in enumerate("RGB")})
+    with pytest.raises(InputError, match=r"View\.DiffDir, as x[.]exr:Other[.]Combined"):
+        files.read_image(path)
+    write_exr(tmp_path / "x.exr:odd", {c: 3 * a[..., i] for i, c in enumerate("RGB")})
+    np.testing.assert_array_equal(files.read_image(tmp_path / "x.exr:odd").mean, 3 * a)
+
+
 def test_a_part_is_chosen_by_name_or_number(tmp_path, a):
     path = tmp_path / "x.exr"
     planes = {"depth": {"Z": np.ascontiguousarray(a[..., 0])}, "beauty": {"RGB": a}, "direct": {"RGB": 2 * a}}
@@ -77,6 +96,7 @@ def test_a_part_is_chosen_by_name_or_number(tmp_path, a):
     assert files.read_image(path, part="direct").variance is None
     for part in ("direct", "2"):
         np.testing.assert_array_equal(files.read_image(path, part=part).mean, 2 * a)
+    np.testing.assert_array_equal(files.read_image(f"{path}:direct").mean, 2 * a)
     np.testing.assert_array_equal(files.read_image(path, part="depth").mean, np.repeat(a[..., :1], 3, -1))
     with pytest.raises(InputError, match="part: expected one of depth, beauty, direct, got 3"):
         files.read_image(path, part="3")
@@ -100,7 +120,7 @@ def test_the_kind_is_told_by_the_content_and_not_by_the_name(tmp_path, sound):
 def test_what_is_no_image_is_named(tmp_path, sound):
     gray = sound["big_endian_grey.pfm"]
     wrong = {
-        b"": "expected an image: EXR, PFM, PNG or JPEG, got a file of another kind",
+        b"": "expected an image: EXR, PFM, PNG, JPEG, PPM, TIFF, BMP or WebP, got a file of another kind",
         gray[:-1]: "expected 2772 bytes of pixels for 33 x 21, got 2771",
         gray + b"0": "expected 2772 bytes of pixels for 33 x 21, got 2773",
         gray.replace(b"\n1.0", b"\n0.0"): "expected a PFM's scale other than 0",
@@ -147,11 +167,38 @@ def test_subsampled_and_deep_exrs_are_refused_in_words(tmp_path):
         files.read_image(tmp_path / "x.exr")
 
 
-def test_radiance_hdr_and_pngs_of_16_bits_are_refused_with_the_command_that_converts_them(tmp_path, a):
+@pytest.mark.parametrize("kind", ["png", "ppm", "tiff", "bmp", "webp"])
+def test_every_picture_of_8_bits_is_srgb_and_held_to_its_codes(tmp_path, kind):
+    codes = np.arange(9 * 11 * 3, dtype=np.uint8).reshape(9, 11, 3)
+    path = tmp_path / f"x.{kind}"
+    Pillow.fromarray(codes).save(path, **{"lossless": True} if kind == "webp" else {})
+    read = files.read_image(path).mean
+    np.testing.assert_array_equal(read, files.from_bytes(codes))
+    assert files.rounding_of(path, read).clipped
+
+
+def test_a_ppm_of_text_is_read_as_the_book_writes_it(tmp_path):
+    (tmp_path / "x.ppm").write_text("P3\n2 1\n255\n0 128 255\n255 0 1\n")
+    codes = np.array([[[0, 128, 255], [255, 0, 1]]], np.uint8)
+    np.testing.assert_array_equal(files.read_image(tmp_path / "x.ppm").mean, files.from_bytes(codes))
+
+
+@pytest.mark.parametrize(
+    "head", [b"P6\n2 1\n65535\n", b"P6\n2 1\n300\n", b"P5\n2 1\n65535\n", b"P3\n2 1\n1023\n1 2 3 4 5 6 "]
+)
+def test_a_ppm_of_more_than_8_bits_is_refused(tmp_path, head):
+    (tmp_path / "x.ppm").write_bytes(head + bytes(12))
+    with pytest.raises(InputError, match=r"expected a PPM of 8 bits per channel, got more .*oiiotool a.ppm"):
+        files.read_image(tmp_path / "x.ppm")
+
+
+def test_radiance_hdr_and_pictures_of_16_bits_are_refused_with_the_command_that_converts_them(tmp_path, a):
     cv2.imwrite(str(tmp_path / "x.hdr"), a)
     with pytest.raises(InputError, match=r"expected an EXR, got a Radiance HDR \(convert it: oiiotool a.hdr -o a.exr"):
         files.read_image(tmp_path / "x.hdr")
     for channels in (1, 3, 4):
-        cv2.imwrite(str(tmp_path / "x.png"), np.full((9, 11, channels), 256, np.uint16))
-        with pytest.raises(InputError, match=r"expected a PNG of 8 bits per channel, got 16 .*oiiotool a.png"):
-            files.read_image(tmp_path / "x.png")
+        for kind, name in (("png", "PNG"), ("tif", "TIFF")):
+            cv2.imwrite(str(tmp_path / f"x.{kind}"), np.full((9, 11, channels), 256, np.uint16))
+            expected = rf"expected a {name} of 8 bits per channel, got more .*oiiotool a.{kind}"
+            with pytest.raises(InputError, match=expected):
+                files.read_image(tmp_path / f"x.{kind}")

@@ -63,6 +63,13 @@ def test_other_sizes_give_a_page_that_shows_both(pair, other):
     assert not (out / "heatmap.png").exists()
 
 
+def test_the_head_of_a_scenes_page_names_the_subject(make_result, tmp_path):
+    result = make_result()
+    named = replace(result, settings=result.settings | {"subject": "mine.py:render"})
+    write_report(named, tmp_path / "report.html")
+    assert "mine.py:render beside its Mitsuba twin" in text_of(tmp_path / "report.html")
+
+
 @pytest.mark.foreign
 def test_the_tracers_report_survives_a_twin_of_another_size_or_kind_and_leaves_out_such_a_surface(
     make_result, tmp_path

@@ -6,16 +6,19 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+import OpenEXR
 import pytest
 from program import raytwin, refused
 
 from raytwin import files, references
 from raytwin.compare import METRICS
+from raytwin.diagnose.explanation import Cause, Diagnosis
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.report.terminal_text import diff_summary
 from raytwin.tracer import trace
 from raytwin.workflows.diff_files import compare as diff
+from raytwin.workflows.diff_files import told_apart
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 RNG = np.random.default_rng(21)
@@ -81,6 +84,49 @@ def test_every_kind_of_image_can_be_one_of_the_two(folder):
         files.write_image(folder / name, Image(files.from_bytes(codes)))
         assert diff(folder / name, folder / "x.png").passed
         assert diff(folder / "x.png", folder / name).passed
+
+
+def test_each_side_names_its_own_layer(folder):
+    (folder / "many").mkdir()
+    for k in range(4):
+        passes = {"View.Combined": A, "View.DiffDir": A / 2 + RNG.normal(0, 1e-3, A.shape)}
+        planes = {f"{name}.{c}": np.ascontiguousarray(x[..., i], np.float32)
+                  for name, x in passes.items() for i, c in enumerate("RGB")}  # fmt: skip
+        with OpenEXR.File({"type": OpenEXR.scanlineimage}, planes) as file:
+            file.write(str(folder / "many" / f"{k}.exr"))
+    blend, half = folder / "many" / "0.exr", folder / "half.exr"
+    files.write_exr(half, Image(A / 2))
+    assert diff(blend, folder / "a.exr").verdict == "pass"
+    assert raytwin("diff", "many/0.exr:View.Combined", "a.exr", cwd=folder).returncode == 0
+    assert diff(half, f"{blend}:View.DiffDir", tolerance=0.1).verdict == "pass"
+    assert diff(f"{blend}:View.DiffDir", folder / "a.exr").verdict == "fail"
+    assert diff(f"{blend.parent}:View.DiffDir", half).verdict == "pass"
+    assert diff(f"{blend.parent}/*.exr:View.DiffDir", half).verdict == "pass"
+
+
+def test_two_files_of_one_name_are_told_apart_by_the_shortest_paths_that_differ(folder):
+    for place in ("new/x", "old/x"):
+        (folder / place).mkdir(parents=True)
+        files.write_exr(folder / place / "tracer.exr", Image(A))
+    found = diff(folder / "new/x/tracer.exr", folder / "old/x/tracer.exr")
+    assert (found.a, found.b) == ("new/x/tracer.exr", "old/x/tracer.exr")
+    run = raytwin("diff", "new/x/tracer.exr", "old/x/tracer.exr", "-o", "out", cwd=folder)
+    assert run.stdout.startswith("PASS  new/x/tracer.exr against old/x/tracer.exr")
+    page = (folder / "out" / "report.html").read_text()
+    assert all(f"{side}: {place}/x/tracer.exr" in page for side, place in (("A", "new"), ("B", "old")))
+    run = raytwin("diff", "new", "old", cwd=folder)
+    assert "PASS  x/tracer.exr" in run.stdout
+    assert told_apart("a.exr", "x/a.exr") == ("a.exr", "x/a.exr")
+    assert told_apart("a.exr", "./a.exr") == ("a.exr", "a.exr")
+    assert told_apart("a.exr", "b.exr") == ("a.exr", "b.exr")
+
+
+def test_two_functions_of_one_name_are_image_and_reference():
+    def render(seed):
+        return A
+
+    found = diff(render, render)
+    assert (found.a, found.b) == ("image", "reference")
 
 
 def test_two_noisy_images_of_one_scene_pass_and_a_darker_one_fails(tmp_path):
@@ -233,6 +279,41 @@ def test_a_reference_that_holds_its_scene_gives_the_cause_of_a_test_as_check_doe
     assert first == f"FAIL  mine.exr against shadow.exr: {found.comparison.cause} (likely)"
     files.write_exr(tmp_path / "shadow.exr", known.image)  # of no scene that it knows
     assert diff(tmp_path / "mine.exr", tmp_path / "shadow.exr").comparison.cause == ""
+
+
+@pytest.mark.parametrize("scale", [3, 1, 0.002])
+@pytest.mark.parametrize("kind", ["exr", "png"])
+def test_a_black_image_is_called_black_first(tmp_path, scale, kind):
+    """However dark the reference is: its rounded values are black, too."""
+    for name, pixels in (("black", 0 * A), ("reference", np.float32(scale / 3) * A)):
+        files.write_image(tmp_path / f"{name}.{kind}", Image(pixels))
+    found = diff(tmp_path / f"black.{kind}", tmp_path / f"reference.{kind}")
+    assert found.reasons[0] == "cause (proved): the image is black everywhere"
+    assert not any(reason.startswith("or, ") for reason in found.reasons)
+    grey = np.full(A.shape, 0.4, np.float32)
+    assert diff(0 * grey, grey).cause == "the image is black everywhere"
+    assert diff(0 * grey, 0 * grey).passed
+
+
+@pytest.mark.parametrize(("of_test", "of_reference"), [("png", "png"), ("png", "exr"), ("exr", "png")])
+@pytest.mark.parametrize("change", ["x / (1 + x)", "2", "red and blue"])
+def test_predictions_are_clipped_and_rounded_as_the_files_are(tmp_path, of_test, of_reference, change):
+    y, x = np.mgrid[0:48, 0:64] / 64
+    light = np.stack([0.02 + 0.6 * x, 0.05 + 0.6 * y, 0.1 + 0.3 * x * y], axis=-1).astype(np.float32)
+    light[4:12, 20:28] = 18
+    changed = {"x / (1 + x)": light / (1 + light), "2": 2 * light, "red and blue": light[..., ::-1]}[change]
+    test, reference = tmp_path / f"test.{of_test}", tmp_path / f"reference.{of_reference}"
+    files.write_image(test, Image(changed))
+    files.write_image(reference, Image(light))
+    found = diff(test, reference)
+    assert change in found.cause or ("times too bright" in found.cause and change == "2")
+    assert found.reasons[1] in [f"this explains {share} % of the squared error" for share in ("99.99", "100")]
+
+
+def test_a_share_below_0_is_not_said():
+    cause = Cause("x", "output", "x is wrong")
+    assert Diagnosis(False, (cause,), ((),), -7.6, None, "likely").words == ("cause (likely): x is wrong",)
+    assert Diagnosis(False, (cause,), ((),), -7.6, None, "likely", "here").words[1:] == ("here",)
 
 
 def test_a_scene_that_is_named_names_the_cause_and_a_wrong_name_is_refused(tmp_path):

@@ -54,7 +54,7 @@ def diff_command(
         if variance_a or variance_b:
             raise InputError("--variance-a, --variance-b", "two images, not two folders", a)
         diff_folders(a, b, settings, json, junit, out)
-    name = f"{a.name} against {b.name}"
+    name = " against ".join(diff_files.told_apart(a, b))
     try:
         with show_progress() as progress, progress.stage("compare"):
             found = diff_files.compare(a, b, settings)

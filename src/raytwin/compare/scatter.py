@@ -98,7 +98,7 @@ def patterned(test: Pixels, reference: Pixels, square: Blocks, claimed: bool = F
             again = (alike > REPEATS) & (far > FILTER)
             if claimed:
                 nearer = np.minimum.accumulate(np.concatenate([[near], alike]))[:-1]
-                near = min(near, *alike[:2])
+                near = min((near, *alike[:2]))
                 again = (alike - nearer > REPEATS) & (far > 1)
             if bool((sure & ((alike < -REPEATS) | again)).any()):
                 return True

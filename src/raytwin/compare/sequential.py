@@ -21,13 +21,13 @@ from dataclasses import replace
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from raytwin.compare.comparison import Comparison
 from raytwin.compare.messages import percent, what_could_be_seen
 from raytwin.compare.verdict import DETECTABLE_BIAS, compare
 from raytwin.errors import InputError
 from raytwin.image import Image
+from raytwin.image_input import LoadedImage, as_image
 from raytwin.image_pool import ImagePool
 
 FIRST, PER_OCTAVE = 4, 4
@@ -78,18 +78,18 @@ class SequentialComparison:
             if comparison := check.add(render(seed)):
                 break
 
-    `test` and `reference` are the sides that stay as they are; what is added to a side takes its place. Options are
-    those of `compare` (`tolerance`, `noise`, `half_steps`). `next_look` says how many samples per pixel, or renders
-    where their samples are unknown, the next verdict needs; `comparison` is the last one, decided or not. A
-    `detectable_bias` or `detectable_tile_bias` that is given must be met for a pass, which takes at least
-    `fewest_to_pass` samples per pixel.
+    `test` and `reference` are the sides that stay as they are; what is added to a side takes its place. Each is
+    whatever `raytwin.compare` takes. Options are those of `compare` (`tolerance`, `noise`, `half_steps`). `next_look`
+    says how many samples per pixel, or renders where their samples are unknown, the next verdict needs; `comparison`
+    is the last one, decided or not. A `detectable_bias` or `detectable_tile_bias` that is given must be met for a
+    pass, which takes at least `fewest_to_pass` samples per pixel.
     """
 
     def __init__(
         self,
-        reference: Image | None = None,
+        reference: Any = None,
         *,
-        test: Image | None = None,
+        test: Any = None,
         false_alarm_rate: float = 1e-3,
         detectable_bias: float | None = None,
         detectable_tile_bias: float | None = None,
@@ -107,7 +107,9 @@ class SequentialComparison:
         self.looks, self.next_look, self.fewest_to_pass = 0, FIRST, fewest_to_pass
         self.comparison: Comparison | None = None
         self.decided = False
-        self._fixed = {"test": test, "reference": reference}
+        self._loaded: dict[str, LoadedImage] = {}
+        fixed = {"test": test, "reference": reference}
+        self._fixed = {name: None if side is None else self._taken(name, side) for name, side in fixed.items()}
         self._pools = {"test": ImagePool(), "reference": ImagePool()}
         self._judge, self._options, self._looked_at, self._number = judge, options, 0, -1
         self._began = time.perf_counter()
@@ -124,10 +126,12 @@ class SequentialComparison:
             raise InputError(side, "an image, or renders of it", "none")
         image = pool.image if pool.images else fixed
         assert image is not None
+        for loaded in self._loaded.values():
+            image = loaded.fitted(image)
         return replace(image, variance=None, samples=1, batches=None) if pool.noise_free else image
 
     def add(self, test: Any = None, reference: Any = None) -> Comparison | None:
-        """Add a render of either side, or of both: an Image or an array (H, W, 3). Return the verdict, or None: more.
+        """Add a render of either side, or of both: whatever `raytwin.compare` takes. Return the verdict, or None: more.
 
         Renders of a side are independent. An Image that states `batches` of its own brings their variance. A render
         that repeats an earlier one counts once; where all are equal, and differ, the verdict is undecided.
@@ -135,7 +139,7 @@ class SequentialComparison:
         for name, given in (("test", test), ("reference", reference)):
             if given is None:
                 continue
-            image = given if isinstance(given, Image) else Image(np.asarray(given), samples=0)
+            image = self._taken(name, given)
             pool = self._pools[name]
             if pool.images and image.shape != pool.shape:
                 raise InputError(f"{name} render {pool.images + 1}", f"the shape {pool.shape}", image.shape)
@@ -171,9 +175,25 @@ class SequentialComparison:
 
     # ---------------------------------------------------------------------------------- within
 
+    def _taken(self, name: str, given: Any) -> Image:
+        """What is given as an Image; what its format rounds off is remembered, unless `half_steps` was given."""
+        if isinstance(given, Image):
+            return given
+        self._loaded[name] = as_image(given)
+        return self._loaded[name].image
+
+    def _judged(self, **options: Any) -> Comparison:
+        """The comparison of what there is."""
+        test, reference = self.image("test"), self.image("reference")
+        if any(loaded.rounding.half is not None for loaded in self._loaded.values()):
+            none = LoadedImage(reference)
+            halves = tuple(self._loaded.get(name, none).rounding.half for name in ("test", "reference"))
+            options = {"half_steps": halves} | options
+        return self._judge(test, reference, **options)
+
     def _pass_without_noise(self) -> Comparison | None:
         """Pass where all renders so far are equal, and agree with the other side as images without noise do."""
-        made = self._judge(self.image("test"), self.image("reference"), **self._options)
+        made = self._judged(**self._options)
         return self._certain(made, EQUAL) if made.verdict == "pass" and made.statistics.z_mean is None else None
 
     def _give_up(self) -> Comparison:
@@ -206,10 +226,7 @@ class SequentialComparison:
         n = self.samples
         self._number = max(look_number(n), self._number + 1)
         level = self.rate if exact else look_level(self.rate, self._number)
-        made = self._judge(
-            self.image("test"), self.image("reference"), false_alarm_rate=level, sequence_rate=self.rate,
-            detectable_bias=math.inf, **self._options,
-        )  # fmt: skip
+        made = self._judged(false_alarm_rate=level, sequence_rate=self.rate, detectable_bias=math.inf, **self._options)
         self.looks, self._looked_at = self.looks + 1, n
         self.comparison = _with(made, looks=self.looks)
         known = made.statistics.z_mean is not None

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
+from raytwin.compare.alpha import alpha_findings
 from raytwin.compare.blocks import Pixels
 from raytwin.compare.comparison import Comparison, Perceptual, Radiance, Verdict
 from raytwin.compare.finding import HARD, SHIFT, SILHOUETTE, Finding, plural
@@ -105,6 +106,8 @@ def compare(
     asked = RadianceTest(test, reference, tolerance, bound, unit, *rates, half_steps, excused, shift, detectable)
     outcome = asked.exactly() if noise == "none" else asked.run()
     findings += outcome.findings
+    different, unknown = alpha_findings(test, reference, tolerance.p999_abs, false_alarm_rate, half_steps)
+    findings += different
     shift_named = any(f.rank == SHIFT for f in findings)
     if findings and not outcome.doubts and shift is not None and shift.certain and not shift_named:
         findings.append(shift_finding(shift))
@@ -120,7 +123,7 @@ def compare(
         failing=tuple(p.above(reference.shape[0]) for p in outcome.failing) if findings and not outcome.doubts else (),
     )
     tie = (f"{plural(tied, 'pixel')} on the common edge of two objects: {TIED}",) if tied else ()
-    return comparison.saying(*tie)
+    return comparison.saying(*tie, *unknown)
 
 
 def _made(

@@ -37,7 +37,7 @@ def find_subject(what: str | Renderer | Callable[..., Any], rung: str, sampling:
         return replace(known, surface=True) if isinstance(known, Traced) else known
     path = text.rpartition(":")[0] or text
     python = path.endswith((".py", ".ipynb"))
-    if "{out}" not in text and not Path(path if python else text).exists():
+    if "{out}" not in text and not files.split_layer(path if python else text)[0].exists():
         images = "an image, a folder of images, or a command with {scene} and {out}"
         expected = f"a method's name (`raytwin bench list`), FILE.py:FUNCTION, {images}"
         raise InputError("--subject", expected, text + ", but no such file" * python)

@@ -161,13 +161,16 @@ def _parameters(function: Callable[..., Any]) -> list[tuple[str, str, bool]] | N
 
 
 def _plain(made: Any) -> Any:
-    """An Image as it is, a tuple of arrays, or an array: what can be sent."""
+    """What can be sent: an Image, for a path or a Bitmap too, a tuple of arrays, or an array."""
     import numpy as np
 
     from raytwin.image import Image
+    from raytwin.image_input import as_image, is_bitmap
 
     if isinstance(made, Image) or made is None:
         return made
+    if isinstance(made, str | os.PathLike) or is_bitmap(made):
+        return as_image(made).image
     return tuple(map(_plain, made)) if isinstance(made, tuple) else np.asarray(made)
 
 

@@ -78,7 +78,7 @@ def load(what: str | os.PathLike, function: str | None = None) -> Submission:
     path, colon, named = text.rpartition(":")
     if colon and path.endswith((".py", ".ipynb")):
         text, function = path, named
-    if not Path(text).exists():
+    if not files.split_layer(text)[0].exists():
         raise InputError(text, "a Python file, a notebook, a folder of images, or a command with {out}", "no such file")
     if text.endswith((".py", ".ipynb")):
         return load_code(Path(text), function)

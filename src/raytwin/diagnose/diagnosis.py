@@ -25,6 +25,7 @@ from raytwin.diagnose.certainty import (
     left_over,
 )
 from raytwin.diagnose.changes import ORDER, OUTPUT, Fault
+from raytwin.diagnose.curve import curve_cause
 from raytwin.diagnose.distances import depth_cause
 from raytwin.diagnose.explanation import Cause, Diagnosis, Sureness
 from raytwin.diagnose.hypothesis_search import Hypothesis, Search
@@ -34,6 +35,7 @@ from raytwin.diagnose.noisy_values import noisy_cause
 from raytwin.diagnose.parametric_faults import FAMILIES, ParametricFault, radii_of
 from raytwin.diagnose.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, look
 from raytwin.diagnose.predict import RIGHT
+from raytwin.diagnose.premultiplied import alpha_cause
 from raytwin.files import Rounding
 from raytwin.image import Image
 from raytwin.rungs import RUNGS
@@ -41,6 +43,8 @@ from raytwin.scene import Scene
 
 EXPLAINED = 0.9
 """Share of the squared error below which no cause is named, unless it explains a part."""
+EXACT = 0.9999
+"""Share of the squared error that a cause explains exactly: below it, a curve through all values is told instead."""
 MATCHED = 0.5
 """Share of the wrong pixels that it has to hit: its values must not only come near."""
 PART, SPARED = 0.4, 0.99
@@ -55,6 +59,8 @@ SPECKLED = 0.2
 """Share of right neighbours from which on wrong pixels are speckles."""
 MOST = 25_000
 """Pixels of a picture that are looked at in the end."""
+BRIGHT = 1e6
+"""What is stored as white may be anything up to this."""
 
 
 PLAIN = tuple(
@@ -77,9 +83,6 @@ def diagnose(
 
     Give the views that are right too: a fault that would have spoiled them is none.
     """
-    if (value := _one_value(views)) is not None:
-        text = f"every pixel has the same value, {value:.4g}: nothing of the scene is in the picture"
-        return Diagnosis(False, Cause("one-value", OUTPUT, text), (), 1.0, None, "proved")
     budget = Budget(seconds)
     samples = [look(view, seed) for view in views]
     errors = [s.off(s.predict(RIGHT)) for s in samples]
@@ -87,6 +90,8 @@ def diagnose(
     where = whereabouts(samples, errors)
     if count == 0:
         return Diagnosis(right=True, explained=1.0, where="right everywhere")
+    if cause := _one_value(views):
+        return Diagnosis(False, cause, (), 1.0, None, "proved")
     if count < FEW:
         return Diagnosis(right=False, where=where)
     if words := points_of_misses(samples):
@@ -121,14 +126,19 @@ def _search(
     return replace(_described(found, search, where), untried=untried)
 
 
-def _one_value(views: Sequence[SubmittedImage]) -> float | None:
-    """The value of every channel of every pixel, where there is only one, and it is neither 0 nor the sky's."""
+def _one_value(views: Sequence[SubmittedImage]) -> Cause | None:
+    """What is told where every channel of every pixel has one value: 0, or one that is not the sky's."""
     values = {float(x) for view in views for x in (np.min(view.shown), np.max(view.shown))}
     value = values.pop()
+    if value == 0 and not values and not any(view.points for view in views):
+        return Cause("empty", OUTPUT, "the image is black everywhere")
     skies = [x for view in views if view.scene for x in view.scene.sky.radiance]
     if values or not np.isfinite(value) or value == 0 or any(abs(value - x) <= 1e-6 * abs(value) for x in skies):
         return None
-    return None if any(view.right is not None and np.ptp(view.right) <= 1e-6 * value for view in views) else value
+    if any(view.right is not None and np.ptp(view.right) <= 1e-6 * value for view in views):
+        return None
+    text = f"every pixel has the same value, {value:.4g}: nothing of the scene is in the picture"
+    return Cause("one-value", OUTPUT, text)
 
 
 def explain(
@@ -139,11 +149,13 @@ def explain(
     rounding: Rounding = Rounding(),  # noqa: B008 (frozen)
     sampled: Sampled | None = None,
     seconds: float = SECONDS,
+    of_reference: Rounding = Rounding(),  # noqa: B008 (frozen)
 ) -> tuple[str, ...]:
     """In words, why an image is not its reference: of a known scene any fault, else what a writer does wrong.
 
-    Of an unknown scene only a cause that explains it is told. `rounding`: of the test's format. `sampled`: the parts of
-    light that chance finds, for the factors of light that are told where no cause explains it.
+    Of an unknown scene only a cause that explains it is told. `rounding`, `of_reference`: what the formats of test and
+    reference round off. `sampled`: the parts of light that chance finds, for the factors of light that are told where
+    no cause explains it.
     """
     shown, right = test.mean, reference.mean
     if shown.shape != right.shape or shown.ndim != 3 or shown.dtype.kind != "f":
@@ -156,13 +168,18 @@ def explain(
     if variances:
         zero = np.zeros(shown.shape)
         both = (zero if image.variance is None else image.variance for image in (test, reference))
-        if words := noisy_cause(shown, right, *both):
+        if words := noisy_cause(shown, np.clip(right, 0, 1) if rounding.clipped else right, *both):
             return (f"cause (likely): {words}",)
-    view = view_of(test, reference, scene, rung, rounding, sampled)
+    elif words := alpha_cause(test, reference, rounding, of_reference):
+        return (f"cause (likely): {words}",)
+    view = view_of(test, reference, scene, rung, rounding, sampled, of_reference)
     if view.scene is not None:
-        return diagnose([view], seconds=seconds).words
-    made = diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES, seconds=seconds)
-    return made.words if made.cause else ()
+        made = diagnose([view], seconds=seconds)
+    else:
+        made = diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES, seconds=seconds)
+    if not variances and not (made.right or (made.cause and made.explained > EXACT)) and (words := curve_cause(view)):
+        return (f"cause (likely): {words}",)
+    return made.words if made.cause or view.scene is not None else ()
 
 
 def view_of(
@@ -172,6 +189,7 @@ def view_of(
     rung: str,
     rounding: Rounding = Rounding(),  # noqa: B008 (frozen)
     sampled: Sampled | None = None,
+    of_reference: Rounding = Rounding(),  # noqa: B008 (frozen)
 ) -> SubmittedImage:
     """Return what `diagnose` looks at: noise is slack, and a scene that no fault can be predicted in is unknown."""
     shown = test.mean
@@ -181,8 +199,14 @@ def view_of(
         slack = slack + 3 * np.sqrt(np.maximum(np.sum(variances, axis=0, dtype=float), 0))
     # Faults are predicted under a constant sky, without highlights.
     known = scene and RUNGS[rung].lit and scene.objects and not (scene.glossy or scene.environment)
+    right: np.ndarray = reference.mean
+    bounds: tuple[np.ndarray, ...] = ()
+    if of_reference.half is not None:
+        above = np.where(of_reference.clipped & (right >= 1), BRIGHT, right + of_reference.half)
+        bounds = right - of_reference.half, above
+    clipped = rounding.clipped or of_reference.clipped
     return SubmittedImage(
-        scene if known else None, shown, reference.mean, rung, half=slack, clipped=rounding.clipped, sampled=sampled
+        scene if known else None, shown, right, rung, half=slack, clipped=clipped, sampled=sampled, bounds=bounds
     )
 
 
@@ -221,7 +245,7 @@ def _described(found: list[Hypothesis], search: Search, where: str) -> Diagnosis
     whole = whole and (not best.cause.numbers or is_exact(samples, best.steps))
     sureness: Sureness = "proved" if not others and confirmed and whole else "likely"
     if count >= FEW or hit < EXPLAINED:
-        where = f"{where}; something else is wrong, too: {left}".rstrip(": ")
+        where = "; ".join(filter(None, (where, f"something else is wrong, too: {left}".rstrip(": "))))
     return Diagnosis(
         right=False,
         cause=best.cause,

@@ -55,10 +55,10 @@ class Diagnosis:
             return (f"cause unknown: {self.where}{light}{near}", *stopped)
         said = [f"cause ({self.sureness}): {self.cause.sentence}"]
         said += [f"or, with the same effect here: {other.sentence}" for other in self.alternatives]
-        share = f"this explains {_percent(self.explained)} of the squared error"
-        if self.held_out is not None:
+        share = f"this explains {_percent(self.explained)} of the squared error" if self.explained > 0 else ""
+        if share and self.held_out is not None:
             share += f", of the scene that it explains least {_percent(self.held_out)}"
-        return (*said, f"{share}{'; ' if self.where else ''}{self.where}", *stopped)
+        return (*said, *filter(None, ("; ".join(filter(None, (share, self.where))),)), *stopped)
 
 
 def _percent(x: float) -> str:

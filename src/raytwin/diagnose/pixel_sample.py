@@ -42,8 +42,9 @@ class SubmittedImage:
 
     `shown` (H, W, 3): linear radiance, or with `points` where each pixel's ray first meets a sphere, NaN for none.
     `right`: what it should be; the tracer's own picture where none is given. `half` (H, W, 3): what its format may have
-    rounded off; `clipped`: it holds nothing above 1. `sampled`: of the scene's light what chance finds.
-    `composed`: made of the submission's stages, where the order along a ray is ours.
+    rounded off; `clipped`: it holds nothing above 1. `bounds`: between which two pictures what is stored as `right` may
+    lie. `sampled`: of the scene's light what chance finds. `composed`: made of the submission's stages, where the order
+    along a ray is ours.
     """
 
     scene: Scene | None
@@ -55,6 +56,7 @@ class SubmittedImage:
     clipped: bool = False
     sampled: Sampled | None = None
     composed: bool = False
+    bounds: tuple[Array, ...] = ()
 
 
 @dataclass(eq=False)
@@ -109,9 +111,17 @@ class PixelSample:
             light = self.bench.radiance(pipeline)
             if self.more:
                 light = light + self.beyond(pipeline)
-            made = output(pipeline, light, self.bench.brightest)
-            if made.shape != self.shown.shape:
-                raise ValueError(made.shape)
+            made = self._stored(pipeline, light)
+            if isinstance(self.bench, UnknownScene) and self.bench.bounds:
+                ends = [made, *(self._stored(pipeline, end.radiance(pipeline)) for end in self.bench.ends)]
+                made = np.clip(self.shown, np.min(ends, axis=0), np.max(ends, axis=0))
+        return made
+
+    def _stored(self, pipeline: Pipeline, light: Array) -> Array:
+        """What the image's format holds of the values that are handed in."""
+        made = output(pipeline, light, self.bench.brightest)
+        if made.shape != self.shown.shape:
+            raise ValueError(made.shape)
         return np.clip(made, 0, 1) if self.view.clipped else made
 
     def beyond(self, pipeline: Pipeline) -> Array:
@@ -232,7 +242,6 @@ def _unknown(view: SubmittedImage) -> tuple[SubmittedImage, int, Array, Array]:
     shown, right = np.asarray(view.shown), np.asarray(view.right)
     if view.right is None or right.shape != shown.shape or shown.ndim != 3:
         raise InputError("view.right", f"an image {shown.shape}", f"{None if view.right is None else right.shape}")
-    right = np.clip(right, 0, 1) if view.clipped else right
     none = np.zeros(shown.shape[:2], bool)
     return replace(view, shown=shown.astype(float), right=right.astype(float)), 1, none, ~none
 
@@ -247,8 +256,9 @@ def look(view: SubmittedImage, seed: int = 0) -> PixelSample:
     right, shown = _right(view), view.shown
     width = shown.shape[1]
     scale = _scale(view)
+    low, high = (np.clip(x, 0, 1) if view.clipped else x for x in view.bounds or (right, right))
     with np.errstate(invalid="ignore"):
-        e = np.abs(shown - right) - _half(view)
+        e = np.abs(shown - np.clip(shown, low, high)) - _half(view)
     if view.points:
         e = np.where(np.isnan(shown) & np.isnan(right), 0.0, e)
     e = np.maximum(np.where(np.isnan(e), np.inf, e), 0).max(axis=-1) * rays
@@ -278,7 +288,7 @@ def look(view: SubmittedImage, seed: int = 0) -> PixelSample:
     index, weight = index[mixed], weight[mixed] / weight.sum()
     u, v = (index % width * step).astype(float), (index // width * step).astype(float)
     brightest = float(np.nanmax(right)) if right.size and not view.points else 1.0
-    bench: Predictor | UnknownScene = UnknownScene(right, u, v, brightest)
+    bench: Predictor | UnknownScene = UnknownScene(right, u, v, brightest, view.bounds)
     if view.scene is not None:
         shadows = view.points or RUNGS[view.rung].shadows
         bench = Predictor(view.scene, u, v, shadows, brightest)
@@ -314,6 +324,7 @@ def _scale(view: SubmittedImage) -> float:
         found = np.linalg.norm(right - np.array(view.scene.camera.eye), axis=-1)
         return float(np.nanmedian(found)) if np.isfinite(found).any() else 1.0
     positive = right[np.isfinite(right) & (right > 0)]
+    positive = np.minimum(positive, 1) if view.clipped else positive
     return float(np.quantile(positive, 0.99)) if positive.size else 1.0
 
 

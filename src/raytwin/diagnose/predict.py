@@ -346,15 +346,24 @@ def planted(scene: Scene, *mistakes: Pipeline, shadows: bool = True) -> Array:
 
 @dataclass(eq=False)
 class UnknownScene:
-    """A right picture (H, W, 3) of nobody knows which scene: its pixels can be moved, and its values changed."""
+    """A right picture (H, W, 3) of nobody knows which scene: its pixels can be moved, and its values changed.
+
+    `bounds`: the least and the largest picture that its format stores as this one.
+    """
 
     right: Array
     u: Array
     v: Array
     brightest: float = 1.0
+    bounds: tuple[Array, ...] = ()
 
     def at(self, u: Array, v: Array) -> "UnknownScene":
-        return UnknownScene(self.right, u, v, self.brightest)
+        return UnknownScene(self.right, u, v, self.brightest, self.bounds)
+
+    @property
+    def ends(self) -> tuple["UnknownScene", ...]:
+        """The same of the bounds."""
+        return tuple(UnknownScene(bound, self.u, self.v, self.brightest) for bound in self.bounds)
 
     def place(self, pipeline: Pipeline = RIGHT) -> tuple[Array, Array]:
         return written(pipeline)["pixel"](self.u, self.v, self.right.shape[1], self.right.shape[0])

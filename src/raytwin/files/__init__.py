@@ -4,7 +4,7 @@ Reading: TOML into records, scenes, photos, EXR, any image (`read_image`). Writi
 """
 
 from raytwin.files.cache import Cache, cache_folder, installed, made_by, read_arrays
-from raytwin.files.exr import read_exr, read_origin, write_exr
+from raytwin.files.exr import read_exr, read_origin, split_layer, write_exr
 from raytwin.files.images import read_image, write_image
 from raytwin.files.limits import MAX_PIXELS
 from raytwin.files.mitsuba_file import (

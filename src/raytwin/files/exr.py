@@ -29,6 +29,8 @@ def write_exr(path: str | os.PathLike, image: Image, header: Mapping[str, str] |
     import OpenEXR
 
     parts = [("mean", _rgb(image.mean))]
+    if image.alpha is not None:
+        parts[0][1]["A"] = np.ascontiguousarray(image.alpha, np.float32)
     if image.variance is not None:
         parts.append(("variance", _rgb(image.variance)))
     if image.surface is not None:
@@ -82,7 +84,7 @@ def read_exr(path: str | os.PathLike) -> tuple[Image, dict[str, str]]:
         # OpenEXR leaves out a part that it cannot read, and only prints a warning.
         if lost := set(header.pop("parts", "").split()) - parts.keys():
             raise InputError(path, "an EXR file", f"a damaged one (without its part {', '.join(sorted(lost))})")
-        mean = _colours(path, parts)
+        mean, alpha = _colours(path, parts)
         variance = _variance(path, parts)
         surface = None
         if {"depth", "normal", "id"} <= parts.keys():
@@ -96,7 +98,7 @@ def read_exr(path: str | os.PathLike) -> tuple[Image, dict[str, str]]:
         sizes = [layer.shape[1::-1] for layer in (mean, *layers) if layer is not None]
         if len(set(sizes)) > 1:
             raise InputError(path, "parts of one size", ", ".join(f"{w} x {h}" for w, h in sizes))
-    return Image(mean, variance, samples, surface, batches), header
+    return Image(mean, variance, samples, surface, batches, alpha), header
 
 
 def _samples(header: Mapping[str, Any]) -> int:
@@ -111,7 +113,7 @@ def _samples(header: Mapping[str, Any]) -> int:
 def _variance(path: str | os.PathLike, parts: Mapping[str, Any]) -> np.ndarray | None:
     """The variance of the mean: a part called `variance`, or the channels `variance.R`, .G and .B of any part."""
     if "variance" in parts:
-        return _colours(path, {"variance": parts["variance"]})
+        return _colours(path, {"variance": parts["variance"]})[0]
     for channels in (p.channels for p in parts.values()):
         if found := _triple(channels, ("RGB",), "variance."):
             return stack(c.pixels for c in found)
@@ -121,7 +123,16 @@ def _variance(path: str | os.PathLike, parts: Mapping[str, Any]) -> np.ndarray |
 def exr_layer(path: str | os.PathLike, part: str | None = None, layer: str | None = None) -> Image:
     """The colours of a named part (name or number), a named layer, or both."""
     with _exr(path) as parts:
-        return Image(_colours(path, parts, part, layer), samples=0)
+        mean, alpha = _colours(path, parts, part, layer)
+        return Image(mean, samples=0, alpha=alpha)
+
+
+def split_layer(path: str | os.PathLike) -> tuple[Path, str | None]:
+    """`render.exr:diffuse` as the path and the layer; None where there is a file of the whole name."""
+    base, colon, layer = os.fspath(path).rpartition(":")
+    exists = os.path.exists  # unlike Path's, it takes names that are too long for the system
+    is_path = colon and not exists(path) and (exists(base) or any(c in base for c in "*?["))
+    return (Path(base), layer) if is_path else (Path(path), None)
 
 
 @contextlib.contextmanager
@@ -173,34 +184,50 @@ def _opened(path: str | os.PathLike, header_only: bool = False) -> Iterator[list
 
 def _colours(
     path: str | os.PathLike, parts: Mapping[str, Any], part: str | None = None, layer: str | None = None
-) -> np.ndarray:
-    """(H, W, 3) float32 of the first part with colours; of a named part and layer where asked for."""
-    if part is not None:
-        chosen = parts.get(part) or dict(zip(map(str, range(len(parts))), parts.values(), strict=True)).get(part)
-        if chosen is None:
-            raise InputError(f"{path}: part", f"one of {', '.join(parts)}", part)
-        parts = {part: chosen}
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """(H, W, 3) float32 and alpha (H, W) of the first part with colours; of a named part and layer where asked for.
+
+    A part may be named as a layer, too: some programs write each of their layers as a part.
+    """
+    parts, part, layer = _chosen(path, parts, part, layer)
     for channels in (p.channels for p in parts.values()):
         if layer is None and "R" not in channels:
             if {"RY", "BY"} & channels.keys():
                 raise InputError(path, "channels R, G, B", "luminance and chroma: Y, RY, BY")
             if part is None and {"X", "Y", "Z"} <= channels.keys():  # a named part may be a normal
                 raise InputError(path, "channels R, G, B", "CIE X, Y, Z")
-        found = _triple(channels, ("RGB", "XYZ", "Y"), "" if layer is None else f"{layer}.")
+        prefix = "" if layer is None else f"{layer}."
+        found = _triple(channels, ("RGB", "XYZ", "Y"), prefix)
         if found is None and layer in channels:
             found = [channels[layer]]
         if found:
-            return stack((found * 3)[:3][i].pixels for i in range(3))
+            alpha = channels[f"{prefix}A"].pixels.astype(np.float32) if f"{prefix}A" in channels else None
+            return stack((found * 3)[:3][i].pixels for i in range(3)), alpha
     layers = _layers(parts)
     if layer is not None:
         raise InputError(f"{path}: layer", f"one of {', '.join(layers) or 'none'}", layer)
-    if len(layers) == 1:
-        return _colours(path, parts, None, layers[0])
+    combined = [name for name in layers if name.rpartition(".")[2] == "Combined"]  # Blender's whole image
+    if len(only := combined or layers) == 1:
+        return _colours(path, parts, None, only[0])
     if part is not None and len(channels) == 1:
         return _colours(path, parts, None, next(iter(channels)))
     names = [c for p in parts.values() for c in p.channels]
-    choose = f"; choose one of the layers {', '.join(layers)}" if layers else ""
+    choose = f"; choose one of the layers {', '.join(layers)}, as {Path(path).name}:{layers[0]}" if layers else ""
     raise InputError(path, "channels R, G, B (or Y)", (", ".join(names) or "none") + choose)
+
+
+def _chosen(
+    path: str | os.PathLike, parts: Mapping[str, Any], part: str | None, layer: str | None
+) -> tuple[Mapping[str, Any], str | None, str | None]:
+    """The parts to look in, and what of part and layer is named."""
+    if part is None and layer in parts and layer not in _layers(parts):
+        part, layer = layer, None
+    if part is None:
+        return parts, None, layer
+    chosen = parts.get(part) or dict(zip(map(str, range(len(parts))), parts.values(), strict=True)).get(part)
+    if chosen is None:
+        raise InputError(f"{path}: part", f"one of {', '.join(parts)}", part)
+    return {part: chosen}, part, layer
 
 
 def _triple(channels: Mapping[str, Any], kinds: tuple[str, ...], prefix: str = "") -> list[Any] | None:

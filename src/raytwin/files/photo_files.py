@@ -61,6 +61,8 @@ def from_bytes(pixels: np.ndarray) -> np.ndarray:
 
 
 PHOTOS = (".jpg", ".jpeg", ".png")
+PICTURES = ("PNG", "JPEG", "PPM", "TIFF", "BMP", "WEBP")
+"""What of 8 bits per channel is taken for an image, as Pillow calls it."""
 
 
 def list_photos(folder: str | Path) -> list[Path]:
@@ -91,6 +93,32 @@ def read_photo(path: str | os.PathLike) -> np.ndarray:
         return np.asarray(photo.convert("RGB"))
 
 
+def read_picture(path: str | os.PathLike) -> tuple[np.ndarray, np.ndarray | None]:
+    """A picture of any of PICTURES as sRGB uint8 (H, W, 3), and its alpha (H, W) float32 where it has one.
+
+    Raises InputError for one of more than 8 bits per channel.
+    """
+    with _opened(path, PICTURES) as picture:
+        if _is_deep(picture):
+            name = f"a{Path(path).suffix}"
+            convert = f"oiiotool {name} --colorconvert sRGB linear -d float -o a.exr"
+            raise InputError(path, f"a {picture.format} of 8 bits per channel", f"more (convert it: {convert})")
+        if not picture.has_transparency_data:
+            return np.asarray(picture.convert("RGB")), None
+        pixels = np.asarray(picture.convert("RGBA"))
+        return pixels[..., :3], pixels[..., 3] / np.float32(255)
+
+
+def _is_deep(picture: Any) -> bool:
+    """Whether a picture of Pillow's has more than 8 bits per channel: some of them it reads as 8 without a word."""
+    stored = picture.tile[0][3] if picture.tile else ""
+    if picture.format == "TIFF":
+        return max(picture.tag_v2.get(258, (1,))) > 8  # BitsPerSample
+    if picture.format == "PPM":
+        return picture.mode == "I" or (isinstance(stored, tuple) and stored[1] > 255)
+    return picture.format == "PNG" and ";16" in stored
+
+
 def read_grey(path: str | os.PathLike) -> np.ndarray:
     """A PNG or JPEG as grey uint8 (H, W), Rec. 601 luma of sRGB, in the sensor's own pixel grid.
 
@@ -115,25 +143,28 @@ def photo_extras(path: str | os.PathLike) -> dict[str, bytes]:
 
 
 @contextlib.contextmanager
-def _opened(path: str | os.PathLike) -> Iterator[Any]:
+def _opened(path: str | os.PathLike, formats: tuple[str, ...] = ("JPEG", "PNG")) -> Iterator[Any]:
     from PIL import Image as Pillow  # 40 ms: not at import
 
-    check_file(path, "a photo (JPEG or PNG)")
+    kind = "a photo (JPEG or PNG)" if len(formats) == 2 else f"a picture ({', '.join(formats)})"
+    check_file(path, kind)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Pillow.DecompressionBombWarning)
             # From memory: of a file on disk, Pillow asks for as many bytes at once as a damaged chunk claims to have.
-            with Pillow.open(io.BytesIO(Path(path).read_bytes()), formats=("JPEG", "PNG")) as photo:
+            with Pillow.open(io.BytesIO(Path(path).read_bytes()), formats=formats) as photo:
                 check_size(path, *photo.size, 12)
                 yield photo
+    except InputError:
+        raise
     except PermissionError as error:
-        raise InputError(path, "a photo (JPEG or PNG)", str(error.strerror).lower()) from None
+        raise InputError(path, kind, str(error.strerror).lower()) from None
     except Pillow.UnidentifiedImageError:
-        raise InputError(path, "a photo (JPEG or PNG)", "a file of another kind, or a damaged header") from None
+        raise InputError(path, kind, "a file of another kind, or a damaged header") from None
     except Pillow.DecompressionBombError as error:
         raise InputError(path, "a photo of a size that a camera makes", error) from None
-    except (OSError, SyntaxError, ValueError) as error:
-        raise InputError(path, "a whole photo (JPEG or PNG)", f"a damaged one ({error})") from None
+    except Exception as error:  # Pillow raises whatever its parsers meet
+        raise InputError(path, kind, f"a damaged one ({error})") from None
 
 
 def write_picture(

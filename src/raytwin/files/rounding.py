@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from raytwin.files.images import kind_of
 from raytwin.files.photo_files import srgb_decode, srgb_encode
 
 
@@ -19,8 +20,8 @@ class Rounding(NamedTuple):
 def rounding_of(path: Path, mean: np.ndarray) -> Rounding:
     """Return what an image file's format rounds off; `mean` is the radiance (H, W, 3) read from it."""
     with path.open("rb") as file:
-        start = file.read(4)
-    if start.startswith((b"\xff\xd8", b"\x89PNG")):
+        kind = kind_of(file.read(4))
+    if kind not in ("EXR", "PFM", None):
         return eight_bits(mean)
     with np.errstate(over="ignore", invalid="ignore"):
         is_half = np.array_equal(mean.astype(np.float16).astype(np.float32), mean, equal_nan=True)

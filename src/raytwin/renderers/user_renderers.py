@@ -57,7 +57,7 @@ class UserRenderer(Renderer):
             also = ({"seed": seed} if self.seeded else {}) | ({"samples": self.samples} if self.samples else {})
             try:
                 made = self.render(given, **also) if self.render else None
-                taken = made if isinstance(made, Image) else as_image(np.asarray(made)).image
+                taken = as_image(made).image
             except InputError:
                 raise
             except (Exception, SystemExit) as error:  # theirs, whatever it is: the program that runs it goes on
@@ -65,9 +65,9 @@ class UserRenderer(Renderer):
             if taken.mean.dtype.kind not in "fiu" or taken.shape != (height, width, 3):
                 wanted = f"an image ({height}, {width}, 3)"
                 raise InputError(self.name, wanted, f"{taken.mean.dtype} {taken.shape}")
-            if isinstance(made, Image) and (taken.variance is not None or not self.samples):
+            if taken.variance is not None or (isinstance(made, Image) and not self.samples):
                 return taken
-            alone = Image(taken.mean.astype(np.float32), surface=taken.surface)
+            alone = Image(taken.mean.astype(np.float32), surface=taken.surface, alpha=taken.alpha)
             return replace(alone, samples=self.samples, batches=1) if self.samples else alone
 
         return call

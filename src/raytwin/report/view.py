@@ -114,7 +114,7 @@ def _of_scene(result: "Result") -> PairView:
         about=("rung", about.rung) if about.rung else ("of", "a Mitsuba file"),
         names=Names("tracer", "twin", "Tracer's image", "Twin's image"),
         tolerance=tolerance,
-        motto="a hand-written ray tracer beside its Mitsuba twin",
+        motto=f"{result.settings.get('subject', 'a ray tracer')} beside its Mitsuba twin",
         objects=result.scene.names,
         tiles=tiles(result, tolerance),
     )

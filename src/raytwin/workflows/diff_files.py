@@ -55,7 +55,7 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
     """Compare the image `a` with the reference `b`: verdict, cause, metrics, and pictures in a notebook.
 
     Each of the two is an array (H, W, 3) of linear radiance, row 0 on top (NumPy, torch, Dr.Jit, Mitsuba's TensorXf and
-    Bitmap); an Image; a path to an EXR, PFM, PNG or JPEG, to a folder or a pattern of renders; a list or an array
+    Bitmap); an Image; a path to an EXR, PFM or 8-bit picture, to a folder or a pattern of renders; a list or an array
     (k, H, W, 3) of at least 4 independent renders; a function `render(seed)`, called 8 times; or a `reference`.
 
     `settings` or `options`: fields of DiffSettings, as `tolerance=1e-4`, `variances=(v, None)`, `flip=True`. Where the
@@ -75,6 +75,9 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
     test_side, reference_side = (
         _side(thing, name, chosen, i) for i, (thing, name) in enumerate(((a, "image"), (b, "reference")))
     )
+    if test_side.name == reference_side.name:
+        names = told_apart(a, b) if _is_path(a) and _is_path(b) else ("image", "reference")
+        test_side, reference_side = test_side._replace(name=names[0]), reference_side._replace(name=names[1])
     made_of = test_side.loaded, reference_side.loaded
     test, reference = made_of[1].fitted(made_of[0].image), made_of[0].fitted(made_of[1].image)
     read = time.perf_counter() - start
@@ -95,7 +98,8 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
     start = time.perf_counter()
     if made.verdict == "fail":
         scene, rung = _known_scene(chosen, reference_side, test)
-        made = made.because(*explain(test, reference, scene, rung, rounding=made_of[0].rounding))
+        rounding, of_reference = (loaded.rounding for loaded in made_of)
+        made = made.because(*explain(test, made_of[1].image, scene, rung, rounding, of_reference=of_reference))
     made = _in_place(made, test_side.begins, reference_side.begins)
     metrics = msgspec.structs.asdict(made.radiance) | {"flip_hdr": made.perceptual.flip_mean}
     metrics |= measure(test.mean, reference.mean, [n for n in METRICS if n not in metrics])
@@ -132,8 +136,15 @@ def _side(thing: Any, name: str, chosen: DiffSettings, i: int) -> Side:
         return Side(own, as_image(thing, chosen.variances[i], chosen.renders))
     path = Path(thing)
     loaded = read_side(path, chosen.part, chosen.layer, chosen.variances[i], chosen.samples[i])
-    begins = files.read_origin(renders_at(path)[0], chosen.part)
+    begins = files.read_origin(renders_at(files.split_layer(path)[0])[0], chosen.part)
     return Side(path.name, loaded, begins, *(_scene_of(path, chosen.part) if i else ()))
+
+
+def told_apart(a: str | Path, b: str | Path) -> tuple[str, str]:
+    """The shortest ends of two paths that differ; their names where the paths are equal."""
+    parts = Path(a).parts, Path(b).parts
+    ends = [(str(Path(*parts[0][-k:])), str(Path(*parts[1][-k:]))) for k in range(1, 1 + max(map(len, parts)))]
+    return next((pair for pair in ends if pair[0] != pair[1]), (Path(a).name, Path(b).name))
 
 
 def _is_path(thing: Any) -> bool:

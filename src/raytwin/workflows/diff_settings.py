@@ -39,5 +39,7 @@ class DiffSettings:
     def __post_init__(self) -> None:
         if not 0 < self.tolerance < math.inf:
             raise InputError("tolerance", "a finite number > 0", self.tolerance)
+        if min(self.samples) < 0:
+            raise InputError("samples", "numbers of rays per pixel, or 0 if unknown", self.samples)
         if self.rung is not None:
             check_one_of("rung", self.rung, RUNGS)

@@ -1,0 +1,54 @@
+"""Alpha, the share of a pixel that is covered: compared where both images have it."""
+
+import math
+
+import numpy as np
+
+from raytwin.compare.blocks import Pixels
+from raytwin.compare.finding import SILHOUETTE, Finding, at, plural
+from raytwin.image import Image
+
+EIGHT_BITS = 0.5001 / 255
+"""What rounding to 8 bits may change."""
+FEW = 1e-3
+"""Share of the pixels that may differ by more than is allowed, as of radiance."""
+SIDE = 8
+"""Pixels across of the blocks whose means are compared where there is noise."""
+
+
+def alpha_findings(
+    test: Image, reference: Image, tolerance: float, rate: float, half_steps: tuple[Pixels | None, Pixels | None]
+) -> tuple[list[Finding], tuple[str, ...]]:
+    """Return what differs, and a note where only one image has an alpha that is not 1 everywhere.
+
+    Of images with noise the means of blocks are compared: alpha lies in [0, 1], and so Hoeffding's inequality bounds
+    the difference of two means at the rate, whatever the scene.
+    """
+    a, b = test.alpha, reference.alpha
+    if a is None or b is None:
+        alone = b if a is None else a
+        if alone is None or (alone == 1).all():
+            return [], ()
+        return [], (f"alpha was not compared: only the {'reference' if a is None else 'test image'} has it",)
+    if a.shape != b.shape:
+        return [Finding(SILHOUETTE, f"the alpha has the shape {a.shape}, the reference's {b.shape}")], ()
+    allowed = tolerance + EIGHT_BITS * sum(half is not None for half in half_steps)
+    size = 1
+    if test.variance is not None or reference.variance is not None:
+        size = min(SIDE, *a.shape)
+        a, b = _means(a, size), _means(b, size)
+        each = sum(1 / max(image.samples, 1) for image in (test, reference)) / size**2
+        allowed += math.sqrt(math.log(2 * a.size / rate) * each / 2)
+    with np.errstate(invalid="ignore"):
+        off = ~(np.abs(a.astype(float) - b) <= allowed)
+    if off.sum() <= FEW * off.size:
+        return [], ()
+    y, x = np.argwhere(off)[0].tolist()
+    of = plural(int(off.sum()), "pixel" if size == 1 else f"block of {size} x {size} pixels")
+    first = f"the first at {at(size * x, size * y)}: {a[y, x]:.3g}, and {b[y, x]:.3g} in the reference"
+    return [Finding(SILHOUETTE, f"alpha differs in {of}, {first}")], ()
+
+
+def _means(alpha: np.ndarray, size: int) -> np.ndarray:
+    h, w = (n // size for n in alpha.shape)
+    return np.asarray(alpha[: h * size, : w * size].reshape(h, size, w, size).mean(axis=(1, 3), dtype=float))

@@ -1,0 +1,115 @@
+"""Alpha: compared where both images have it, and told where straight colours meet premultiplied ones."""
+
+import numpy as np
+import OpenEXR
+import pytest
+from PIL import Image as Pillow
+
+from raytwin import files
+from raytwin.compare import compare
+from raytwin.compare.alpha import alpha_findings
+from raytwin.image import Image
+from raytwin.image_input import as_image
+from raytwin.image_pool import ImagePool
+from raytwin.workflows.diff_files import compare as diff
+
+RNG = np.random.default_rng(5)
+RGB = RNG.random((32, 40, 3)).astype(np.float32)
+OPAQUE, CLEAR = np.ones((32, 40), np.float32), np.zeros((32, 40), np.float32)
+SOFT = np.linspace(0, 1, 32 * 40, dtype=np.float32).reshape(32, 40)
+
+
+def rgba(alpha, rgb=RGB):
+    return np.dstack([rgb, alpha])
+
+
+def test_a_transparent_image_fails_against_an_opaque_one_and_passes_against_itself():
+    found = diff(rgba(CLEAR), rgba(OPAQUE))
+    assert found.verdict == "fail"
+    assert found.reasons[0] == ("alpha differs in 1280 pixels, the first at (x=0, y=0): 0, and 1 in the reference")
+    assert diff(rgba(SOFT), rgba(SOFT)).verdict == "pass"
+    assert diff(rgba(SOFT + np.float32(1e-6)), rgba(SOFT)).verdict == "pass"
+    assert diff(rgba(0.9 * SOFT), rgba(SOFT)).verdict == "fail"
+
+
+@pytest.mark.parametrize("kind", ["png", "exr", "tiff"])
+def test_files_keep_their_alpha(tmp_path, kind):
+    for name, alpha in (("clear", CLEAR), ("opaque", OPAQUE), ("soft", SOFT)):
+        path = tmp_path / f"{name}.{kind}"
+        if kind == "exr":
+            files.write_exr(path, Image(RGB, alpha=alpha))
+            np.testing.assert_array_equal(files.read_image(path).alpha, alpha)
+        else:
+            codes = np.rint(255 * rgba(alpha, 0.5 * OPAQUE[..., None] * np.ones(3))).astype(np.uint8)
+            Pillow.fromarray(codes).save(path)
+    for name in ("clear", "soft"):
+        assert diff(tmp_path / f"{name}.{kind}", tmp_path / f"opaque.{kind}").verdict == "fail"
+        assert diff(tmp_path / f"{name}.{kind}", tmp_path / f"{name}.{kind}").verdict == "pass"
+
+
+def test_eight_bits_of_alpha_are_held_to_half_a_code(tmp_path):
+    grey = files.from_bytes(np.full(RGB.shape, 128, np.uint8))
+    codes = np.dstack([np.full(RGB.shape, 128, np.uint8), np.rint(255 * SOFT).astype(np.uint8)])
+    Pillow.fromarray(codes).save(tmp_path / "x.png")
+    assert diff(tmp_path / "x.png", rgba(SOFT, grey)).verdict == "pass"
+
+
+def test_a_missing_alpha_is_told_unless_the_other_is_opaque():
+    for one, other, whose in ((rgba(SOFT), RGB, "test image"), (RGB, rgba(SOFT), "reference")):
+        found = diff(one, other)
+        assert found.verdict == "pass"
+        assert f"alpha was not compared: only the {whose} has it" in found.reasons
+    assert not any("alpha" in reason for reason in diff(rgba(OPAQUE), RGB).reasons)
+
+
+def test_noisy_alphas_pass_and_a_transparent_one_fails():
+    variance = np.full(RGB.shape, 1e-4, np.float32)
+
+    def noisy(alpha):
+        noise = RNG.normal(0, 0.01, RGB.shape).astype(np.float32)
+        covered = RNG.binomial(16, alpha).astype(np.float32) / 16
+        return Image(RGB + 1 + noise, variance, 16, alpha=covered)
+
+    for _ in range(20):
+        assert compare(noisy(SOFT), noisy(SOFT)).verdict == "pass"
+    assert compare(noisy(CLEAR), noisy(SOFT)).verdict == "fail"
+
+
+def test_renders_and_pools_have_the_mean_alpha():
+    pool = ImagePool()
+    for k in range(4):
+        pool.add(Image(RGB + k, samples=0, alpha=np.full((32, 40), k / 3, np.float32)))
+    np.testing.assert_allclose(pool.image.alpha, 0.5)
+    pool.add(Image(RGB + 5, samples=0))
+    assert pool.image.alpha is None
+    renders = np.stack([rgba(SOFT, RGB + RNG.normal(0, 0.1, RGB.shape)) for _ in range(4)])
+    np.testing.assert_allclose(as_image(renders).image.alpha, SOFT, atol=1e-6)
+
+
+def test_straight_and_premultiplied_colours_are_told(tmp_path):
+    premultiplied = RGB * SOFT[..., None]
+    straight = diff(rgba(SOFT), rgba(SOFT, premultiplied))
+    assert straight.cause.startswith("the colours are straight, the reference's are multiplied by alpha")
+    assert diff(rgba(SOFT, premultiplied), rgba(SOFT)).cause.startswith("the colours are multiplied by alpha")
+    assert "alpha" not in diff(rgba(SOFT, 0.5 * RGB), rgba(SOFT)).cause
+    Pillow.fromarray(np.dstack([files.to_bytes(RGB), np.rint(255 * SOFT).astype(np.uint8)])).save(tmp_path / "x.png")
+    files.write_exr(tmp_path / "x.exr", Image(premultiplied, alpha=SOFT))
+    assert diff(tmp_path / "x.png", tmp_path / "x.exr").cause.startswith("the colours are straight")
+    assert diff(tmp_path / "x.exr", tmp_path / "x.png").cause.startswith("the colours are multiplied by alpha")
+    files.write_exr(tmp_path / "x.exr", Image(premultiplied))
+    assert diff(tmp_path / "x.exr", tmp_path / "x.png").cause.startswith("the colours are multiplied by alpha")
+
+
+def test_a_layers_own_alpha_is_read(tmp_path):
+    names = dict(zip("RGBA", np.moveaxis(rgba(SOFT), -1, 0), strict=True))
+    planes = {f"View.Combined.{c}": np.ascontiguousarray(x) for c, x in names.items()}
+    with OpenEXR.File({"type": OpenEXR.scanlineimage}, planes) as file:
+        file.write(str(tmp_path / "x.exr"))
+    np.testing.assert_array_equal(files.read_image(tmp_path / "x.exr").alpha, SOFT)
+
+
+def test_alphas_of_another_shape_fail():
+    image, other = Image(RGB, alpha=SOFT), Image(RGB)
+    object.__setattr__(other, "alpha", SOFT[1:])
+    (found,), _ = alpha_findings(other, image, 1e-5, 1e-3, (None, None))
+    assert found.text == "the alpha has the shape (31, 40), the reference's (32, 40)"
