@@ -48,6 +48,8 @@ def all_scenes() -> list[Path]:
 def find_scene(path: str | os.PathLike) -> Path:
     """The file of the scene `path`: a file, a folder, or a name: ./NAME, then scenes/NAME, then what is shipped."""
     path = Path(path)
+    if path.suffix == ".exr":
+        raise InputError(path, "a scene's folder, its scene.toml or its name", "an image")
     if path.suffix in (".toml", ".xml") or path.is_file():
         return path
     if (file := _written_in(path)) is not None:

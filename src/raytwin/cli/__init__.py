@@ -59,7 +59,7 @@ COMMANDS: dict[str, tuple[str, Any]] = {
 """Command -> the heading that it stands under in `--help`, and what runs. An app is a group of commands."""
 ABOUT = {
     "scenes": "List the built-in scenes, or copy one to edit.",
-    "reference": "Make, check, show or compare reference images.",
+    "reference": "Make, check, show or diff reference images.",
     "grade": "Grade students' tracers, or write what they start from.",
     "bench": "Measure speed against accuracy.",
 }
