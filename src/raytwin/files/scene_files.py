@@ -34,6 +34,10 @@ MOST_COLUMNS = 4096
 """Columns of an environment map: 100 MB of floats. Light from the sky is smooth, so a smaller map serves as well."""
 
 
+ROUNDED = 2e-3
+"""R R^T is off by less where a rotation was rounded to three decimals or more."""
+
+
 def read_scene(path: str | os.PathLike | Scene | SceneFile) -> SceneFile:
     """Read and check a scene, given the `path` of its folder or scene.toml, or its name; or check one made in Python.
 
@@ -179,15 +183,35 @@ def check_camera(camera: Camera, where: str) -> None:
         raise InputError(
             f"{where}image_size", f"at most {MAX_PIXELS / 1e6:.0f} megapixels", f"{camera.width} x {camera.height}"
         )
-    if not (camera.fx > 0 and camera.fy > 0):
-        raise InputError(f"{where}K", "focal lengths > 0 px", f"{camera.fx}, {camera.fy}")
-    if camera.K[0][1] != 0 or camera.K[1][0] != 0 or tuple(camera.K[2]) != (0, 0, 1):
-        raise InputError(f"{where}K", "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]", camera.K)
-    R = np.asarray(camera.R_cam_board)
-    off = float(np.abs(R @ R.T - np.eye(3)).max())
-    if off > 1e-6 or np.linalg.det(R) < 0:
-        found = "a mirroring" if off <= 1e-6 else f"R R^T off the identity by {off:.2g}"
-        raise InputError(f"{where}R_cam_board", "a rotation matrix", found)
+    for i, focus in enumerate((camera.fx, camera.fy)):
+        if not focus > 0:
+            raise InputError(f"{where}K[{i}][{i}]", "a focal length > 0 px", focus)
+    if camera.K[0][1] != 0:
+        raise InputError(f"{where}K[0][1]", "0 (cameras here have no skew: calibrate without it)", camera.K[0][1])
+    for (i, j), wanted in {(1, 0): 0, (2, 0): 0, (2, 1): 0, (2, 2): 1}.items():
+        if camera.K[i][j] != wanted:
+            expected = f"{wanted}, since K is [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
+            raise InputError(f"{where}K[{i}][{j}]", expected, camera.K[i][j])
+    if wrong := _no_rotation(np.asarray(camera.R_cam_board)):
+        raise InputError(f"{where}R_cam_board", "a rotation matrix", wrong)
+
+
+def _no_rotation(R: np.ndarray) -> str:
+    """Why R is no rotation, and what to write instead; empty for one, to 1e-6.
+
+    A rounded matrix is not mended in silence: the file, the scene's hash and the dict that a subject gets would each
+    have another pose.
+    """
+    gram = R @ R.T
+    i, j = sorted(int(k) for k in np.unravel_index(np.argmax(np.abs(gram - np.eye(3))), (3, 3)))
+    off = abs(gram[i, j] - (i == j))
+    if off <= 1e-6:
+        return "" if np.linalg.det(R) > 0 else "a mirroring (determinant -1): negate an axis"
+    what = f"row {i} of length {math.sqrt(gram[i, i]):.6g}" if i == j else f"rows {i} and {j} not perpendicular"
+    u, _, v = np.linalg.svd(R)
+    if off > ROUNDED or np.linalg.det(u @ v) < 0:
+        return what
+    return f"a rounded one ({what}). Write {(np.round(u @ v, 9) + 0.0).tolist()}"
 
 
 def read_camera(path: str | os.PathLike) -> Camera:

@@ -64,6 +64,8 @@ def to_record(path: str | os.PathLike, data: Any, kind: type[T], prefix: str = "
         record = msgspec.convert(data, kind)
     except msgspec.ValidationError as error:
         raise _readable(path, data, error, prefix) from None
+    except InputError as error:  # a rule of the record's own
+        raise InputError(f"{path}: {_join(prefix, error.where)}", error.expected, error.got) from None
     if bad := next(_not_finite(data, ""), None):
         raise InputError(f"{path}: {_join(prefix, bad[0])}", "a finite number", bad[1])
     return record
