@@ -249,6 +249,7 @@ def test_what_is_wrong_is_said_in_a_line(checked):
         "*test_no_image.py: expected an image: EXR, PFM, PNG or JPEG*",
         "*the test image has the shape (252, 336), not (height, width, 3)",
         "*repeated renders: expected at least 4, got 3",
+        "*overlap/shadow: render returned None: is there a return?",
         "*NaN value*(x=5, y=7)*",
         "*note: the reference has noise and the image tells none*variance=*",
         f"*no such reference in {folder}/reference/nosuch/sky.exr or *reference/nosuch/sky.exr",

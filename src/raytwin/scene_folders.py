@@ -93,7 +93,7 @@ def copy_scene(path: str | os.PathLike, out: str | os.PathLike) -> Path:
     """The scene's folder with all that it needs, copied to `out`, which must not be there yet."""
     folder, out = find_scene(path).parent, Path(out)
     if out.exists():
-        raise InputError(out, "a folder that is not there yet", "one that is")
+        raise InputError(out, "exists. Give the copy another folder.")
     try:
         shutil.copytree(folder, out)
     except OSError as error:

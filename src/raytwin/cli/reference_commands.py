@@ -55,7 +55,7 @@ def make_command(
         else:
             refused.append(change.new.path)
     if refused and not _terminal():
-        raise InputError("raytwin reference make", "--yes, where nobody can be asked", f"{_count(refused)} to replace")
+        raise InputError(_count(refused), "would be replaced, and there is no terminal to ask. --yes replaces them.")
 
 
 def check_command(

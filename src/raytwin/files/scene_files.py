@@ -16,7 +16,7 @@ from raytwin.files.images import read_image
 from raytwin.files.limits import MAX_PIXELS
 from raytwin.files.look_at import camera_table
 from raytwin.files.safe_write import replacing, write_text
-from raytwin.files.toml_json import plain, read_toml, to_record, write_toml
+from raytwin.files.toml_json import plain, read_toml, to_record, unknown_key, write_toml
 from raytwin.scene import (
     Camera,
     PhotoCamera,
@@ -55,9 +55,9 @@ def read_scene(path: str | os.PathLike | Scene | SceneFile) -> SceneFile:
     data = read_toml(file)
     for key in ("name", "folder", "photos"):  # of the record, not of the file
         if key in data:
-            raise InputError(f"{file}: {key}", "only known keys", f"the unknown key {key!r}")
+            raise unknown_key(file, key)
     if "camera" not in data:
-        raise InputError(f"{file}: camera", "a value", "nothing")
+        raise InputError(f"{file}: camera", "is missing. Write a table [camera] with image_size and look_at.")
     table = data.pop("camera")
     if isinstance(table, dict) and "photos" in table:
         data["photos"] = to_record(file, table, PhotoCamera, "camera")
@@ -120,7 +120,7 @@ def check_contents(scene: SceneFile, where: str) -> None:
         try:
             material_of(thing)
         except InputError as error:
-            raise InputError(f"{where}{name}", error.expected, error.got) from None
+            raise InputError(f"{where}{name}", *error.fields[1:]) from None
     numbers = numbered(name.partition("s[")[0] for name, _ in things)
     names = called(numbers, [thing.name for _, thing in things], [thing.albedo for _, thing in things])
     for i, (field, _) in enumerate(things):
@@ -133,7 +133,7 @@ def read_sky_map(file: Path, data: dict[str, Any]) -> None:
     if not isinstance(sky := data.get("sky"), dict):
         return
     if "texels" in sky:
-        raise InputError(f"{file}: sky.texels", "only known keys", "the unknown key 'texels'")
+        raise unknown_key(file, "sky.texels")
     if "map" not in sky:
         if odd := sky.keys() & {"scale", "rotation"}:
             raise InputError(f"{file}: sky.{min(odd)}", "only where there is a map", sky[min(odd)])

@@ -176,7 +176,7 @@ def read_rubric(path: str | Path) -> Rubric:
     path = Path(path)
     data = files.read_toml(path)
     if "folder" in data:
-        raise InputError(f"{path}: folder", "only known keys", "the unknown key 'folder'")
+        raise files.unknown_key(path, "folder")
     if (counts := path.with_name(SEEN)).is_file():
         data = {"seen": files.to_record(counts, files.read_toml(counts), Seen).seen} | data
     rubric = files.to_record(path, data | {"folder": str(path.parent)}, Rubric)

@@ -87,8 +87,7 @@ def read_list(path: str | Path) -> tuple[list[str], list[str], dict[str, Any]]:
             raise InputError(f"{path}: {key}", "a list of texts, or a table of them", repr(value)[:60])
     for key in given:
         if key not in OF_MANY:
-            expected = f"scenes, subjects, {', '.join(OF_MANY[:-1])} or {OF_MANY[-1]}"
-            raise InputError(f"{path}: {key}", expected, f"the unknown key {key!r}")
+            raise files.unknown_key(path, key, ("scenes", "subjects", *OF_MANY))
     return [str(scene) for scene in scenes], list(subjects), given
 
 
