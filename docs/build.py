@@ -108,9 +108,7 @@ def main() -> int:
     print(f"site: {len(list(options.site.rglob('*.html')))} pages, {size / 1e6:.1f} MB")
     with stage("links"):
         broken = faults(options.site)
-    wrong = broken + (
-        [f"site: {size / 1e6:.1f} MB, allowed {MOST_BYTES / 1e6:.0f} MB"] if size > MOST_BYTES else []
-    )
+    wrong = broken + ([f"site: {size / 1e6:.1f} MB, allowed {MOST_BYTES / 1e6:.0f} MB"] if size > MOST_BYTES else [])
     print(*wrong, f"{len(wrong)} broken", sep="\n")
     return bool(wrong)
 

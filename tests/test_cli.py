@@ -101,7 +101,10 @@ def test_a_truncated_photo_is_refused_by_name(scenes, tmp_path):
     [
         (("compare", "single", "--size=0x10"), "--size: expected"),
         (("compare", "single", "--size=640x480x3"), "--size: expected"),
-        (("photograph", "--board", "b.toml", "-o", "out", "--focal", "0"), "--focal, --size: K[0][0]: expected a focal"),
+        (
+            ("photograph", "--board", "b.toml", "-o", "out", "--focal", "0"),
+            "--focal, --size: K[0][0]: expected a",
+        ),
     ],
 )
 def test_the_option_that_is_wrong_is_named_as_it_was_typed(tmp_path, monkeypatch, arguments, said):

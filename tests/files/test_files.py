@@ -114,7 +114,7 @@ WRONG = {
     "an unknown key": ("radius = 0.04", "radus = 0.04", "spheres[1].radus (line 15) is no known key. Did you mean radius?"),  # noqa: E501
     "an unknown table": ("[sky]", "[skyy]", "skyy (line 26) is no known key. Did you mean sky?"),
     "a key of the camera's": ("dist = ", "distortion = ", "camera.distortion (line 5) is no known key."),
-    "a key of a table on one line": ("[tolerance]\n", "[tolerance]\nx = { y = 1 }\n", "tolerance.x (line 30) is no known key."),
+    "a key of a table on one line": ("[tolerance]\n", "[tolerance]\nx = { y = 1 }\n", "tolerance.x (line 30) is no known key."),  # noqa: E501
     "no camera": ("[camera]", "[tolerance2]", "camera is missing. Write a table [camera]"),
     "NaN in a vector": ("[0.1, 0.0, 0.04]", "[0.1, nan, 0.04]", "spheres[1].center[1]: expected a finite number, got nan"),  # noqa: E501
     "an albedo over 1": ("[0.8, 0.4, 0.2]", "[0.8, 1.4, 0.2]", "spheres[1].albedo[1]: expected a number <= 1, got 1.4"),
@@ -122,7 +122,7 @@ WRONG = {
     "a sun without direction": ("[0.3, 0.0, 1.0]", "[0, 0, 0]", "sun.to_light: expected a direction, got the zero vector"),  # noqa: E501
     "a map and a radiance": ("radiance = [0.1", 'map = "x.exr"\nradiance = [0.1', "sky: expected radiance or map, got both"),  # noqa: E501
     "a rotation without a map": ("radiance = [0.1", "rotation = 90.0\nradiance = [0.1", "sky.rotation: expected only where there is a map, got 90.0"),  # noqa: E501
-    "texels by hand": ("radiance = [0.1", "texels = 3\nradiance = [0.1", "sky.texels (line 27) is no known key."),  # noqa: E501
+    "texels by hand": ("radiance = [0.1", "texels = 3\nradiance = [0.1", "sky.texels (line 27) is no known key."),
     "half-edges that lean": ("[0.0, 0.3, 0.0]", "[0.3, 0.3, 0.0]", "planes[0].half_v: expected a vector perpendicular to half_u, got 45 degrees"),  # noqa: E501
     "a half-edge of no length": ("[0.0, 0.3, 0.0]", "[0, 0, 0]", "planes[0]: expected half_u and half_v longer than 0 m"),  # noqa: E501
     "a mirrored R": ("[[1, 0, 0], [0, -1, 0]", "[[1, 0, 0], [0, 1, 0]", "camera.R_cam_board: expected a rotation matrix, got a mirroring (determinant -1): negate an axis"),  # noqa: E501

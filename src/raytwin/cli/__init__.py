@@ -171,10 +171,11 @@ def _report(error: Exception) -> int:
     if isinstance(error, typer.Abort):
         return _said("interrupted", INTERRUPTED)
     if hasattr(error, "show"):  # typer's own
+        shown: Any = error
         if type(error).__name__ == "NoArgsIsHelpError":
-            say(error.format_message(), err=True)
+            say(shown.format_message(), err=True)
             return 2
-        return _said(_misused(error))
+        return _said(_misused(shown))
     if isinstance(error, OSError):
         if error.filename is None:  # what was left to print: not a second time, when Python ends
             with contextlib.suppress(OSError, ValueError):
@@ -204,7 +205,8 @@ def _misused(error: Any) -> str:
         name = param.opts[0] if param.opts[0].startswith("-") else param.name.upper()
         if text.startswith("Missing"):
             return f"{name} is missing. {help_lists}"
-        if not (found := getattr(error.__cause__, "errors", list)()):
+        found: list[dict[str, Any]] = getattr(error.__cause__, "errors", list)()
+        if not found:
             return f"{name}: {error.message}"
         kind = {"int": "a whole number", "float": "a number"}.get(found[0]["type"].partition("_")[0])
         bound = found[0]["msg"].removeprefix("Input should be ").replace("greater than or equal to", "a number >=")

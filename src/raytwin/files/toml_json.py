@@ -94,7 +94,7 @@ def _readable(path: str | os.PathLike, data: Any, error: msgspec.ValidationError
 
 
 def unknown_key(path: str | os.PathLike, field: str, known: Iterable[str] = ()) -> InputError:
-    """The error for a key of a TOML file that is none of those `known` in its place, with its line and what was meant."""
+    """The error for a key of a TOML file that is none of those `known`, with its line and what was meant."""
     meant = get_close_matches(field.rpartition(".")[2], list(known), 1)
     line = _line_of(path, field)
     place = f"{path}: {field}{f' (line {line})' if line else ''}"

@@ -14,7 +14,8 @@ class Camera(Record, frozen=True):
     """`p_cam = R_cam_board @ p_board + t_cam_board`, then distort, then `u = fx x + cx`, `v = fy y + cy`.
 
     OpenCV's camera frame (x right, y down, z forward) and OpenCV's pixels: (0, 0) is the centre of the top-left pixel.
-    `dist` is any prefix of k1, k2, p1, p2, k3, or OpenCV's 8, 12 or 14 numbers if all further ones are 0. `image_size` is (width, height); K is in pixels; t is in metres.
+    `dist` is any prefix of k1, k2, p1, p2, k3, or OpenCV's 8, 12 or 14 numbers if all further ones are 0. `image_size`
+    is (width, height); K is in pixels; t is in metres.
     """
 
     image_size: tuple[PixelCount, PixelCount]
