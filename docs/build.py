@@ -6,11 +6,13 @@ python docs/build.py --no-gallery   # the text alone
 """
 
 import argparse
+import contextlib
 import os
 import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -24,6 +26,8 @@ SITE = ROOT / "site"
 QUIET = {"NO_MKDOCS_2_WARNING": "1"}
 MOST_BYTES = 15e6
 """Of the whole site."""
+STAGES = {"gallery": gallery.make, "figures": figures.make, "faults": fault_gallery.make}
+"""What is made before the pages, by the name that is printed."""
 
 
 class Page(HTMLParser):
@@ -72,34 +76,39 @@ def faults(site: Path) -> list[str]:
     return found
 
 
+@contextlib.contextmanager
+def stage(name: str) -> Iterator[None]:
+    """Say what is being done, and then how many seconds it took."""
+    began = time.perf_counter()
+    print(f"{name} ...", end=" ", flush=True)
+    yield
+    print(f"{time.perf_counter() - began:.1f} s", flush=True)
+
+
 def main() -> int:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("--again", action="store_true", help="make the gallery and the figures again")
     asked.add_argument("--no-gallery", action="store_true", help="make neither gallery nor figures")
     asked.add_argument("--site", type=Path, default=SITE, metavar="DIR", help="folder of the site")
     options = asked.parse_args()
-    began = time.perf_counter()
     if options.again:
         shutil.rmtree(gallery.MADE, ignore_errors=True)
-    if not options.no_gallery:
-        gallery.make()
-        figures.make()
-        fault_gallery.make()
-    made = time.perf_counter()
+    for name, make in STAGES.items() if not options.no_gallery else ():
+        with stage(name):
+            make()
     command = [sys.executable, "-m", "mkdocs", "--quiet", "build", "--clean", "--site-dir", str(options.site)]
-    if code := subprocess.run(command, cwd=ROOT, env=os.environ | QUIET, check=False).returncode:
+    with stage("pages"):
+        code = subprocess.run(command, cwd=ROOT, env=os.environ | QUIET, check=False).returncode
+    if code:
         return code
     for path in options.site.rglob("*.map"):  # for who debugs the theme's scripts: a tenth of the site
         path.unlink()
     shutil.rmtree(options.site / "assets" / "javascripts" / "lunr")  # search in other languages than English
     size = sum(path.stat().st_size for path in options.site.rglob("*") if path.is_file())
-    print(
-        f"site: {len(list(options.site.rglob('*.html')))} pages, {size / 1e6:.1f} MB; "
-        f"gallery {made - began:.0f} s, pages {time.perf_counter() - made:.0f} s"
-    )
-    wrong = faults(options.site) + (
-        [f"site: {size / 1e6:.1f} MB, allowed {MOST_BYTES / 1e6:.0f} MB"] if size > MOST_BYTES else []
-    )
+    print(f"site: {len(list(options.site.rglob('*.html')))} pages, {size / 1e6:.1f} MB")
+    with stage("links"):
+        broken = faults(options.site)
+    wrong = broken + ([f"site: {size / 1e6:.1f} MB, allowed {MOST_BYTES / 1e6:.0f} MB"] if size > MOST_BYTES else [])
     print(*wrong, f"{len(wrong)} broken", sep="\n")
     return bool(wrong)
 

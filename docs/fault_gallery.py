@@ -37,6 +37,8 @@ WHITE, FULL = 0.8, 0.4
 MOST_BYTES = 3e6
 """Of all pictures together."""
 
+NOWHERE = ".shown-nowhere"
+"""The file with the names of faults that no scene shows."""
 HEADINGS = {
     "camera": "Camera and rays", "solver": "Intersections", "order": "Which object is in front", "normals": "Normals",
     "light": "Light", "shadow": "Shadows", "sampling": "Sampling", "output": "The finished picture",
@@ -97,9 +99,15 @@ def make(names: Sequence[str] = ()) -> None:
         raise SystemExit(f"faults: expected names of faults, got {', '.join(unknown)}")
     for stale in set(FOLDER.glob("*.webp")) - set(map(file_of, FAULTS)):
         stale.unlink()
-    for fault in (known[name] for name in names or known):
-        if (names or not file_of(fault).exists()) and (pictures := shown(fault)):
-            strip(*pictures).save(file_of(fault), quality=70)
+    nowhere = FOLDER / NOWHERE  # or every build would look for them in every scene again
+    unseen = set(nowhere.read_text(encoding="utf-8").split()) if nowhere.exists() else set()
+    for fault in (known[name] for name in names or sorted(known.keys() - unseen)):
+        if names or not file_of(fault).exists():
+            if pictures := shown(fault):
+                strip(*pictures).save(file_of(fault), quality=70)
+            else:
+                unseen.add(fault.name)
+    nowhere.write_text(" ".join(sorted(unseen)), encoding="utf-8")
     if (size := sum(path.stat().st_size for path in FOLDER.glob("*.webp"))) > MOST_BYTES:
         raise SystemExit(f"faults: expected at most {MOST_BYTES / 1e6:.0f} MB of pictures, got {size / 1e6:.1f} MB")
 

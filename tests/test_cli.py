@@ -101,13 +101,49 @@ def test_a_truncated_photo_is_refused_by_name(scenes, tmp_path):
     [
         (("compare", "single", "--size=0x10"), "--size: expected"),
         (("compare", "single", "--size=640x480x3"), "--size: expected"),
-        (("photograph", "--board", "b.toml", "-o", "out", "--focal", "0"), "--focal, --size: K: expected focal"),
+        (
+            ("photograph", "--board", "b.toml", "-o", "out", "--focal", "0"),
+            "--focal, --size: K[0][0]: expected a",
+        ),
     ],
 )
 def test_the_option_that_is_wrong_is_named_as_it_was_typed(tmp_path, monkeypatch, arguments, said):
     monkeypatch.chdir(tmp_path)
     write_board(tmp_path / "b.toml", Board("tag36h11", 0.03, Grid(3, 3, 0.04)))
     refused(raytwin(*arguments), said)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("compare --sise 3 single", "`raytwin compare` has no option --sise. Did you mean --size?"),
+        ("compare --xyz", "`raytwin compare` has no option --xyz. `raytwin compare --help` lists what it takes."),
+        ("diffs a b", "`raytwin` has no command diffs. Did you mean diff?"),
+        ("compare", "SCENE is missing. `raytwin compare --help` lists what it takes."),
+        ("photograph", "--out is missing. `raytwin photograph --help` lists what it takes."),
+        ("walk --out", "--out needs a value."),
+        ("grade starter --force=x", "--force takes no value."),
+        ("compare single more", "`raytwin compare` takes no further words, as here more."),
+        ("compare single --samples x", "--samples: expected a whole number, got x"),
+        ("compare single --detectable-bias -1", "--detectable-bias: expected a number >= 0, got -1"),
+    ],
+)
+def test_misused_words_are_told_in_the_same_voice_as_all_else(arguments, said):
+    run = raytwin(*arguments.split())
+    refused(run, said)
+    assert run.stderr.startswith(f"raytwin: {said}")
+
+
+def test_what_exists_is_kept_unless_one_says_otherwise(tmp_path, scenes):
+    (tmp_path / "tracer.py").write_text("mine")
+    refused(raytwin("grade", "starter", cwd=tmp_path), "raytwin: tracer.py exists. --force overwrites it.\n")
+    assert (tmp_path / "tracer.py").read_text() == "mine"
+    refused(raytwin("scenes", "copy", "single", tmp_path), f"{tmp_path} exists. Give the copy another folder.")
+
+
+def test_a_program_that_cannot_be_started_is_named_without_the_systems_number(tmp_path):
+    run = raytwin("compare", "single", "--size", "40x30", "--subject", "./nosuch {scene} {out}", cwd=tmp_path)
+    refused(run, "The program ./nosuch cannot be started: No such file or directory.")
 
 
 @pytest.mark.parametrize("arguments", [("compare", "overlapp"), ("compare", "overlap", "--rung", "shadw")])

@@ -249,6 +249,7 @@ def test_what_is_wrong_is_said_in_a_line(checked):
         "*test_no_image.py: expected an image: EXR, PFM, PNG, JPEG, PPM, TIFF, BMP or WebP*",
         "*the test image has the shape (252, 336), not (height, width, 3)",
         "*repeated renders: expected at least 4, got 3",
+        "*overlap/shadow: render returned None: is there a return?",
         "*NaN value*(x=5, y=7)*",
         "*note: the reference has noise and the image tells none*variance=*",
         f"*no such reference in {folder}/reference/nosuch/sky.exr or *reference/nosuch/sky.exr",
@@ -379,6 +380,42 @@ def test_update_makes_what_is_missing_or_stale_of_ones_own_and_nothing_else(warm
     assert {f: f.stat().st_mtime_ns for f in SHIPPED.glob("*/*.exr")} == before
 
 
+TWO_NAMED_ALIKE = """
+import time
+
+@pytest.mark.parametrize("value", [0.5, 0.7])
+def test_other(raytwin_reference, value):
+    held = raytwin_reference("mine", "path", image=True)
+    time.sleep(0.5)  # both workers have looked for the reference before either makes it
+    held.check(np.full((6, 8, 3), value))
+
+@pytest.mark.parametrize("value", [0.5, 0.5000001])
+def test_same(raytwin_reference, value):
+    raytwin_reference("alike", "path", image=True).check(np.full((6, 8, 3), value))
+
+def test_itself(raytwin_reference):
+    for value in (0.5, 0.7):
+        raytwin_reference("twice", "path", image=True).check(np.full((6, 8, 3), value))
+"""
+
+
+@pytest.mark.parametrize("workers", ["0", "2"])
+def test_an_update_fails_two_other_images_of_one_name_and_names_both_tests(warm, tmp_path, workers):
+    for _ in range(2):  # without a reference, then with one
+        result = run(warm, tmp_path, "--raytwin-update", "-n", workers, test_two=TWO_NAMED_ALIKE)
+        result.assert_outcomes(passed=3, failed=2)
+        failed = failures(result).keys() - {"test_itself"}
+        (loser,) = failed
+        (maker,) = {"test_other[0.5]", "test_other[0.7]"} - failed
+        note = "*this run made the reference from the image of"
+        result.stdout.fnmatch_lines_random(
+            [f"{note} the test test_two.py::{name.replace('[', '[[]')}:*" for name in (maker, "test_itself")]
+        )
+        assert files.read_exr(tmp_path / "reference/mine/path.exr")[0].mean.max() != pytest.approx(
+            float(loser[11:-1]), abs=0.1
+        )
+
+
 # ------------------------------------------------------------------------------------------ many at once
 
 
@@ -403,6 +440,47 @@ def test_report_lists_every_comparison_once_failures_first(warm, tmp_path):
         assert "http" not in re.sub(r"http://www\.w3\.org/\S+|<script.*?</script>", "", text, flags=re.DOTALL)
     assert index.count("data:image/png") == 3 * 5
     assert (out / "notes.txt").exists()
+
+
+SPOILS = """
+from pathlib import Path
+
+def test_spoils(raytwin_reference):
+    import shutil
+    held = raytwin_reference("overlap")
+    held.check(held.image.mean)
+    shutil.rmtree("out")
+    Path("out").write_text("a file in the folder's place")
+
+def test_afterwards(raytwin_reference):
+    held = raytwin_reference("overlap")
+    held.check(held.image.mean)
+
+def test_crash(raytwin_reference):
+    raise ValueError
+"""
+
+
+@pytest.mark.parametrize("place", ["file", "file/below"])
+def test_a_report_that_cannot_be_written_is_a_wrong_option(warm, tmp_path, place):
+    (tmp_path / "file").touch()
+    result = run(warm, tmp_path, "--raytwin-report", place, test_all=ALL)
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    (line,) = filter(None, result.outlines)
+    assert re.match(rf"ERROR: --raytwin-report: {tmp_path}/{place}: expected a folder to write, got ", line)
+
+
+@pytest.mark.parametrize("workers", ["0", "2"])
+def test_a_report_that_is_lost_during_the_run_is_said_in_a_line(warm, tmp_path, workers):
+    result = run(warm, tmp_path, "--raytwin-report", "out", "-n", workers, "--dist=loadfile", test_lost=SPOILS)
+    result.assert_outcomes(passed=1, failed=2)
+    assert failures(result)["test_afterwards"].startswith("Failed: overlap/shadow: pass, but")
+    result.stdout.fnmatch_lines(["*pass, but its page cannot be written: */out/*"])
+    result.stdout.fnmatch_lines(["*the report lacks this test: */out/check-*", f"raytwin: no report: {tmp_path}/out*"])
+    result.stdout.no_fnmatch_line("*INTERNALERROR*")
+    (tmp_path / "out").unlink()
+    result = run(warm, tmp_path, "--raytwin-report", "out", "-n", workers, "-k", "test_spoils")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR  # nothing failed, but what was asked for is not there
 
 
 # ------------------------------------------------------------------------------------------ at no cost

@@ -46,9 +46,15 @@ def blocks(text: Path, language: str) -> list[str]:
 def commands(text: Path) -> list[str]:
     """Every line of a shell block, and every `raytwin ...` of a table that has no placeholder; set-up left out."""
     lines = [line for block in blocks(text, "sh") for line in block.splitlines()]
-    lines += [line for block in blocks(text, "bash") for line in block.splitlines() if line.startswith("raytwin ")]
+    lines += [part for kind in ("bash", "yaml") for block in blocks(text, kind) for part in within(block)]
     lines += re.findall(r"`(raytwin (?:[^`A-Z]|[A-Z](?![A-Z]{2}))+?)`", text.read_text(encoding="utf-8"))
     return [line for line in dict.fromkeys(lines) if not line.startswith((*SET_UP, "python "))]
+
+
+def within(script: str) -> list[str]:
+    """Every `raytwin ...` of a script, also between others on a line and in `sh -c '...'`."""
+    parts = re.split(r"\n|;|&&|\|\||sh -c ['\"]|- run: ", script)
+    return [part.strip() for part in parts if part.strip().startswith("raytwin ")]
 
 
 def raytwin_words(command: str) -> list[str]:
@@ -95,6 +101,12 @@ def test_every_command_and_option_that_is_named_exists(text):
             continue  # an earlier command makes the scene
         # In a sentence a command may lack what it needs.
         assert refused in (None, "MissingParameter", "NoArgsIsHelpError", "BadOptionUsage"), (command, refused)
+
+
+def test_a_command_within_another_is_found():
+    script = "git bisect run sh -c 'make || exit 125; raytwin compare ball --subject \"./a {scene} {out}\"; exit $?'\n"
+    assert within(script) == ['raytwin compare ball --subject "./a {scene} {out}"']
+    assert parse(raytwin_words(within(script.replace("compare", "reference check"))[0])) == "NoSuchOption"
 
 
 def test_a_command_or_an_option_that_is_none_would_be_noticed():

@@ -51,6 +51,9 @@ def wrong_size(scene):
 def broken(scene):
     return scene["moon"]
 
+def forgetful(scene):
+    pass
+
 def leaves(scene):
     raise SystemExit(5)
 """
@@ -89,6 +92,7 @@ def test_a_learners_function_is_compared_in_the_tracers_place(theirs, scenes, mo
     [
         ("wrong_size", r"expected an image \(480, 640, 3\), got float64 \(3, 3, 3\)"),
         ("broken", "expected an image .*, got KeyError: 'moon'"),
+        ("forgetful", "forgetful returned None: is there a return[?]$"),
         ("leaves", "expected an image .*, got SystemExit: 5"),
         ("nosuch", "expected a function, got nothing of that name"),
     ],

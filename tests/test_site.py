@@ -1,6 +1,7 @@
 """The site: it builds without a warning, its links lead somewhere, it loads nothing from elsewhere, all can read it."""
 
 import json
+import re
 import runpy
 import subprocess
 import sys
@@ -53,7 +54,13 @@ def site(tmp_path_factory) -> Path:
     command = [sys.executable, str(BUILD), "--no-gallery", "--site", str(folder)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
+    (folder / "told.txt").write_text(done.stdout, encoding="utf-8")
     return folder
+
+
+def test_the_build_says_what_it_does_and_how_long_that_took(site):
+    told = (site / "told.txt").read_text(encoding="utf-8")
+    assert re.match(r"pages \.\.\. [\d.]+ s\nsite: \d+ pages, [\d.]+ MB\nlinks \.\.\. [\d.]+ s\n", told)
 
 
 def test_it_builds_without_a_warning_and_has_every_command_and_every_exported_name(site):
@@ -116,7 +123,7 @@ def test_the_gallery_shows_a_fault_beside_its_difference_and_every_sentence(tmp_
     overlap = gallery.scenes()[:1]
     monkeypatch.setattr(gallery, "scenes", lambda: overlap)
     gallery.make(["no-shadow", "nothing-met"])
-    assert {path.stem for path in tmp_path.iterdir()} == {"no-shadow", "nothing-met"}
+    assert {path.stem for path in tmp_path.glob("*.webp")} == {"no-shadow", "nothing-met"}
     pixels = np.asarray(Picture.open(tmp_path / "no-shadow.webp"), float) / 255
     off = pixels[:, gallery.WIDTH + gallery.GAP :]
     red, blue = off[..., 0] - off[..., 2] > 0.5, off[..., 2] - off[..., 0] > 0.5
@@ -125,5 +132,12 @@ def test_the_gallery_shows_a_fault_beside_its_difference_and_every_sentence(tmp_
     page = gallery.page()
     assert [f.name for f in gallery.FAULTS if f"<b>{f.name}</b>" not in page] == []
     assert page.count("<img") == 2
+    monkeypatch.setattr(gallery, "FAULTS", [f for f in gallery.FAULTS if f.name == "no-shadow"])
+    (tmp_path / "no-shadow.webp").unlink()
+    looked = []
+    monkeypatch.setattr(gallery, "shown", looked.append)
+    gallery.make()
+    gallery.make()
+    assert len(looked) == 1  # what shows nowhere is not looked for again
     with pytest.raises(SystemExit, match="expected names of faults, got nonsense"):
         gallery.make(["nonsense"])

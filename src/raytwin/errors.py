@@ -5,7 +5,8 @@ from difflib import get_close_matches
 
 
 class InputError(Exception):
-    """`where: expected ..., got ...`: the caller's input is wrong.
+    """`where: expected ..., got ...`: the caller's input is wrong. Without `got`: a sentence, of which `where` is the
+    subject and `expected` the rest, as in `tracer.py exists. --force overwrites it.`
 
     `where` names the file and the field (`scenes/desk/scene.toml: spheres[1].radius`), `expected` what would
     have been right, with its unit, and `got` what was found. The command line prints it in one line, without a
@@ -14,13 +15,23 @@ class InputError(Exception):
 
     exit_code = 2
 
-    def __init__(self, where: object, expected: str, got: object) -> None:
-        self.where, self.expected, self.got = (_line(str(text)) for text in (where, expected, got))
-        super().__init__(f"{self.where}: expected {self.expected}, got {self.got}")
+    def __init__(self, where: object, expected: str, *got: object) -> None:
+        self.fields = tuple(_line(str(text)) for text in (where, expected, *got))
+        self.where, self.expected, self.got = (*self.fields, "")[:3]
+        super().__init__(f"{self.where}: {self.fault}" if got else f"{self.where} {self.fault}")
 
-    def __reduce__(self) -> tuple[type, tuple[str, str, str]]:
+    @property
+    def fault(self) -> str:
+        """What is wrong, without where."""
+        return f"expected {self.expected}, got {self.got}" if len(self.fields) == 3 else self.expected
+
+    def at(self, place: str) -> "InputError":
+        """Return the same error with a place before its own `where`."""
+        return type(self)(f"{place}{self.where}", *self.fields[1:])
+
+    def __reduce__(self) -> tuple[type, tuple[str, ...]]:
         # The default rebuilds from the one formatted argument, which loses the fields between processes.
-        return type(self), (self.where, self.expected, self.got)
+        return type(self), self.fields
 
 
 def check_one_of(where: object, value: str, known: Iterable[str]) -> None:

@@ -95,7 +95,7 @@ def renders_at(where: Path) -> list[Path]:
 
 def _is_many(thing: Any) -> bool:
     if isinstance(thing, list | tuple):
-        return len(thing) > 0 and (isinstance(thing[0], Image | str | os.PathLike) or np.ndim(thing[0]) == 3)
+        return len(thing) > 0 and (isinstance(thing[0], Image | str | os.PathLike | None) or np.ndim(thing[0]) == 3)
     return getattr(thing, "ndim", 0) == 4
 
 
@@ -136,6 +136,8 @@ def one_batch(image: Image) -> Image:
 
 
 def _single(thing: Any) -> LoadedImage:
+    if thing is None:
+        raise InputError("render", "returned None: is there a return?")
     if isinstance(thing, Image):
         return LoadedImage(thing)
     if isinstance(thing, str | os.PathLike):

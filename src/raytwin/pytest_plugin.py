@@ -10,6 +10,7 @@ Loaded by every pytest run on a machine that has raytwin: so this file imports n
 import itertools
 import os
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
@@ -76,7 +77,7 @@ def raytwin_reference(request: pytest.FixtureRequest) -> "Callable[..., Referenc
 
     def find(scene: str, rung: str = "", image: bool = False) -> ReferenceCheck:
         __tracebackhide__ = True
-        return ReferenceCheck(request.node, scene, rung or _Folders(request.config).usual_rung(scene), image)
+        return ReferenceCheck(request, scene, rung or _Folders(request.config).usual_rung(scene), image)
 
     return find
 
@@ -85,16 +86,16 @@ def raytwin_reference(request: pytest.FixtureRequest) -> "Callable[..., Referenc
 def raytwin_case(request: pytest.FixtureRequest) -> "ReferenceCheck":
     """One reference after the other: those that `@pytest.mark.raytwin(scenes=[...], rungs=[...])` names, or all."""
     __tracebackhide__ = True
-    return ReferenceCheck(request.node, *request.param)
+    return ReferenceCheck(request, *request.param)
 
 
 class ReferenceCheck:
     """A reference that images are compared with. Missing, damaged or stale, it fails the test and says what to do."""
 
-    def __init__(self, node: pytest.Item, name: str, rung: str, image: bool = False) -> None:
+    def __init__(self, request: pytest.FixtureRequest, name: str, rung: str, image: bool = False) -> None:
         __tracebackhide__ = True
         self.name, self.rung, self._of_an_image = name, rung, image
-        self._node, self._folders, self._text = node, _Folders(node.config), ""
+        self._request, self._node, self._folders, self._text = request, request.node, _Folders(request.config), ""
         self.reference: Reference | None = self._find()
 
     def __repr__(self) -> str:
@@ -188,8 +189,9 @@ class ReferenceCheck:
             wrong = str(error)
         if taken is None:  # not above: pytest would show the InputError's traceback too
             self._fail(f"{self.name}/{self.rung}: {wrong}")
-        if self._golden():
-            self._keep(taken.image)
+        notes = list(taken.notes)
+        if self._golden() and (maker := self._keep(taken.image)):
+            notes.append(f"this run made the reference from the image of {maker}: two images need two names")
         known = self._known()
         shown = taken.fitted(known.image)
         if made is None:
@@ -198,7 +200,6 @@ class ReferenceCheck:
             made = compare(taken.image, shown, **options)
         if made.verdict == "fail":
             made = made.because(*explain(taken.image, known.image, known.scene, self.rung, taken.rounding))
-        notes = list(taken.notes)
         if not made.passed and shown.variance is not None and taken.image.variance is None:
             notes.append(
                 "the reference has noise and the image tells none: where it has, give its variance=, "
@@ -294,7 +295,8 @@ class ReferenceCheck:
         own = self.reference is None or self.reference.path.is_relative_to(self._folders.own)
         return self._folders.update and own and (self.reference is None or self.reference.golden)
 
-    def _keep(self, image: "Image") -> None:
+    def _keep(self, image: "Image") -> str | None:
+        """Make `image` the reference, once per run: later images are compared with it. Return which test made it."""
         __tracebackhide__ = True
         from raytwin import references
         from raytwin.compare import compare
@@ -304,8 +306,23 @@ class ReferenceCheck:
             self._fail(f"{self.name}/{self.rung}: no reference can be made of this image: {'; '.join(wrong.reasons)}")
         header = {"scene": self.name, "rung": self.rung, "renderer": f"the test {self._node.nodeid}"}
         path = references.path_of(self._folders.own, self.name, self.rung)
-        self.reference = references.sealed(path, image, header, None)
-        references.save(self.reference)
+        made = references.sealed(path, image, header, None)
+        # The run's first test puts the file into the temporary folder that all its workers share. A link is there whole
+        # or not at all, and only one process can make it.
+        shared = self._request.getfixturevalue("tmp_path_factory").getbasetemp()
+        shared = shared.parent if hasattr(self._node.config, "workerinput") else shared
+        first = references.path_of(shared / "raytwin", self.name, self.rung)
+        references.save(replace(made, path=(own := first.with_name(f"{os.getpid()}.exr"))))
+        try:
+            os.link(own, first)
+        except FileExistsError:
+            self.reference = replace(references.load(first), path=path)
+            return self.reference.header["renderer"]
+        finally:
+            own.unlink()
+        self.reference = made
+        references.save(made)
+        return None
 
     def _fail(self, text: str) -> NoReturn:
         __tracebackhide__ = True
@@ -319,12 +336,17 @@ class ReferenceCheck:
         if folder is None:
             return None
         from raytwin.compare import Report
+        from raytwin.errors import InputError
         from raytwin.report import check_page
 
         self._node.stash[_FAILED] = self._node.stash.get(_FAILED, False) or made.verdict not in ("pass", "differs")
         number = self._node.stash.setdefault(_COUNTER, itertools.count())
         report = Report(self.name, self.rung, made)
-        return check_page.write_check(folder, self._node.nodeid, next(number), report, notes, *images)
+        try:
+            return check_page.write_check(folder, self._node.nodeid, next(number), report, notes, *images)
+        except InputError as error:
+            wrong = f"{self.name}/{self.rung}: {made.verdict}, but its page cannot be written: {error}"
+        pytest.fail("\n  ".join((wrong, *made.reasons)))
 
 
 @pytest.hookimpl(wrapper=True)
@@ -334,20 +356,25 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     folder = _report_folder(item.config)
     ours = {"raytwin_case", "raytwin_reference"} & set(getattr(item, "fixturenames", ()))
     if folder is not None and ours and report.failed and call.excinfo and not item.stash.get(_FAILED, False):
+        from raytwin.errors import InputError
         from raytwin.report import check_page
 
         text = call.excinfo.exconly(tryshort=True).splitlines()
         case = getattr(item, "callspec", None)
         number = item.stash.setdefault(_COUNTER, itertools.count())
         reason = f"{'' if call.when == 'call' else f'in {call.when}: '}{text[0] if text else 'an error'}"
-        check_page.write_crash(folder, item.nodeid, next(number), case.id if case else "", reason)
+        try:
+            check_page.write_crash(folder, item.nodeid, next(number), case.id if case else "", reason)
+        except InputError as error:
+            report.sections.append(("raytwin", f"the report lacks this test: {error}"))
     return report
 
 
 _COUNTER = pytest.StashKey["itertools.count"]()
 _FAILED = pytest.StashKey[bool]()
 """Whether a comparison of the test failed: its own row says so."""
-_COUNTED = pytest.StashKey[tuple[int, int]]()
+_TOLD = pytest.StashKey[str]()
+"""What the run says of its report in the end."""
 
 
 # ------------------------------------------------------------------------------------------ folders
@@ -418,21 +445,30 @@ def _index_folder(config: pytest.Config) -> Path | None:
 @pytest.hookimpl(tryfirst=True)
 def pytest_sessionstart(session: pytest.Session) -> None:
     if (folder := _index_folder(session.config)) is not None:
+        from raytwin.errors import InputError
         from raytwin.report import check_page
 
-        check_page.clear(folder)
+        try:
+            check_page.prepare(folder)
+        except InputError as error:
+            raise pytest.UsageError(f"--raytwin-report: {error}") from None
 
 
 @pytest.hookimpl(trylast=True)
 def pytest_sessionfinish(session: pytest.Session) -> None:
     if (folder := _index_folder(session.config)) is not None:
+        from raytwin.errors import InputError
         from raytwin.report import check_page
 
-        session.config.stash[_COUNTED] = check_page.write_index(folder)
+        try:
+            count, failed = check_page.write_index(folder)
+            told = f"{count} comparison{'s' * (count != 1)}, {failed} failed: {folder / check_page.INDEX}"
+        except InputError as error:
+            told = f"no report: {error}"
+            session.exitstatus = session.exitstatus or pytest.ExitCode.USAGE_ERROR
+        session.config.stash[_TOLD] = told
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
-    if counted := config.stash.get(_COUNTED, None):
-        index = (_report_folder(config) or Path()) / "index.html"
-        plural = "s" * (counted[0] != 1)
-        terminalreporter.write_line(f"raytwin: {counted[0]} comparison{plural}, {counted[1]} failed: {index}")
+    if told := config.stash.get(_TOLD, None):
+        terminalreporter.write_line(f"raytwin: {told}")

@@ -48,6 +48,8 @@ def all_scenes() -> list[Path]:
 def find_scene(path: str | os.PathLike) -> Path:
     """The file of the scene `path`: a file, a folder, or a name: ./NAME, then scenes/NAME, then what is shipped."""
     path = Path(path)
+    if path.suffix == ".exr":
+        raise InputError(path, "a scene's folder, its scene.toml or its name", "an image")
     if path.suffix in (".toml", ".xml") or path.is_file():
         return path
     if (file := _written_in(path)) is not None:
@@ -91,7 +93,7 @@ def copy_scene(path: str | os.PathLike, out: str | os.PathLike) -> Path:
     """The scene's folder with all that it needs, copied to `out`, which must not be there yet."""
     folder, out = find_scene(path).parent, Path(out)
     if out.exists():
-        raise InputError(out, "a folder that is not there yet", "one that is")
+        raise InputError(out, "exists. Give the copy another folder.")
     try:
         shutil.copytree(folder, out)
     except OSError as error:

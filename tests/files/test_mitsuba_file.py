@@ -76,7 +76,25 @@ def test_a_plugin_may_be_allowed_by_name(folder, monkeypatch):
     assert 'type="mine"' in files.read_mitsuba(written(folder, '<bsdf type="mine"/>')).text
 
 
+@pytest.mark.parametrize(
+    ("value", "named"),
+    [
+        ("albedo/left:albedo", set()),
+        ("depth/" * 900, set()),  # longer than a file's name can be
+        ("12 samples/pixel", set()),
+        ("parts/pot.ply", {"parts/pot.ply"}),
+    ],
+)
+def test_a_text_with_a_slash_is_a_file_only_where_it_leads_to_one(folder, value, named):
+    body = f'<integrator type="aov"><string name="aovs" value="{value}"/></integrator>'
+    found = files.read_mitsuba(written(folder, body))
+    assert set(found.files) == named
+    text = files.as_loaded(found).findall("integrator")[1].find("string").get("value")
+    assert text == (str(folder / value) if named else value)
+
+
 BAD = {
+    '<integrator type="mine"><string name="table" value="../outside.ply"/></integrator>': "in the scene's folder",
     "<shape>": "mismatched tag",
     '<float name="a" value="$x"/>': "<default>",
     '<shape type="ply"><string name="filename" value="no.ply"/></shape>': "none there",

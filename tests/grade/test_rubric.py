@@ -59,7 +59,8 @@ def test_speed_is_that_of_drawn_scenes_since_pictures_of_named_ones_may_be_store
         ("points = 10", "points = 10\ndrawn = 1", "has cases of its own"),
         ("[[1e-4, 0.8], [1e-2, 0.4]]", "[[1e-2, 0.8], [1e-4, 0.4]]", "rows by rising error"),
         ("points = 10", 'points = 10\nname = "render (lambert: single, 2 drawn)"', "names that differ"),
-        ('title = "t"', 'title = "t"\nfolder = "x"', "unknown key"),
+        ('title = "t"', 'title = "t"\nfolder = "x"', "r.toml: folder (line 3) is no known key."),
+        ("points = 10", "point = 10", "exercises[0].point (line 5) is no known key. Did you mean points?"),
         ('title = "t"', 'title = "t"\n[speed]\nof = "intersect_sphere"', "speed.of"),
     ],
 )

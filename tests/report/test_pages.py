@@ -85,6 +85,7 @@ def two_sizes(folder: Path, make_result, scenes) -> list[Path]:
 
 def test_run(folder: Path, make_result, scenes) -> list[Path]:
     image, wrong = Image(noise()), Image(noise() * 1.2)
+    check_page.prepare(folder)
     for number, test in enumerate((image, wrong)):
         told = Report(EVIL, "shadow", compare(test, image))
         check_page.write_check(folder, f"test_it.py::test[{EVIL}]", number, told, (EVIL,), test, image)

@@ -231,5 +231,5 @@ def test_a_scene_is_compared_under_a_photos_light(scenes, tmp_path):
         assert image.mean[24, 32] == pytest.approx(expected, rel=0.02)
     assert result.verdict == "pass"
     light.write_text("[sky]\nradiance = [0.2, 0.3, 0.4]\n")
-    with pytest.raises(InputError, match=r"light.toml: paper: expected a value"):
+    with pytest.raises(InputError, match=r"light.toml: paper is missing"):
         compare_scene(scenes / "single", light=light)

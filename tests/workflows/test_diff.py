@@ -325,3 +325,9 @@ def test_a_scene_that_is_named_names_the_cause_and_a_wrong_name_is_refused(tmp_p
     assert "no cast shadows" in raytwin(*images, "--scene", "overlap").stdout.splitlines()[0]
     refused(raytwin(*images, "--scene", "overlapp"), "did you mean overlap")
     refused(raytwin(*images, "--scene", "overlap", "--rung", "shadows"), "rung: expected one of")
+
+
+@pytest.mark.parametrize("forgotten", [None, [None] * 4, lambda seed: None])
+def test_a_render_that_returns_nothing_is_asked_for_its_return(forgotten):
+    with pytest.raises(InputError, match=r"^render returned None: is there a return\?$"):
+        diff(forgotten, np.ones((4, 5, 3)))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from program import raytwin
+from program import raytwin, refused
 from truths import from_element
 
 from raytwin import files, references, twin
@@ -328,6 +328,14 @@ def test_show_tells_a_line_of_each_reference_and_all_of_a_single_one(overlap, fo
     assert found[1].header["scene_hash"] in single
     assert "mitsuba" in single
     assert raytwin("reference", "show", "--all", cwd=tmp_path).stdout.endswith(single)
+    shown = raytwin("reference", "show", found[1].path.relative_to(tmp_path), cwd=tmp_path)
+    assert (shown.stdout, shown.returncode) == (single, 0)
+    written = raytwin("reference", "show", overlap / "scene.toml", "--rung", "shadow", cwd=tmp_path)
+    assert written.stdout == single
+    damaged = raytwin("reference", "show", "nosuch.exr", cwd=tmp_path)
+    assert (damaged.stdout.strip().endswith("no such file"), damaged.returncode) == (True, 2)
+    refused(raytwin("reference", "check", found[1].path, cwd=tmp_path), "expected a scene's folder", "got an image")
+    refused(raytwin("reference", "show", "overlpa", cwd=tmp_path), "did you mean overlap?")
 
 
 def test_check_exits_with_2_on_what_it_cannot_read_once_all_others_were_checked(overlap, folder, tmp_path):

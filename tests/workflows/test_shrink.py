@@ -147,7 +147,7 @@ def test_a_mitsuba_file_is_cut_down_to_the_shapes_that_matter(scenes, tmp_path):
     ("options", "said"),
     [
         ({"subject": Planted("shadow", "no distortion")}, "a renderer that fails on this scene"),
-        ({"subject": None}, "the renderer that fails, got nothing"),
+        ({"subject": None}, "--subject is missing"),
         ({"subject": Planted("shadow", "gamma"), "time_limit": 0}, "--time-limit"),
     ],
 )

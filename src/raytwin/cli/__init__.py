@@ -6,9 +6,11 @@ Exit codes: 0 pass, 1 the comparison failed, 2 undecided, or the input or the ma
 import contextlib
 import io
 import os
+import re
 import sys
 import traceback
 import warnings
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -58,7 +60,7 @@ COMMANDS: dict[str, tuple[str, Any]] = {
 """Command -> the heading that it stands under in `--help`, and what runs. An app is a group of commands."""
 ABOUT = {
     "scenes": "List the built-in scenes, or copy one to edit.",
-    "reference": "Make, check, show or compare reference images.",
+    "reference": "Make, check, show or diff reference images.",
     "grade": "Grade students' tracers, or write what they start from.",
     "bench": "Measure speed against accuracy.",
 }
@@ -142,7 +144,7 @@ def _run() -> int:
         if gone := removed_command(sys.argv[1:]):
             return _said(gone)
         Path.cwd()  # before a library looks for it: Mitsuba aborts the whole process where it is gone
-        code = app(standalone_mode=False)
+        code = app(standalone_mode=False, prog_name="raytwin")
         sys.stdout.flush()
         return code or 0
     except Exception as error:
@@ -166,10 +168,12 @@ def _report(error: Exception) -> int:
         return _said(str(error), error.exit_code)
     if isinstance(error, typer.Abort):
         return _said("interrupted", INTERRUPTED)
-    if hasattr(error, "show"):  # typer's own: an option that is none
-        error.show(shown := io.StringIO())
-        say(shown.getvalue().rstrip("\n"), err=True)
-        return 2
+    if hasattr(error, "show"):  # typer's own
+        shown: Any = error
+        if type(error).__name__ == "NoArgsIsHelpError":
+            say(shown.format_message(), err=True)
+            return 2
+        return _said(_misused(shown))
     if isinstance(error, OSError):
         if error.filename is None:  # what was left to print: not a second time, when Python ends
             with contextlib.suppress(OSError, ValueError):
@@ -183,6 +187,36 @@ def _report(error: Exception) -> int:
         return _said(f"not enough memory{f': {error}' if str(error) else ''}")
     traceback.print_exception(error)
     return _said("this is a fault of raytwin's own", OWN_FAULT)
+
+
+def _misused(error: Any) -> str:
+    """What is wrong with the words of the command line, in a line of our own.
+
+    Typer's exceptions have moved between its releases: they are known by their fields.
+    """
+    text = error.format_message()
+    if value := re.match(r"Option '(.*)' (requires|does not take)", text):
+        return f"{value[1]} {'needs a' if value[2] == 'requires' else 'takes no'} value."
+    command = error.ctx.command_path
+    help_lists = f"`{command} --help` lists what it takes."
+    if (param := getattr(error, "param", None)) is not None:
+        name = param.opts[0] if param.opts[0].startswith("-") else param.name.upper()
+        if text.startswith("Missing"):
+            return f"{name} is missing. {help_lists}"
+        found: list[dict[str, Any]] = getattr(error.__cause__, "errors", list)()
+        if not found:
+            return f"{name}: {error.message}"
+        kind = {"int": "a whole number", "float": "a number"}.get(found[0]["type"].partition("_")[0])
+        bound = found[0]["msg"].removeprefix("Input should be ").replace("greater than or equal to", "a number >=")
+        return str(InputError(name, kind or bound, found[0]["input"]))
+    if more := re.search(r"unexpected extra argument.*\((.*)\)", text):
+        return f"`{command}` takes no further words, as here {more[1]}. {help_lists}"
+    if unknown := re.match(r"No such (option|command):? '?([^\s']*)", text):
+        parameters = [name for p in error.ctx.command.params for name in p.opts]
+        known = parameters if unknown[1] == "option" else error.ctx.command.commands
+        meant = get_close_matches(unknown[2], known, 1)
+        return f"`{command}` has no {unknown[1]} {unknown[2]}. {f'Did you mean {meant[0]}?' if meant else help_lists}"
+    return f"{text.rstrip('.')}. {help_lists}"
 
 
 def _unusable(error: OSError) -> InputError:

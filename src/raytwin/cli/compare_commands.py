@@ -91,7 +91,7 @@ def diff_folders(
     pairs: dict[str, Any] = {}
     codes = []
     if out:
-        check_page.clear(out)
+        check_page.prepare(out)
     for number, (name, mine, theirs) in enumerate(diff_files.pairs(a, b)):
         pictures: tuple[Any, ...] = ()
         try:

@@ -105,7 +105,7 @@ def starter_command(
     out = out or Path("rubric.toml" if rubric else "tracer.py")
     check_outputs(files=(out,))
     if out.is_file() and not force:
-        raise InputError(out, "a file that is not there yet, or --force", "one that may hold a student's work")
+        raise InputError(out, "exists. --force overwrites it.")
     files.write_text(out, READY.read_text(encoding="utf-8") if rubric else starter(out.name, stage or tuple(CONTRACT)))
     if rubric:
         say(f"{out}: change it, then raytwin grade SUBMISSIONS --rubric {out}")

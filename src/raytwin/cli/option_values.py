@@ -28,8 +28,8 @@ def parse_size(text: str, option: str) -> tuple[int, int]:
     return width, height
 
 
-def parse_numbers(text: str, option: str, most: int | None = None) -> tuple[float, ...]:
-    """At most `most` finite numbers.
+def parse_numbers(text: str, option: str) -> tuple[float, ...]:
+    """Finite numbers, as many as there are.
 
     >>> parse_numbers("0.1,-0.2", "--dist"), parse_numbers("", "--dist")
     ((0.1, -0.2), ())
@@ -40,8 +40,6 @@ def parse_numbers(text: str, option: str, most: int | None = None) -> tuple[floa
         raise InputError(option, "numbers separated by commas", text) from None
     if not all(map(math.isfinite, numbers)):
         raise InputError(option, "finite numbers", text)
-    if most is not None and len(numbers) > most:
-        raise InputError(option, f"at most {most} numbers", len(numbers))
     return numbers
 
 

@@ -270,6 +270,9 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "budget": _opt("Most samples per pixel, or time (30s), per reference.", "N|TIME", "--budget", "--samples"),
     },
     "reference.make": {"folder": _opt("Folder of the references.", "DIR", "--folder")},
+    "reference.show": {
+        "scenes": _arg("Scenes, or references (EXR). Default: all.", among=_scenes),
+    },
     "grade": {
         "submissions": _arg("Folder with a file or folder per student; or a single submission."),
         "rubric": _opt("TOML file with exercises and points.", "FILE", "--rubric", "-r"),

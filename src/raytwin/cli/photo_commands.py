@@ -99,7 +99,7 @@ def photograph_command(
             count=count,
             size=size or (2016, 1512),
             focal=focal,
-            dist=parse_numbers(dist, "--dist", 5),
+            dist=parse_numbers(dist, "--dist"),
             samples=samples,
             seed=seed,
             with_objects=with_objects,

@@ -55,7 +55,7 @@ def make_command(
         else:
             refused.append(change.new.path)
     if refused and not _terminal():
-        raise InputError("raytwin reference make", "--yes, where nobody can be asked", f"{_count(refused)} to replace")
+        raise InputError(_count(refused), "would be replaced, and there is no terminal to ask. --yes replaces them.")
 
 
 def check_command(
@@ -92,20 +92,33 @@ def show_command(
 ) -> None:
     """Print what made each reference, and how noisy it is. Exit with 2 if one is damaged."""
     from raytwin import references
+    from raytwin.rungs import RUNGS
 
-    folder, names = _source(folder), [s.resolve().name for s in scenes or ()]
-    cases = [c for c in references.listed(folder) if c[0] in (names or [c[0]]) and c[1] in (rung or [c[1]])]
-    if not cases:
-        raise InputError(folder, "references", "none of these")
-    whole, damaged = whole or len(cases) == 1, False
+    folder = _source(folder)
+    for one in rung or ():
+        check_one_of("--rung", one, RUNGS)
+    cases = references.listed(folder)
+    paths = [path for path in scenes or () if path.suffix == ".exr"]
+    names = [_name(path) for path in scenes or () if path.suffix != ".exr"]
+    for name in names:
+        check_one_of(folder, name, dict.fromkeys(name for name, _ in cases))
+    if names or not paths:
+        paths += [
+            references.path_of(folder, *case)
+            for case in cases
+            if case[0] in (names or [case[0]]) and case[1] in (rung or [case[1]])
+        ]
+    if not paths:
+        raise InputError(folder, "references", "none of these light levels" if cases else "none")
+    whole, damaged = whole or len(paths) == 1, False
     if not whole:
         say(references.OUTLINE)
-    for name, one in cases:
+    for path in paths:
         try:
-            found = references.load(references.path_of(folder, name, one))
+            found = references.load(path)
         except InputError as error:
             damaged = True
-            say(f"{name}/{one}  {error}")
+            say(f"{path.parent.name}/{path.stem}  {error}")
         else:
             say("\n".join(references.show(found)) if whole else references.outline(found))
     if damaged:
@@ -192,6 +205,15 @@ def _made(case: "Case", folder: Path, settings: ReferenceSettings, variant: str 
     scene, rung, found = case
     with nullcontext(silent) if variant else show_progress() as progress:
         return make_reference.make(scene, rung, folder, settings, found=found, progress=progress)
+
+
+def _name(scene: Path) -> str:
+    """The name of the scene's references, also where the scene itself is gone."""
+    from raytwin import files
+
+    if scene.is_file():
+        return (files.read_mitsuba if files.is_mitsuba(scene) else files.read_scene)(scene).name
+    return scene.resolve().name
 
 
 def _source(folder: Path | None) -> Path:

@@ -131,7 +131,7 @@ def _answer(connection: Connection, work: Callable[[], Any]) -> None:
     try:
         answer = "made", work()
     except InputError as error:
-        answer = "input", (error.where, error.expected, error.got)
+        answer = "input", error.fields
     except (Exception, SystemExit) as error:  # theirs, whatever it is
         answer = "error", (type(error).__name__, str(error))
     connection.send(answer)

@@ -24,7 +24,7 @@ from raytwin.contract.composed_tracer import PARTS, compose, made_of
 from raytwin.contract.loading import functions_of, image_at, new_module, run_cells, run_program
 from raytwin.contract.stage import Function
 from raytwin.contract.stage_table import CONTRACT
-from raytwin.errors import InputError
+from raytwin.errors import InputError, MachineError
 from raytwin.image import Image
 from raytwin.image_input import ENDINGS, as_image
 from raytwin.renderers.scene_exchange import as_json
@@ -188,8 +188,12 @@ class Program:
             try:
                 options = {"stdout": subprocess.DEVNULL, "timeout": SECONDS, "start_new_session": os.name == "posix"}
                 return as_image(run_program(words, described, out, ENDINGS, **options)).image
-            except (OSError, subprocess.TimeoutExpired) as error:
-                raise InputError(self.command, "a program that runs", error) from None
+            except OSError as error:
+                raise MachineError(f"The program {words[0]}", f"cannot be started: {error.strerror}.") from None
+            except subprocess.TimeoutExpired:
+                raise MachineError(
+                    f"The program {words[0]}", f"was ended after {SECONDS} s without an image."
+                ) from None
             except RuntimeError as error:
                 raise InputError(self.command, "an image at {out}", error) from None
 

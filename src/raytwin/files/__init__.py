@@ -47,7 +47,7 @@ from raytwin.files.scene_files import (
     write_camera,
     write_scene,
 )
-from raytwin.files.toml_json import json_text, plain, read_toml, to_record, write_json, write_toml
+from raytwin.files.toml_json import json_text, plain, read_toml, to_record, unknown_key, write_json, write_toml
 from raytwin.scene_folders import (
     REFERENCES,
     SCENES,

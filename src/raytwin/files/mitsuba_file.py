@@ -63,6 +63,8 @@ def read_mitsuba(path: str | os.PathLike) -> MitsubaScene:
     found = reading.found
     for element in root.iter():
         for key in _files_of(element):
+            if not _names_file(element, key, folders):
+                continue
             inside = _found(f"{file}: {element.get('name') or element.tag}", element.get(key, ""), folders, folder)
             if inside not in found:
                 found[inside] = hashlib.sha256(_content(inside, "a file")).hexdigest()
@@ -199,6 +201,13 @@ def _files_of(element: ET.Element) -> Iterator[str]:
         yield "value"
 
 
+def _names_file(element: ET.Element, key: str, folders: list[Path]) -> bool:
+    """Whether it names a file: called `filename`, or a text that looks like a path and leads to something. Others, such
+    as the `aovs` of an integrator, may have slashes too."""
+    called = key == "filename" or element.get("name") == "filename"
+    return called or any(os.path.exists(folder / element.get(key, "")) for folder in folders)  # noqa: PTH110 long texts
+
+
 def as_loaded(scene: MitsubaScene) -> ET.Element:
     """The scene's elements with the whole path of each file in the place of its name, and COLOURS on its films."""
     root = ET.fromstring(scene.text)
@@ -206,7 +215,8 @@ def as_loaded(scene: MitsubaScene) -> ET.Element:
         element.set("value", COLOURS.get(element.get("value", "").lower(), element.get("value", "")))
     for element in root.iter():
         for key in _files_of(element):
-            element.set(key, str(Path(scene.folder) / element.get(key, "")))
+            if _names_file(element, key, [Path(scene.folder)]):
+                element.set(key, str(Path(scene.folder) / element.get(key, "")))
     return root
 
 

@@ -16,7 +16,7 @@ from raytwin.files.images import read_image
 from raytwin.files.limits import MAX_PIXELS
 from raytwin.files.look_at import camera_table
 from raytwin.files.safe_write import replacing, write_text
-from raytwin.files.toml_json import plain, read_toml, to_record, write_toml
+from raytwin.files.toml_json import plain, read_toml, to_record, unknown_key, write_toml
 from raytwin.scene import (
     Camera,
     PhotoCamera,
@@ -32,6 +32,10 @@ from raytwin.scene_folders import find_scene
 
 MOST_COLUMNS = 4096
 """Columns of an environment map: 100 MB of floats. Light from the sky is smooth, so a smaller map serves as well."""
+
+
+ROUNDED = 2e-3
+"""R R^T is off by less where a rotation was rounded to three decimals or more."""
 
 
 def read_scene(path: str | os.PathLike | Scene | SceneFile) -> SceneFile:
@@ -51,9 +55,9 @@ def read_scene(path: str | os.PathLike | Scene | SceneFile) -> SceneFile:
     data = read_toml(file)
     for key in ("name", "folder", "photos"):  # of the record, not of the file
         if key in data:
-            raise InputError(f"{file}: {key}", "only known keys", f"the unknown key {key!r}")
+            raise unknown_key(file, key)
     if "camera" not in data:
-        raise InputError(f"{file}: camera", "a value", "nothing")
+        raise InputError(f"{file}: camera", "is missing. Write a table [camera] with image_size and look_at.")
     table = data.pop("camera")
     if isinstance(table, dict) and "photos" in table:
         data["photos"] = to_record(file, table, PhotoCamera, "camera")
@@ -116,7 +120,7 @@ def check_contents(scene: SceneFile, where: str) -> None:
         try:
             material_of(thing)
         except InputError as error:
-            raise InputError(f"{where}{name}", error.expected, error.got) from None
+            raise InputError(f"{where}{name}", *error.fields[1:]) from None
     numbers = numbered(name.partition("s[")[0] for name, _ in things)
     names = called(numbers, [thing.name for _, thing in things], [thing.albedo for _, thing in things])
     taken: set[str] = set()
@@ -131,7 +135,7 @@ def read_sky_map(file: Path, data: dict[str, Any]) -> None:
     if not isinstance(sky := data.get("sky"), dict):
         return
     if "texels" in sky:
-        raise InputError(f"{file}: sky.texels", "only known keys", "the unknown key 'texels'")
+        raise unknown_key(file, "sky.texels")
     if "map" not in sky:
         if odd := sky.keys() & {"scale", "rotation"}:
             raise InputError(f"{file}: sky.{min(odd)}", "only where there is a map", sky[min(odd)])
@@ -181,15 +185,35 @@ def check_camera(camera: Camera, where: str) -> None:
         raise InputError(
             f"{where}image_size", f"at most {MAX_PIXELS / 1e6:.0f} megapixels", f"{camera.width} x {camera.height}"
         )
-    if not (camera.fx > 0 and camera.fy > 0):
-        raise InputError(f"{where}K", "focal lengths > 0 px", f"{camera.fx}, {camera.fy}")
-    if camera.K[0][1] != 0 or camera.K[1][0] != 0 or tuple(camera.K[2]) != (0, 0, 1):
-        raise InputError(f"{where}K", "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]", camera.K)
-    R = np.asarray(camera.R_cam_board)
-    off = float(np.abs(R @ R.T - np.eye(3)).max())
-    if off > 1e-6 or np.linalg.det(R) < 0:
-        found = "a mirroring" if off <= 1e-6 else f"R R^T off the identity by {off:.2g}"
-        raise InputError(f"{where}R_cam_board", "a rotation matrix", found)
+    for i, focus in enumerate((camera.fx, camera.fy)):
+        if not focus > 0:
+            raise InputError(f"{where}K[{i}][{i}]", "a focal length > 0 px", focus)
+    if camera.K[0][1] != 0:
+        raise InputError(f"{where}K[0][1]", "0 (cameras here have no skew: calibrate without it)", camera.K[0][1])
+    for (i, j), wanted in {(1, 0): 0, (2, 0): 0, (2, 1): 0, (2, 2): 1}.items():
+        if camera.K[i][j] != wanted:
+            expected = f"{wanted}, since K is [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
+            raise InputError(f"{where}K[{i}][{j}]", expected, camera.K[i][j])
+    if wrong := _no_rotation(np.asarray(camera.R_cam_board)):
+        raise InputError(f"{where}R_cam_board", "a rotation matrix", wrong)
+
+
+def _no_rotation(R: np.ndarray) -> str:
+    """Why R is no rotation, and what to write instead; empty for one, to 1e-6.
+
+    A rounded matrix is not mended in silence: the file, the scene's hash and the dict that a subject gets would each
+    have another pose.
+    """
+    gram = R @ R.T
+    i, j = sorted(int(k) for k in np.unravel_index(np.argmax(np.abs(gram - np.eye(3))), (3, 3)))
+    off = abs(gram[i, j] - (i == j))
+    if off <= 1e-6:
+        return "" if np.linalg.det(R) > 0 else "a mirroring (determinant -1): negate an axis"
+    what = f"row {i} of length {math.sqrt(gram[i, i]):.6g}" if i == j else f"rows {i} and {j} not perpendicular"
+    u, _, v = np.linalg.svd(R)
+    if off > ROUNDED or np.linalg.det(u @ v) < 0:
+        return what
+    return f"a rounded one ({what}). Write {(np.round(u @ v, 9) + 0.0).tolist()}"
 
 
 def read_camera(path: str | os.PathLike) -> Camera:

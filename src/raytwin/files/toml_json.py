@@ -5,7 +5,10 @@ import os
 import re
 import reprlib
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from difflib import get_close_matches
+from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
@@ -63,13 +66,15 @@ def to_record(path: str | os.PathLike, data: Any, kind: type[T], prefix: str = "
     try:
         record = msgspec.convert(data, kind)
     except msgspec.ValidationError as error:
-        raise _readable(path, data, error, prefix) from None
+        raise _readable(path, data, error, kind, prefix) from None
+    except InputError as error:  # a rule of the record's own
+        raise error.at(f"{path}: {f'{prefix}.' * bool(prefix)}") from None
     if bad := next(_not_finite(data, ""), None):
         raise InputError(f"{path}: {_join(prefix, bad[0])}", "a finite number", bad[1])
     return record
 
 
-def _readable(path: str | os.PathLike, data: Any, error: msgspec.ValidationError, prefix: str) -> InputError:
+def _readable(path: str | os.PathLike, data: Any, error: msgspec.ValidationError, kind: Any, prefix: str) -> InputError:
     """msgspec's error in this project's words, with the value that was found."""
     field, what = explained(error)
     found: Any = data
@@ -79,15 +84,52 @@ def _readable(path: str | os.PathLike, data: Any, error: msgspec.ValidationError
         except (KeyError, IndexError, TypeError, ValueError):
             break
     if match := re.match(r"Object contains unknown field `(.*)`", what):
-        name = match[1]
-        known = "only known keys"
-        return InputError(f"{path}: {_join(prefix, _join(field, name))}", known, f"the unknown key {name!r}")
+        return unknown_key(path, _join(prefix, _join(field, match[1])), _keys(kind, field))
     if match := re.match(r"Object missing required field `(.*)`", what):
-        return InputError(f"{path}: {_join(prefix, _join(field, match[1]))}", "a value", "nothing")
+        return InputError(f"{path}: {_join(prefix, _join(field, match[1]))}", "is missing.")
     if field.endswith("radius"):  # the only bounded length
         what = what.replace("a number", "metres")
     shown = _SHORT.repr(found)
     return InputError(f"{path}: {_join(prefix, field)}", what, shown if len(shown) <= 60 else shown[:57] + "...")
+
+
+def unknown_key(path: str | os.PathLike, field: str, known: Iterable[str] = ()) -> InputError:
+    """The error for a key of a TOML file that is none of those `known`, with its line and what was meant."""
+    meant = get_close_matches(field.rpartition(".")[2], list(known), 1)
+    line = _line_of(path, field)
+    place = f"{path}: {field}{f' (line {line})' if line else ''}"
+    return InputError(place, f"is no known key.{f' Did you mean {meant[0]}?' if meant else ''}")
+
+
+def _line_of(path: str | os.PathLike, field: str) -> int | None:
+    """The line of a TOML file on which a key, or the table of that name, stands; None where no line is its own."""
+    if not Path(path).is_file():
+        return None
+    table, counts = "", Counter[str]()
+    for number, line in enumerate(Path(path).read_text(encoding="utf-8").splitlines(), start=1):
+        if match := re.match(r"\s*(\[\[?)\s*([^\]]+?)\s*\]", line):
+            table = match[2] if match[1] == "[" else f"{match[2]}[{counts[match[2]]}]"
+            counts[match[2]] += 1
+            if match[2] == field:
+                return number
+        elif (match := re.match(r"""\s*["']?([^=#]+?)["']?\s*=""", line)) and _join(table, match[1]) == field:
+            return number
+    return None
+
+
+def _keys(kind: Any, field: str) -> list[str]:
+    """The keys that the record `kind` has in the table `field`, as `spheres[1]`."""
+    kinds = [msgspec.inspect.type_info(kind)]
+    for key in ["", *re.findall(r"[^.\[\]]+", field)]:
+        kinds = [inner for one in kinds for inner in (_inner(one, key) if key else [one])]
+        kinds = [each for one in kinds for each in (one.types if isinstance(one, msgspec.inspect.UnionType) else [one])]
+    return [f.encode_name for one in kinds if isinstance(one, msgspec.inspect.StructType) for f in one.fields]
+
+
+def _inner(kind: Any, key: str) -> list[Any]:
+    if isinstance(kind, msgspec.inspect.StructType):
+        return [f.type for f in kind.fields if f.encode_name == key]
+    return [getattr(kind, name) for name in ("item_type", "value_type") if hasattr(kind, name)]
 
 
 _SHORT = reprlib.Repr()

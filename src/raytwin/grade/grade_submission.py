@@ -49,7 +49,7 @@ def _graded(job: Job) -> tuple[Result, bool]:
         result, problem = call_all(result, code, rubric, asked)
     except InputError as error:
         for one in asked:
-            one.answer = Answer(problem=f"expected {error.expected}, got {error.got}", sort="missing")
+            one.answer = Answer(problem=error.fault, sort="missing")
         return marked(result, rubric, asked, plain(error))[0], False
     result, helped = marked(result, rubric, asked, problem, code)
     result = followed(result, rubric, asked, helped)

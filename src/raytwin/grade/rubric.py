@@ -165,7 +165,7 @@ def read_rubric(path: str | Path) -> Rubric:
     path = Path(path)
     data = files.read_toml(path)
     if "folder" in data:
-        raise InputError(f"{path}: folder", "only known keys", "the unknown key 'folder'")
+        raise files.unknown_key(path, "folder")
     rubric = files.to_record(path, data | {"folder": str(path.parent)}, Rubric)
     named = []
     for i, exercise in enumerate(rubric.exercises):

@@ -57,6 +57,8 @@ class UserRenderer(Renderer):
             also = ({"seed": seed} if self.seeded else {}) | ({"samples": self.samples} if self.samples else {})
             try:
                 made = self.render(given, **also) if self.render else None
+                if made is None:
+                    raise InputError(self.name, "returned None: is there a return?")
                 taken = as_image(made).image
             except InputError:
                 raise

@@ -13,6 +13,7 @@ import msgspec
 
 from raytwin import files, viewer
 from raytwin.compare import Report
+from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.report import data_urls
 from raytwin.report.compare_page import write_report
@@ -70,8 +71,6 @@ def write_check(
         tolerance = tolerance or Tolerance()
         view = _view(test, notes, Compared(test=image, reference=reference, report=report, tolerance=tolerance))
         row.page, page = f"{stem}.html", folder / f"{stem}.html"
-        if not (folder / SCRIPT).exists():
-            files.write_text(folder / SCRIPT, viewer.script())
         write_report(view, page, SCRIPT)
         if view.alike:
             row.picture, row.reference, row.error = _thumbs(view, tolerance)
@@ -89,10 +88,16 @@ def _stem(test: str, number: int) -> str:
     return f"check-{short}-{hashlib.sha256(f'{test} {number}'.encode()).hexdigest()[:8]}"
 
 
-def clear(folder: Path) -> None:
-    """Take away what an earlier run wrote; nothing else."""
-    for old in [*folder.glob("check-*.html"), *folder.glob("check-*.json"), folder / INDEX, folder / SCRIPT]:
-        old.unlink(missing_ok=True)
+def prepare(folder: Path) -> None:
+    """Make the folder, without what an earlier run wrote. Raises InputError for a folder that cannot be written."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for old in [*folder.glob("check-*.html"), *folder.glob("check-*.json"), folder / INDEX, folder / SCRIPT]:
+            old.unlink(missing_ok=True)
+    except OSError as error:
+        found = "a file" if folder.is_file() else error.strerror or error
+        raise InputError(folder, "a folder to write", found) from None
+    files.write_text(folder / SCRIPT, viewer.script())
 
 
 def write_index(folder: Path) -> tuple[int, int]:

@@ -97,19 +97,19 @@ def shown(value: float | None, digits: int = 3) -> str:
     """Format to `digits` significant digits, below a thousandth as 2.10e-07; a dash for what is missing.
 
     >>> [shown(v) for v in (0.4567, 1.0, 2.1e-7, 1e9, 0.0, -3, 123456, 999.6, None, math.nan)]
-    ['0.457', '1.00', '2.10e-07', '1.00e+09', '0', '-3', '123\u202f456', '1\u202f000', '–', 'NaN']
+    ['0.457', '1.00', '2.10e-07', '1.00e+09', '0', '-3', '123456', '1000', '–', 'NaN']
     """
     if value is None:
         return "–"
     if not math.isfinite(value):
         return f"{value}".replace("nan", "NaN")
     if value == 0 or isinstance(value, int):
-        return f"{int(value):,}".replace(",", "\u202f")
+        return f"{int(value)}"
     rounded = abs(float(f"{value:.{digits - 1}e}"))
     if 1e-3 <= rounded < 10**digits:
         return f"{value:#.{digits}g}".rstrip(".")
     if 10**digits <= rounded < 1e6:
-        return f"{value:,.0f}".replace(",", "\u202f")
+        return f"{value:.0f}"
     return f"{value:.{digits - 1}e}"
 
 

@@ -1,25 +1,37 @@
 """A camera that has been found: intrinsics, distortion, and where it stands."""
 
-from typing import Annotated
-
 import msgspec
 import numpy as np
 
+from raytwin.errors import InputError
 from raytwin.scene.record_base import Matrix, PixelCount, Record, Vector
+
+FURTHER = "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"
+"""What follows k3 in OpenCV's order: the terms that this lens lacks."""
 
 
 class Camera(Record, frozen=True):
     """`p_cam = R_cam_board @ p_board + t_cam_board`, then distort, then `u = fx x + cx`, `v = fy y + cy`.
 
     OpenCV's camera frame (x right, y down, z forward) and OpenCV's pixels: (0, 0) is the centre of the top-left pixel.
-    `dist` is any prefix of k1, k2, p1, p2, k3. `image_size` is (width, height); K is in pixels; t is in metres.
+    `dist` is any prefix of k1, k2, p1, p2, k3, or OpenCV's 8, 12 or 14 numbers if all further ones are 0. `image_size`
+    is (width, height); K is in pixels; t is in metres.
     """
 
     image_size: tuple[PixelCount, PixelCount]
     K: Matrix
     R_cam_board: Matrix
     t_cam_board: Vector
-    dist: Annotated[tuple[float, ...], msgspec.Meta(max_length=5)] = ()
+    dist: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        for number, (name, value) in enumerate(zip(FURTHER, self.dist[5:], strict=False), start=5):
+            if value:
+                raise InputError(f"dist[{number}]", f"0 ({name}: the lens here has k1, k2, p1, p2, k3 alone)", value)
+        if len(self.dist) > 5:
+            if len(self.dist) > 5 + len(FURTHER):
+                raise InputError("dist", f"at most {5 + len(FURTHER)} numbers", len(self.dist))
+            msgspec.structs.force_setattr(self, "dist", tuple(self.dist[:5]))
 
     @property
     def width(self) -> int:

@@ -144,7 +144,7 @@ def _plan(
     for where, name, known in (("rung", rung, tuple(RUNGS)), ("sampling", sampling, SAMPLINGS)):
         if name not in known:
             raise InputError(where, " or ".join(known), name)
-    files.check_camera(scene.camera, "camera")
+    files.check_camera(scene.camera, "camera.")
     lens_of(scene.camera)  # raises where the distortion cannot be undone
     if not 1 <= samples <= MOST_SAMPLES:
         raise InputError("samples", f"a whole number from 1 to {MOST_SAMPLES}", samples)

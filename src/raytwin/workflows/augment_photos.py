@@ -38,7 +38,7 @@ def augment_photos(
     scene = light.on(scene) if light is not None else scene
     asked = scene.photos
     if chosen.board is None and asked is None:
-        raise InputError("--board", "a board's TOML file, since the scene names none", "nothing")
+        raise InputError("--board", "is missing. It names the board's TOML file, since the scene names none.")
     definition = boards.read_board(chosen.board or Path(scene.folder) / (asked.board if asked else ""))
     calibration = None
     if chosen.camera is None:

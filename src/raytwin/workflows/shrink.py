@@ -21,7 +21,7 @@ from raytwin.compare.comparison import CAUSE
 from raytwin.contract.subject import find_subject
 from raytwin.contract.submission import Shown
 from raytwin.diagnose.diagnosis import Diagnosis, diagnose, view_of
-from raytwin.errors import InputError
+from raytwin.errors import InputError, MachineError
 from raytwin.image import Image
 from raytwin.progress import Progress, silent
 from raytwin.renderers.renderer import Renderer
@@ -123,7 +123,7 @@ def shrink(
     if not time_limit > 0:
         raise InputError("--time-limit", "seconds above 0", time_limit)
     if chosen.subject is None:
-        raise InputError("--subject", "the renderer that fails", "nothing")
+        raise InputError("--subject", "is missing. It names the renderer that fails.")
     found = find_scene(path, progress)
     if isinstance(found, MitsubaScene):
         subject: Renderer = subject_of(chosen)
@@ -254,9 +254,9 @@ class _Search:
         try:
             made = subject.prepare(scene)(seed)
         except InputError as broken:
-            if broken.expected == "a program that runs" or (self.count == 1 and broken.where.startswith("--")):
+            if isinstance(broken, MachineError) or (self.count == 1 and broken.where.startswith("--")):
                 raise
-            return Failure(f"no image: {CHANCE.sub('#', broken.got)}", str(broken)), None, None
+            return Failure(f"no image: {CHANCE.sub('#', broken.got or broken.expected)}", str(broken)), None, None
         try:
             if isinstance(case, FileScene):
                 reference = twin.render_mitsuba(scene, samples, seed, cache=False)
