@@ -44,6 +44,11 @@ BENT_BIAS_SD = {2: 0.5, 4: 0.25, 6: 0.07}
 """By degree of the sheet's shape, the uncertain fraction of the detector's bias from bent tag edges: measured on a
 cosine of 250 mm and 3 mm, six sets of poses without noise."""
 
+UNEXPLAINED = 0.05
+"""Share of the distance between neighbouring tags: with a larger rms there is no camera.
+
+Sound sets have at most 0.005, a fisheye of 150 degrees 0.04. Boards other than the file says: 0.07 and more."""
+
 GROSS = 0.03
 """Before anything is fitted: a tag this share of the image's width off its view's homography is an outlier, far more
 than any lens bends a board."""
@@ -108,7 +113,7 @@ def calibrate_detections(
     if not any(detections.values()):
         seen = "; ".join(f"{name}: {why}" for name, why in list(wrong.items())[:3])
         raise InputError(where, f"photos of {board.kind} tags", seen or "none")
-    pose.check_ids(list(detections.values()), board, where)
+    pose.check_tags(list(detections.values()), board, where)
     _check_inside(detections, image_size)
     views, straight = _first_views(detections, image_size, board, wrong)
     _check_enough(views, wrong, where)
@@ -125,6 +130,7 @@ def calibrate_detections(
         result = fit(straight, image_size, board, result.form, result)
         if turn == 1 or (turn == 2 and bent):
             result, trials, gap = select_model(straight, image_size, board, model, result)
+    _check_explained(straight, result, where)
     outliers = {
         v.photo: sorted({t.id for t in v.tags} - {t.id for t in s.tags}) for v, s in zip(views, straight, strict=True)
     }
@@ -319,6 +325,16 @@ def _check_enough(views: Sequence[Sighting], wrong: dict[str, str], where: str) 
     if len(views) < LEAST_VIEWS:
         reasons = "".join(f"; {name}: {why}" for name, why in list(wrong.items())[:3])
         raise InputError(where, f"at least {LEAST_VIEWS} photos that show the board", f"{len(views)}{reasons}")
+
+
+def _check_explained(views: Sequence[Sighting], result: Fit, where: str) -> None:
+    apart = []
+    for view in views:
+        at = np.array([t.center for t in view.tags])
+        apart += (np.linalg.norm(at[:, None] - at, axis=-1) + np.diag(np.full(len(at), np.inf))).min(axis=0).tolist()
+    if result.rms_px > (limit := UNEXPLAINED * float(np.median(apart))):
+        got = f"{result.rms_px:.3g} px: the board's file does not describe this board, or the lens is a fisheye"
+        raise InputError(where, f"tags at most {limit:.2g} px (rms) off where some camera sees them", got)
 
 
 def _check_model(model: str) -> None:
