@@ -31,6 +31,11 @@ from raytwin.progress import Progress, silent
 LEAST_VIEWS = 3
 """Photos of the board: with fewer the camera is not determined."""
 
+SAME_VIEW = 0.005
+"""Share of the image's longer side: photos whose tags lie less than this apart (rms) are one view, as those of a burst.
+
+Photos taken one by one are at least 0.0166 apart in the real sets, and 0.0104 in one that is deliberately alike."""
+
 ROUNDS = 3
 """Fits, each without the outliers and the detector's bias found by the one before; a fourth moves fx by 1e-7."""
 
@@ -115,8 +120,9 @@ def calibrate_detections(
         raise InputError(where, f"photos of {board.kind} tags", seen or "none")
     pose.check_tags(list(detections.values()), board, where)
     _check_inside(detections, image_size)
-    views, straight = _first_views(detections, image_size, board, wrong)
-    _check_enough(views, wrong, where)
+    distinct, repeated = _distinct(detections, image_size)
+    views, straight = _first_views(distinct, image_size, board, wrong)
+    _check_enough(views, {photo: f"the view of {other}" for photo, other in repeated.items()} | wrong, where)
     trials: dict[str, ModelTrial] = {}
     gap = np.zeros((0, 0))
     result = fit(straight, image_size, board, ModelSpec(PRELIMINARY if model == "auto" else model))
@@ -137,9 +143,36 @@ def calibrate_detections(
     known = with_model_gap(
         fit_uncertainty(result, _systematic(straight, board, result) if result.form.degree else ()), gap
     )
-    made = _calibration(straight, image_size, board, result, known, trials, detections)
+    made = _calibration(straight, image_size, board, result, known, trials, detections, repeated)
+    if repeated:
+        shown = [f"{photo} (as {other})" for photo, other in list(repeated.items())[:3]]
+        text = f"{', '.join(shown + ['...'] * (len(repeated) > 3))}: left out, since a burst or a video repeats views"
+        warnings = (*warnings, CalibrationWarning("same-view", f"{len(repeated)} of {len(detections)} photos, {text}"))
     more = warnings_for(Case(made, result, known, straight, board, wrong, outliers))
     return msgspec.structs.replace(made, warnings=(*warnings, *(CalibrationWarning(*d) for d in more)))
+
+
+def _distinct(
+    detections: Mapping[str, Sequence[Tag]], image_size: tuple[int, int]
+) -> tuple[dict[str, Sequence[Tag]], dict[str, str]]:
+    """One photo of each view, and by each other photo the one that it repeats.
+
+    What pulls a view's tags astray is the same in its copies: counted as views, they make sigma too small.
+    """
+    column = {tag: i for i, tag in enumerate({t.id for tags in detections.values() for t in tags})}
+    places = np.full((len(detections), len(column), 2), np.nan)
+    for row, tags in zip(places, detections.values(), strict=True):
+        row[[column[t.id] for t in tags]] = np.array([t.center for t in tags]).reshape(-1, 2)
+    names, kept, repeated = list(detections), list[int](), dict[str, str]()
+    for i, name in enumerate(names):
+        square = ((places[kept] - places[i]) ** 2).sum(axis=-1)
+        both = np.isfinite(square).sum(axis=1)
+        same = (both >= 4) & (np.nansum(square, axis=1) < both * (SAME_VIEW * max(image_size)) ** 2)
+        if same.any():
+            repeated[name] = names[kept[int(same.argmax())]]
+        else:
+            kept.append(i)
+    return {names[i]: detections[names[i]] for i in kept}, repeated
 
 
 def _first_views(
@@ -218,6 +251,7 @@ def _calibration(
     known: FitUncertainty,
     trials: dict[str, ModelTrial],
     detections: Mapping[str, Sequence[Tag]],
+    repeated: dict[str, str],
 ) -> Calibration:
     names = result.form.names
     sigma = np.sqrt(np.diag(known.covariance)[: len(names)])
@@ -249,6 +283,7 @@ def _calibration(
             for du, dv in of[: len(view.tags)]
         ),
         found={photo: tuple(tags) for photo, tags in detections.items()},
+        repeated=repeated,
     )
     return Calibration(
         image_size=(int(image_size[0]), int(image_size[1])),

@@ -206,7 +206,7 @@ def consistent(points: np.ndarray, image: np.ndarray, threshold: float) -> np.nd
 
 
 def check_tags(views: Sequence[Sequence[Tag]], board: Board, where: str) -> None:
-    """Raise InputError unless some tag of some view is on the board, and its neighbours are where the board has them."""
+    """Raise InputError unless some tag of some view is on the board, beside those that the board's file has there."""
     shown = {t.id for tags in views for t in tags}
     known = set(board.centers())
     if shown and not shown & known:
