@@ -27,6 +27,7 @@ from raytwin.files.photo_files import (
     photo_size,
     read_grey,
     read_photo,
+    readable_photos,
     srgb_decode,
     srgb_encode,
     to_bytes,

@@ -99,9 +99,7 @@ def test_a_burst_of_each_view_says_no_more_than_one_photo_of_it(shake):
 
 def test_three_copies_of_one_photo_are_no_three_views():
     _, _, tags = views(seed=1, count=1)
-    with pytest.raises(
-        InputError, match="at least 3 photos that show the board, got 1; view_00_1: the view of view_00_0"
-    ):
+    with pytest.raises(InputError, match="got 1; view_00_1: the view of view_00_0"):
         calibrate_detections(_burst(tags), SIZE, SMALL)
 
 

@@ -72,8 +72,8 @@ def calibrate(
     `photos` are files or folders, `board` a Board or its TOML file. `model`: auto, none, k1, k1k2, k1k2p1p2, k1k2k3 or
     full5. The photos have one size. `K` and distortion are in OpenCV's pixels, poses in metres. `progress`, `find` and
     `threads` are those of `detect_photos`.
-    Photos without tags, and those of another size, are left out with a warning as long as three others remain. Raises
-    InputError if the photos do not determine a camera.
+    Photos without tags or of another size, and files that cannot be read, are left out with a warning as long as three
+    others remain. Raises InputError if the photos do not determine a camera.
     """
     named = [photos] if isinstance(photos, str | os.PathLike) else photos
     listed = [files.list_photos(path) if path.is_dir() else [path] for path in map(Path, named)]
@@ -83,10 +83,12 @@ def calibrate(
     _check_model(model)
     if len(paths) < LEAST_VIEWS:
         raise InputError(where, f"at least {LEAST_VIEWS} photos of the board, from different sides", len(paths))
-    paths, image_size, warnings = _of_one_size(paths)
-    found, wrong = detect_photos(paths, board.kind, progress, find, threads)
     unique = len({p.name for p in paths}) == len(paths)
     shown = {str(p): p.name if unique else str(p) for p in paths}
+    paths, broken = files.readable_photos(paths)
+    paths, image_size, warnings = _of_one_size(paths)
+    found, wrong = detect_photos(paths, board.kind, progress, find, threads)
+    wrong |= {str(photo): why for photo, why in broken.items()}
     progress("fit", 0, 1)
     result = calibrate_detections(
         {shown[p]: tags for p, tags in found.items()},
@@ -164,12 +166,12 @@ def _distinct(
     for row, tags in zip(places, detections.values(), strict=True):
         row[[column[t.id] for t in tags]] = np.array([t.center for t in tags]).reshape(-1, 2)
     names, kept, repeated = list(detections), list[int](), dict[str, str]()
-    for i, name in enumerate(names):
+    for i, photo in enumerate(names):
         square = ((places[kept] - places[i]) ** 2).sum(axis=-1)
         both = np.isfinite(square).sum(axis=1)
         same = (both >= 4) & (np.nansum(square, axis=1) < both * (SAME_VIEW * max(image_size)) ** 2)
         if same.any():
-            repeated[name] = names[kept[int(same.argmax())]]
+            repeated[photo] = names[kept[int(same.argmax())]]
         else:
             kept.append(i)
     return {names[i]: detections[names[i]] for i in kept}, repeated

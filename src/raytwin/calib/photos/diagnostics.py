@@ -126,8 +126,12 @@ def warnings_for(case: Case) -> list[tuple[str, str]]:
 
 
 def _left_out(case: Case) -> Warnings:
+    by_reason: dict[str, list[str]] = {}
     for photo, why in case.wrong.items():
-        yield "no-tags", f"{photo} was left out: {why}"
+        by_reason.setdefault(why, []).append(photo)
+    for why, of in by_reason.items():
+        names, verb = ", ".join(of[:3] + ["..."] * (len(of) > 3)), "was" if len(of) == 1 else "were"
+        yield "no-tags", f"{names} {verb} left out: {why}"
 
 
 def _few(case: Case) -> Warnings:
