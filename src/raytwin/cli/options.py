@@ -226,7 +226,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "stand": _opt("Foot and height of a pin or pen that stands upright, metres.", "X,Y,H"),
     },
     "augment": {
-        "photos": _arg("Photos that show the board.", "PHOTO..."),
+        "photos": _arg("Photos that show the board, or their folder.", "PHOTO..."),
         "scene": _opt("Scene whose objects are drawn.", "SCENE", among=_scenes),
         "out": _opt("Folder for the drawn photos.", "DIR", *OUT),
         "camera": _opt("camera.toml (default: calibrate the scene's own photos).", "FILE", kind=Path | None),

@@ -70,12 +70,14 @@ def light_command(
     check_outputs(files=(out, out.with_suffix(".exr"), out.with_suffix(".html"), json))
     balls = [parse_ball(text, "--ball") for text in ball or ()]
     upright = parse_stand(stand, "--stand") if stand else None
-    taken = [path for named in photos for path in files.list_photos(named)]
+    taken, unread = files.readable_photos(path for named in photos for path in files.list_photos(named))
     with show_progress() as progress:
         found = estimate_light(taken, board, camera, balls=balls, stand=upright, progress=progress)
     write_light(out, found.light, found.paper, f"The light of {len(taken)} photos: {found.trials[found.taken].name}.")
     if json:
         files.write_json(json, found.numbers())
+    for photo, why in unread.items():
+        say_wrapped(f"{photo} was left out: {why}")
     say(light_page.light_summary(found))
     light_page.write_light_page(found, out.with_suffix(".html"))
     print_seconds(progress)
@@ -119,10 +121,13 @@ def augment_command(
     from raytwin.workflows.augment_photos import augment_photos
 
     check_outputs(folders=(out,), files=(json,))
+    taken, unread = files.readable_photos(path for named in photos for path in files.list_photos(named))
     with show_progress() as progress:
-        rows = augment_photos(photos, scene, out, settings, progress=progress)
+        rows = augment_photos(taken, scene, out, settings, progress=progress)
     if json:
         files.write_json(json, {"photos": rows})
+    for photo, why in unread.items():
+        say_wrapped(f"{photo} was left out: {why}")
     say(terminal_text.augment_summary(rows))
     print_seconds(progress)
     say(f"{len(rows)} photos: {out}")

@@ -34,7 +34,7 @@ from raytwin.files.photo_files import (
     write_picture,
 )
 from raytwin.files.rounding import Rounding, eight_bits, half_floats, rounding_of
-from raytwin.files.safe_write import check_file, replacing, write_text
+from raytwin.files.safe_write import check_file, replacing, replacing_files, write_text
 from raytwin.files.scene_files import (
     check_camera,
     check_contents,
