@@ -212,14 +212,14 @@ OPTIONS: dict[str, dict[str, Any]] = {
     },
     "calibrate": {
         "photos": _arg("Photos of the board, or their folder.", "PHOTOS..."),
-        "board": _opt("TOML file of the board.", "BOARD"),
+        "board": _opt("TOML file of the board (board.toml beside the photos).", "BOARD", kind=Path | None),
         "model": _opt("Lens model: auto, none, k1, k1k2, k1k2p1p2, k1k2k3 or full5.", among=MODELS),
         "photo": _opt("Photo whose pose is written (the first).", "NAME"),
         "out": _opt("Write the camera, as TOML, and a page beside it.", "FILE", *OUT),
     },
     "light": {
         "photos": _arg("Photos of one board under one light, or their folder.", "PHOTO..."),
-        "board": _opt("TOML file of the board.", "BOARD"),
+        "board": _opt("TOML file of the board (board.toml beside the photos).", "BOARD", kind=Path | None),
         "camera": _opt("camera.toml, as `raytwin calibrate -o` writes it.", "FILE"),
         "out": _opt("light.toml to write; a map and a page go beside it.", "FILE", *OUT),
         "ball": _opt("A ball's rough center and its radius, metres; mirror or matt. Repeatable.", "X,Y,Z,R"),

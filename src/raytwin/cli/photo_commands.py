@@ -11,8 +11,8 @@ from raytwin.workflows.settings import AugmentSettings
 
 
 def calibrate_command(
-    photos: list[Path], board: Path, model: str = "auto", photo: str | None = None, json: Path | None = None,
-    out: Path | None = None,
+    photos: list[Path], board: Path | None = None, model: str = "auto", photo: str | None = None,
+    json: Path | None = None, out: Path | None = None,
 ) -> None:  # fmt: skip
     """Calibrate a camera from photos of a board.
 
@@ -24,7 +24,7 @@ def calibrate_command(
     from raytwin.report import calibration_page, terminal_text
 
     check_outputs(files=(json, out))
-    definition = boards.read_board(board)
+    definition = boards.read_board(board or _board_beside(photos))
     paths = [path for named in photos for path in files.list_photos(named)]
     with show_progress() as progress:
         check_one_of("--photo", photo or paths[0].name, (p.name for p in paths))
@@ -37,6 +37,16 @@ def calibrate_command(
         files.write_json(json, calibration.numbers())
     say_wrapped(terminal_text.calibration_summary(calibration))
     print_seconds(progress)
+
+
+def _board_beside(photos: list[Path]) -> Path:
+    """board.toml in the photos' folder, or in the one above."""
+    folder = photos[0] if photos[0].is_dir() else photos[0].parent
+    found = [path / "board.toml" for path in (folder, folder.resolve().parent) if (path / "board.toml").is_file()]
+    if not found:
+        raise InputError("--board", "a board's TOML file, since no board.toml lies beside the photos", "nothing")
+    say(f"Board {found[0]}")
+    return found[0]
 
 
 def _write_camera(out: Path, calibration, paths: list[Path], photo: str | None) -> None:
@@ -53,8 +63,8 @@ def _write_camera(out: Path, calibration, paths: list[Path], photo: str | None) 
 
 
 def light_command(
-    photos: list[Path], board: Path, camera: Path, out: Path, ball: list[str] | None = None, stand: str | None = None,
-    json: Path | None = None,
+    photos: list[Path], camera: Path, out: Path, board: Path | None = None, ball: list[str] | None = None,
+    stand: str | None = None, json: Path | None = None,
 ) -> None:  # fmt: skip
     """Estimate sun and sky from photos.
 
@@ -71,6 +81,7 @@ def light_command(
     balls = [parse_ball(text, "--ball") for text in ball or ()]
     upright = parse_stand(stand, "--stand") if stand else None
     taken, unread = files.readable_photos(path for named in photos for path in files.list_photos(named))
+    board = board or _board_beside(photos)
     with show_progress() as progress:
         found = estimate_light(taken, board, camera, balls=balls, stand=upright, progress=progress)
     write_light(out, found.light, found.paper, f"The light of {len(taken)} photos: {found.trials[found.taken].name}.")
