@@ -222,8 +222,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "board": _opt("TOML file of the board (board.toml beside the photos).", "BOARD", kind=Path | None),
         "camera": _opt("camera.toml, as `raytwin calibrate -o` writes it.", "FILE"),
         "out": _opt("light.toml to write; a map and a page go beside it.", "FILE", *OUT),
-        "ball": _opt("A ball's rough center and its radius, metres; mirror or matt. Repeatable.", "X,Y,Z,R"),
-        "stand": _opt("Foot and height of a pin or pen that stands upright, metres.", "X,Y,H"),
+        "ball": _opt("A ball's rough center and its radius, metres or 20mm; mirror or matt. Repeatable.", "X,Y,Z,R"),
+        "stand": _opt("Foot and height of a pin or pen that stands upright, metres or 20mm.", "X,Y,H"),
     },
     "augment": {
         "photos": _arg("Photos that show the board, or their folder.", "PHOTO..."),
@@ -247,7 +247,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "dist": _opt("Distortion: k1,k2,p1,p2,k3 or a prefix."),
         "samples": _opt("Light paths per pixel.", min=1),
         "seed": _opt("Seed of poses, light paths and sensor noise."),
-        "bend": _opt("Bend the sheet by this many millimetres.", "MM", min=0.0),
+        "bend": _opt("Bend the sheet by this much, as 3mm.", "LENGTH"),
         "with_objects": _opt("Put the scene's objects there, too (for augment --against).", None, "--with-objects"),
     },
     "board": {

@@ -97,13 +97,16 @@ def light_command(
 
 def photograph_command(
     out: Path, board: Path, scene: Path | None = None, count: int = 14, size: Size = None,
-    focal: float = 1560.0, dist: str = "0.08,-0.16", samples: int = 32, seed: int = 1, bend: float = 0.0,
+    focal: float = 1560.0, dist: str = "0.08,-0.16", samples: int = 32, seed: int = 1, bend: str = "0mm",
     with_objects: bool = False,
 ) -> None:  # fmt: skip
     """Render photos of a board with Mitsuba, and the true camera."""
+    from raytwin.calib.boards import lengths
     from raytwin.workflows.photograph import photograph_board
 
     check_outputs(folders=(out,))
+    # A number without a unit is in millimetres.
+    bent = lengths.parse_length(bend if bend.strip()[-1:].isalpha() else f"{bend}mm", "--bend", zero=True)
     with show_progress() as progress:
         photograph_board(
             board,
@@ -116,7 +119,7 @@ def photograph_command(
             samples=samples,
             seed=seed,
             with_objects=with_objects,
-            bend=bend / 1000,
+            bend=bent,
             progress=progress,
         )
     print_seconds(progress)
