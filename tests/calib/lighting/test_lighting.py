@@ -286,6 +286,6 @@ def test_a_bright_patch_in_the_box_about_a_ball_but_beside_it_is_no_sun(corner):
     light[v : v + 3, u : u + 3] = 5
     assert mirror_ball.sun_spot(picture(light), ball_of()) is None
     rim = ball_outline.outline(photo, CENTER, RADIUS)
-    u, v = (rim.mean(axis=0) + [0, 0.8 * np.ptp(rim, axis=0)[1] / 2]).astype(int)
+    u, v = (rim.mean(axis=0) + np.array([0, 0.4]) * np.ptp(rim, axis=0)).astype(int)
     light[v : v + 3, u : u + 3] = 5
     assert mirror_ball.sun_spot(picture(light), ball_of()) is not None
