@@ -1,6 +1,9 @@
 """`raytwin board` as a user meets it."""
 
+import shutil
+
 import pytest
+from photo_helpers import BOARD
 from program import raytwin, refused
 
 from raytwin.calib.boards import read_board
@@ -36,3 +39,19 @@ def test_board_writes_a_pdf_and_its_toml(tmp_path):
 def test_a_wrong_board_is_one_line_and_nothing_is_written(arguments, parts, tmp_path):
     refused(raytwin(*GRID, "-o", "board.pdf", *arguments, cwd=tmp_path), *parts)
     assert not list(tmp_path.iterdir())
+
+
+def test_without_options_it_is_a_board_that_a4_holds_and_photos_beside_it_are_calibrated_with_it(shoot, tmp_path):
+    run = raytwin("board", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert "35 tags on 210 x 297 mm" in run.stdout
+    assert read_board(tmp_path / "board.toml") == BOARD
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    for i in range(4):
+        shutil.copy(shoot()[0] / f"photo_0{i}.jpg", photos)
+    run = raytwin("calibrate", "photos", "--model", "k1", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert "board.toml" in run.stdout.splitlines()[0]
+    (tmp_path / "board.toml").unlink()
+    refused(raytwin("calibrate", "photos", cwd=tmp_path), "--board", "no board.toml lies beside the photos")

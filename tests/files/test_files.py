@@ -437,6 +437,34 @@ def test_a_photo_read_as_grey_is_the_luma_of_its_colours(tmp_path, name):
     assert np.abs(grey - luma).max() <= 2
 
 
+@pytest.mark.parametrize("name", ["a.webp", "a.tif", "a.TIFF", "a.bmp"])
+def test_photos_of_other_kinds_are_read(tmp_path, name):
+    pixels = photo(np.random.default_rng(1))
+    Pillow.fromarray(pixels).save(tmp_path / name, **{"lossless": True} if name == "a.webp" else {})
+    np.testing.assert_array_equal(files.read_photo(tmp_path / name), pixels)
+    assert files.list_photos(tmp_path) == [tmp_path / name]
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif"])
+def test_grey_of_16_bits_is_scaled_and_not_clipped_to_white(tmp_path, name):
+    for white, drop in ((65535, 8), (40000, 8), (4000, 4), (900, 2), (200, 0)):
+        values = np.linspace(0, white, 2400).astype(np.uint16).reshape(40, 60)
+        Pillow.fromarray(values).save(tmp_path / name)
+        np.testing.assert_array_equal(files.read_grey(tmp_path / name), values >> drop)
+        np.testing.assert_array_equal(files.read_photo(tmp_path / name)[..., 1], values >> drop)
+
+
+def test_a_photo_of_floating_point_or_from_a_phone_is_refused_by_name(tmp_path):
+    Pillow.fromarray(np.ones((4, 4), np.float32)).save(tmp_path / "a.tif")
+    with pytest.raises(InputError, match=r"a\.tif: expected 8 or 16 bits per channel, got floating point"):
+        files.read_grey(tmp_path / "a.tif")
+    (tmp_path / "b.HEIC").write_bytes(b"heic")
+    with pytest.raises(InputError, match=r"b\.HEIC: expected a photo .*, got HEIC: save it as JPEG or PNG"):
+        files.photo_size(tmp_path / "b.HEIC")
+    kept, wrong = files.readable_photos(files.list_photos(tmp_path))
+    assert ([p.name for p in kept], [p.name for p in wrong]) == (["a.tif"], ["b.HEIC"])
+
+
 def test_an_exif_orientation_is_told_and_not_applied(tmp_path):
     pixels = np.zeros((40, 60, 3), np.uint8)
     pixels[:20, :30] = 255
@@ -459,12 +487,12 @@ def test_a_wrong_photo_is_named(tmp_path):
     gif = io.BytesIO()
     Pillow.new("P", (8, 8)).save(gif, "GIF")
     wrong = {
-        "truncated.jpg": (whole.getvalue()[: len(whole.getvalue()) // 2], "expected a photo (JPEG or PNG), got a damaged one"),  # noqa: E501
-        "text.png": (b"not a picture", "expected a photo (JPEG or PNG), got a file of another kind, or a damaged header"),  # noqa: E501
+        "truncated.jpg": (whole.getvalue()[: len(whole.getvalue()) // 2], "expected a photo (JPEG, PNG, WebP, TIFF or BMP), got a damaged one"),  # noqa: E501
+        "text.png": (b"not a picture", "expected a photo (JPEG, PNG, WebP, TIFF or BMP), got a file of another kind, or a damaged header"),  # noqa: E501
         "empty.jpg": (b"", "got a file of another kind"),
         "moving.jpg": (gif.getvalue(), "got a file of another kind"),
         "bomb.png": (hostile.png(60_000, 60_000, bytes(64)), "expected a photo of a size that a camera makes"),
-        "short.png": (hostile.png(600, 600, bytes(64)), "expected a photo (JPEG or PNG), got a damaged one"),
+        "short.png": (hostile.png(600, 600, bytes(64)), "expected a photo (JPEG, PNG, WebP, TIFF or BMP), got a damaged one"),  # noqa: E501
     }  # fmt: skip
     for name, (data, message) in wrong.items():
         (tmp_path / name).write_bytes(data)
@@ -472,7 +500,9 @@ def test_a_wrong_photo_is_named(tmp_path):
             files.read_photo(tmp_path / name)
         assert str(caught.value).startswith(f"{tmp_path / name}: ")
         assert message in str(caught.value), name
-    with pytest.raises(InputError, match=r"none\.jpg: expected a photo \(JPEG or PNG\), got no such file"):
+    with pytest.raises(
+        InputError, match=r"none\.jpg: expected a photo \(JPEG, PNG, WebP, TIFF or BMP\), got no such file"
+    ):
         files.read_photo(tmp_path / "none.jpg")
     with pytest.raises(InputError, match="got a folder"):
         files.photo_size(tmp_path)

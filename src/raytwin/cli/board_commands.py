@@ -7,8 +7,8 @@ from raytwin.errors import InputError, check_one_of
 
 
 def board_command(
-    out: Path, tag: str, columns: int, rows: int, pitch: str, paper: str = "a4", margin: str = "5mm",
-    landscape: bool | None = None, first_id: int = 0, family: str = "tag36h11",
+    out: Path = Path("board.pdf"), tag: str = "30mm", columns: int = 5, rows: int = 7, pitch: str = "38mm",
+    paper: str = "a4", margin: str = "5mm", landscape: bool | None = None, first_id: int = 0, family: str = "tag36h11",
 ) -> None:  # fmt: skip
     """Make a board to print, as PDF and TOML.
 

@@ -44,19 +44,39 @@ def parse_numbers(text: str, option: str) -> tuple[float, ...]:
 
 
 def parse_ball(text: str, option: str) -> tuple[float, float, float, float]:
-    """The center and the radius of a ball: 'x,y,z,r'."""
-    numbers = parse_numbers(text, option)
+    """The center and the radius of a ball: 'x,y,z,r', metres or with units."""
+    numbers = parse_places(text, option)
     if len(numbers) != 4 or not numbers[3] > 0:
-        raise InputError(option, "x,y,z,r in metres, r > 0", text)
+        raise InputError(option, "x,y,z,r in metres or with units (20mm), r > 0", text)
     return numbers[0], numbers[1], numbers[2], numbers[3]
 
 
 def parse_stand(text: str, option: str) -> tuple[float, float, float]:
-    """The foot (x, y) and the height of an upright: 'x,y,h'."""
-    numbers = parse_numbers(text, option)
+    """The foot (x, y) and the height of an upright: 'x,y,h', metres or with units."""
+    numbers = parse_places(text, option)
     if len(numbers) != 3 or not numbers[2] > 0:
-        raise InputError(option, "x,y,h in metres, h > 0", text)
+        raise InputError(option, "x,y,h in metres or with units (20mm), h > 0", text)
     return numbers[0], numbers[1], numbers[2]
+
+
+def parse_places(text: str, option: str) -> tuple[float, ...]:
+    """Metres, each number with or without a unit.
+
+    >>> parse_places("-60mm,0.15,2cm", "--ball")
+    (-0.06, 0.15, 0.02)
+    """
+    parts = [part.strip() for part in text.split(",")]
+    with_unit = [part[-1:].isalpha() and part.lower() not in ("nan", "inf", "-inf") for part in parts]
+    if not any(with_unit):
+        return parse_numbers(text, option)
+    from raytwin.calib.boards.lengths import parse_length  # OpenCV comes with it
+
+    return tuple(
+        (-1 if part.startswith("-") else 1) * parse_length(part.removeprefix("-"), option, zero=True)
+        if unit
+        else parse_numbers(part or "nothing", option)[0]
+        for part, unit in zip(parts, with_unit, strict=True)
+    )
 
 
 def check_outputs(*, folders: tuple[Path | None, ...] = (), files: tuple[Path | None, ...] = ()) -> None:

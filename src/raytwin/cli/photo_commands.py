@@ -11,8 +11,8 @@ from raytwin.workflows.settings import AugmentSettings
 
 
 def calibrate_command(
-    photos: list[Path], board: Path, model: str = "auto", photo: str | None = None, json: Path | None = None,
-    out: Path | None = None,
+    photos: list[Path], board: Path | None = None, model: str = "auto", photo: str | None = None,
+    json: Path | None = None, out: Path | None = None,
 ) -> None:  # fmt: skip
     """Calibrate a camera from photos of a board.
 
@@ -24,7 +24,7 @@ def calibrate_command(
     from raytwin.report import calibration_page, terminal_text
 
     check_outputs(files=(json, out))
-    definition = boards.read_board(board)
+    definition = boards.read_board(board or _board_beside(photos))
     paths = [path for named in photos for path in files.list_photos(named)]
     with show_progress() as progress:
         check_one_of("--photo", photo or paths[0].name, (p.name for p in paths))
@@ -39,13 +39,23 @@ def calibrate_command(
     print_seconds(progress)
 
 
+def _board_beside(photos: list[Path]) -> Path:
+    """board.toml in the photos' folder, or in the one above."""
+    folder = photos[0] if photos[0].is_dir() else photos[0].parent
+    found = [path / "board.toml" for path in (folder, folder.resolve().parent) if (path / "board.toml").is_file()]
+    if not found:
+        raise InputError("--board", "a board's TOML file, since no board.toml lies beside the photos", "nothing")
+    say(f"Board {found[0]}")
+    return found[0]
+
+
 def _write_camera(out: Path, calibration, paths: list[Path], photo: str | None) -> None:
     """camera.toml with the pose of `photo`, the first one's by default."""
     from raytwin.calib import photos as taken
 
     shown = [view.photo for view in calibration.views]
     name, board = photo or shown[0], calibration.basis.board
-    check_one_of("--photo", name, shown)
+    check_one_of("--photo", name, [*shown, *calibration.basis.repeated])
     path = next(p for p in paths if name in (p.name, str(p)))
     camera = taken.camera_of_photo(calibration, path, board)
     comment = f"Calibrated from {len(shown)} photos, rms {calibration.rms_px:.3f} px."
@@ -53,8 +63,8 @@ def _write_camera(out: Path, calibration, paths: list[Path], photo: str | None) 
 
 
 def light_command(
-    photos: list[Path], board: Path, camera: Path, out: Path, ball: list[str] | None = None, stand: str | None = None,
-    json: Path | None = None,
+    photos: list[Path], camera: Path, out: Path, board: Path | None = None, ball: list[str] | None = None,
+    stand: str | None = None, json: Path | None = None,
 ) -> None:  # fmt: skip
     """Estimate sun and sky from photos.
 
@@ -70,12 +80,15 @@ def light_command(
     check_outputs(files=(out, out.with_suffix(".exr"), out.with_suffix(".html"), json))
     balls = [parse_ball(text, "--ball") for text in ball or ()]
     upright = parse_stand(stand, "--stand") if stand else None
-    taken = [path for named in photos for path in files.list_photos(named)]
+    taken, unread = files.readable_photos(path for named in photos for path in files.list_photos(named))
+    board = board or _board_beside(photos)
     with show_progress() as progress:
         found = estimate_light(taken, board, camera, balls=balls, stand=upright, progress=progress)
     write_light(out, found.light, found.paper, f"The light of {len(taken)} photos: {found.trials[found.taken].name}.")
     if json:
         files.write_json(json, found.numbers())
+    for photo, why in unread.items():
+        say_wrapped(f"{photo} was left out: {why}")
     say(light_page.light_summary(found))
     light_page.write_light_page(found, out.with_suffix(".html"))
     print_seconds(progress)
@@ -84,13 +97,16 @@ def light_command(
 
 def photograph_command(
     out: Path, board: Path, scene: Path | None = None, count: int = 14, size: Size = None,
-    focal: float = 1560.0, dist: str = "0.08,-0.16", samples: int = 32, seed: int = 1, bend: float = 0.0,
+    focal: float = 1560.0, dist: str = "0.08,-0.16", samples: int = 32, seed: int = 1, bend: str = "0mm",
     with_objects: bool = False,
 ) -> None:  # fmt: skip
     """Render photos of a board with Mitsuba, and the true camera."""
+    from raytwin.calib.boards import lengths
     from raytwin.workflows.photograph import photograph_board
 
     check_outputs(folders=(out,))
+    # A number without a unit is in millimetres.
+    bent = lengths.parse_length(bend if bend.strip()[-1:].isalpha() else f"{bend}mm", "--bend", zero=True)
     with show_progress() as progress:
         photograph_board(
             board,
@@ -103,7 +119,7 @@ def photograph_command(
             samples=samples,
             seed=seed,
             with_objects=with_objects,
-            bend=bend / 1000,
+            bend=bent,
             progress=progress,
         )
     print_seconds(progress)
@@ -119,10 +135,13 @@ def augment_command(
     from raytwin.workflows.augment_photos import augment_photos
 
     check_outputs(folders=(out,), files=(json,))
+    taken, unread = files.readable_photos(path for named in photos for path in files.list_photos(named))
     with show_progress() as progress:
-        rows = augment_photos(photos, scene, out, settings, progress=progress)
+        rows = augment_photos(taken, scene, out, settings, progress=progress)
     if json:
         files.write_json(json, {"photos": rows})
+    for photo, why in unread.items():
+        say_wrapped(f"{photo} was left out: {why}")
     say(terminal_text.augment_summary(rows))
     print_seconds(progress)
     say(f"{len(rows)} photos: {out}")

@@ -30,13 +30,14 @@ from raytwin.files.photo_files import (
     photo_size,
     read_grey,
     read_photo,
+    readable_photos,
     srgb_decode,
     srgb_encode,
     to_bytes,
     write_picture,
 )
 from raytwin.files.rounding import Rounding, eight_bits, half_floats, rounding_of
-from raytwin.files.safe_write import check_file, replacing, write_text
+from raytwin.files.safe_write import check_file, replacing, replacing_files, write_text
 from raytwin.files.scene_files import (
     check_camera,
     check_contents,

@@ -1,11 +1,11 @@
-"""Photos and pictures, PNG and JPEG: sRGB in, sRGB out. The only place where sRGB exists."""
+"""Photos and pictures: sRGB in, sRGB out. The only place where sRGB exists."""
 
 import base64
 import contextlib
 import io
 import os
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -60,22 +60,65 @@ def from_bytes(pixels: np.ndarray) -> np.ndarray:
     return _DECODE[pixels]
 
 
-PHOTOS = (".jpg", ".jpeg", ".png")
-PICTURES = ("PNG", "JPEG", "PPM", "TIFF", "BMP", "WEBP")
+PHOTOS = {
+    ".jpg": "JPEG", ".jpeg": "JPEG", ".png": "PNG", ".webp": "WEBP", ".tif": "TIFF", ".tiff": "TIFF", ".bmp": "BMP",
+}  # fmt: skip
+"""Endings of the photos that are read, and Pillow's name of their format."""
+
+UNREAD = (
+    ".heic",
+    ".heif",
+    ".avif",
+    ".jxl",
+    ".jp2",
+    ".gif",
+    ".dng",
+    ".cr2",
+    ".cr3",
+    ".nef",
+    ".arw",
+    ".raf",
+    ".rw2",
+    ".orf",
+)
+"""Endings of photos that are not read: a folder's are listed, so that whoever opens them says so."""
+
+A_PHOTO = "photo (JPEG, PNG, WebP, TIFF or BMP)"
+PICTURES = (*sorted({*PHOTOS.values()}), "PPM")
 """What of 8 bits per channel is taken for an image, as Pillow calls it."""
 
 
 def list_photos(folder: str | Path) -> list[Path]:
-    """The photos of a folder, by name; a photo's file stands for itself. Raises InputError where there are none."""
+    """The photos of a folder, by name, and those of UNREAD; a photo's file stands for itself.
+
+    Raises InputError where there are none.
+    """
     folder = Path(folder)
-    if folder.is_file() and folder.suffix.lower() in PHOTOS:
+    if folder.is_file() and folder.suffix.lower() in (*PHOTOS, *UNREAD):
         return [folder]
     if not folder.is_dir():
         raise InputError(folder, "a folder of photos", "no such folder" if not folder.exists() else "a file")
-    found = sorted(p for p in folder.iterdir() if p.suffix.lower() in PHOTOS)
+    found = sorted(p for p in folder.iterdir() if p.suffix.lower() in (*PHOTOS, *UNREAD))
     if not found:
-        raise InputError(folder, "photos (.jpg, .jpeg, .png)", "none")
+        raise InputError(folder, f"photos ({', '.join(PHOTOS)})", "none")
     return found
+
+
+def readable_photos(photos: Iterable[Path]) -> tuple[list[Path], dict[Path, str]]:
+    """Those of the photos whose header can be read, and by each other what is wrong with it.
+
+    Raises InputError about the first where none can be read.
+    """
+    kept, wrong = list[Path](), dict[Path, InputError]()
+    for photo in photos:
+        try:
+            photo_size(photo)
+            kept.append(photo)
+        except InputError as error:
+            wrong[photo] = error
+    if wrong and not kept:
+        raise next(iter(wrong.values()))
+    return kept, {photo: error.got for photo, error in wrong.items()}
 
 
 def photo_size(path: str | os.PathLike) -> tuple[int, int]:
@@ -85,12 +128,12 @@ def photo_size(path: str | os.PathLike) -> tuple[int, int]:
 
 
 def read_photo(path: str | os.PathLike) -> np.ndarray:
-    """A PNG or JPEG as sRGB uint8 (H, W, 3), in the sensor's own pixel grid.
+    """A photo as sRGB uint8 (H, W, 3), in the sensor's own pixel grid; of 16 bits per channel the upper eight.
 
     An EXIF orientation is not applied: it turns the picture for the eye, but the lens and its K stay with the sensor.
     """
     with _opened(path) as photo:
-        return np.asarray(photo.convert("RGB"))
+        return np.asarray(_of_eight_bits(path, photo).convert("RGB"))
 
 
 def read_picture(path: str | os.PathLike) -> tuple[np.ndarray, np.ndarray | None]:
@@ -120,13 +163,29 @@ def _is_deep(picture: Any) -> bool:
 
 
 def read_grey(path: str | os.PathLike) -> np.ndarray:
-    """A PNG or JPEG as grey uint8 (H, W), Rec. 601 luma of sRGB, in the sensor's own pixel grid.
+    """A photo as grey uint8 (H, W), Rec. 601 luma of sRGB, in the sensor's own pixel grid.
 
     A JPEG stores luma apart from colour: reading it alone takes a third of `read_photo`'s time.
     """
     with _opened(path) as photo:
         photo.draft("L", photo.size)
-        return np.asarray(photo.convert("L"))
+        return np.asarray(_of_eight_bits(path, photo).convert("L"))
+
+
+def _of_eight_bits(path: str | os.PathLike, photo: Any) -> Any:
+    """Pillow clips grey of 16 bits to 255 where it converts it: the upper eight bits are taken.
+
+    A camera of 10, 12 or 14 bits is known by its largest value, which white paper makes at least a quarter of white.
+    """
+    from PIL import Image as Pillow
+
+    if photo.mode == "F":
+        raise InputError(path, "8 or 16 bits per channel", "floating point")
+    if not photo.mode.startswith("I"):
+        return photo
+    values = np.asarray(photo).astype(np.int64).clip(0, 65535)
+    bits = int(values.max()).bit_length()
+    return Pillow.fromarray((values >> max(bits + bits % 2 - 8, 0)).astype(np.uint8))
 
 
 def photo_orientation(path: str | os.PathLike) -> int:
@@ -143,16 +202,19 @@ def photo_extras(path: str | os.PathLike) -> dict[str, bytes]:
 
 
 @contextlib.contextmanager
-def _opened(path: str | os.PathLike, formats: tuple[str, ...] = ("JPEG", "PNG")) -> Iterator[Any]:
+def _opened(path: str | os.PathLike, formats: tuple[str, ...] | None = None) -> Iterator[Any]:
     from PIL import Image as Pillow  # 40 ms: not at import
 
-    kind = "a photo (JPEG or PNG)" if len(formats) == 2 else f"a picture ({', '.join(formats)})"
+    kind = f"a {A_PHOTO}" if formats is None else f"a picture ({', '.join(formats)})"
     check_file(path, kind)
+    if (suffix := Path(path).suffix.lower()) in UNREAD:
+        raise InputError(path, kind, f"{suffix[1:].upper()}: save it as JPEG or PNG")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Pillow.DecompressionBombWarning)
             # From memory: of a file on disk, Pillow asks for as many bytes at once as a damaged chunk claims to have.
-            with Pillow.open(io.BytesIO(Path(path).read_bytes()), formats=formats) as photo:
+            known = formats or sorted({*PHOTOS.values()})
+            with Pillow.open(io.BytesIO(Path(path).read_bytes()), formats=known) as photo:
                 check_size(path, *photo.size, 12)
                 yield photo
     except InputError:

@@ -4,6 +4,7 @@ import contextlib
 import os
 import secrets
 import stat
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -36,6 +37,21 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def replacing_files(folder: str | os.PathLike) -> Iterator[Path]:
+    """A temporary folder whose files are moved into `folder` when the block ends well, and removed when it does not."""
+    folder = Path(folder)
+    try:
+        above = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.is_dir())
+        with tempfile.TemporaryDirectory(dir=above, prefix=".raytwin-") as temporary:
+            yield Path(temporary)
+            folder.mkdir(parents=True, exist_ok=True)
+            for path in sorted(Path(temporary).iterdir()):
+                path.replace(folder / path.name)
+    except OSError as error:
+        raise InputError(folder, "a writable folder", error.strerror or error) from error
 
 
 def _is_of_the_system(path: Path) -> bool:

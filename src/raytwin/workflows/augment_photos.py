@@ -27,8 +27,9 @@ def augment_photos(
     progress: Progress = silent,
     **options: Any,
 ) -> list[dict[str, Any]]:
-    """Draw the scene's objects into each photo and write it to `out` under its own name, as PNG or JPEG.
+    """Draw the scene's objects into each photo and write it to `out` under its own name, as JPEG or else as PNG.
 
+    Where one photo fails, nothing is written.
     `options` are fields of AugmentSettings. Returns a row per photo: its name, its pose's rms in pixels, and with
     `against` the errors by region. The photo's ICC profile and EXIF are kept as they are, its orientation with them.
     """
@@ -50,47 +51,49 @@ def augment_photos(
     if calibration is not None:
         definition = calibration.shaped(definition)
     out = Path(out)
-    if names := sorted(n for n in {p.name for p in taken} if sum(p.name == n for p in taken) > 1):
-        raise InputError("photos", "names that differ, since each is written under its own", ", ".join(names))
+    names = [p.name if p.suffix.lower() in (".jpg", ".jpeg", ".png") else f"{p.stem}.png" for p in taken]
+    if repeated := sorted(n for n in {*names} if names.count(n) > 1):
+        raise InputError("photos", "names that differ, since each is written under its own", ", ".join(repeated))
     if any((out / p.name).exists() and (out / p.name).samefile(p) for p in taken):
         raise InputError("--out", "another folder than the photos'", out)
     engine = fast_engine(twin.chosen().variant)
     rows = []
-    for done, path in enumerate(taken):
-        progress("augment", done, len(taken))
-        pixels, extras = files.read_photo(path), of_three_channels(files.photo_extras(path))
-        space = to_rec709(extras.get("icc_profile"))
-        if pixels.shape[1::-1] != lens.image_size:
-            turned = ": the same, turned by a quarter" if pixels.shape[:2] == lens.image_size else ""
-            found = f"{pixels.shape[1]} x {pixels.shape[0]}{turned}"
-            raise InputError(path, f"{lens.width} x {lens.height} pixels, as the camera's", found)
-        known = calibration.tags_of(path, definition) if calibration is not None else None
-        tags = photos.detect_photo(path, definition.kind) if known is None else known
-        pose = photos.pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
-        stand = msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)
-        here = scene.at(stand)
-        exposure: float | np.ndarray = 1.0 if chosen.exposure is None else chosen.exposure
-        if light is not None and chosen.exposure is None:
-            exposure = photo_exposure(path, stand, definition, light)
-        result = augment(
-            pixels,
-            here,
-            engine=engine,
-            shadows=chosen.shadows,
-            exposure=exposure,
-            space=space,
-            ground=light is not None,
-        )
-        drawn = result.pixels
-        for pyramid in scene.pyramids:
-            drawn = draw_pyramid(drawn, stand, pyramid, space)
-        if chosen.boxes:
-            drawn = draw_boxes(drawn, here)
-        row: dict[str, Any] = {"photo": path.name, "pose_rms_px": pose.rms_px}
-        if chosen.against is not None:
-            truth = files.read_photo(Path(chosen.against) / path.name)
-            row["regions"] = errors_by_region(result, truth, here)
-        files.write_picture(out / path.name, drawn, quality=95, extras=extras)
-        rows.append(row)
+    with files.replacing_files(out) as made:
+        for done, (path, name) in enumerate(zip(taken, names, strict=True)):
+            progress("augment", done, len(taken))
+            pixels, extras = files.read_photo(path), of_three_channels(files.photo_extras(path))
+            space = to_rec709(extras.get("icc_profile"))
+            if pixels.shape[1::-1] != lens.image_size:
+                turned = ": the same, turned by a quarter" if pixels.shape[:2] == lens.image_size else ""
+                found = f"{pixels.shape[1]} x {pixels.shape[0]}{turned}"
+                raise InputError(path, f"{lens.width} x {lens.height} pixels, as the camera's", found)
+            known = calibration.tags_of(path, definition) if calibration is not None else None
+            tags = photos.detect_photo(path, definition.kind) if known is None else known
+            pose = photos.pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
+            stand = msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)
+            here = scene.at(stand)
+            exposure: float | np.ndarray = 1.0 if chosen.exposure is None else chosen.exposure
+            if light is not None and chosen.exposure is None:
+                exposure = photo_exposure(path, stand, definition, light)
+            result = augment(
+                pixels,
+                here,
+                engine=engine,
+                shadows=chosen.shadows,
+                exposure=exposure,
+                space=space,
+                ground=light is not None,
+            )
+            drawn = result.pixels
+            for pyramid in scene.pyramids:
+                drawn = draw_pyramid(drawn, stand, pyramid, space)
+            if chosen.boxes:
+                drawn = draw_boxes(drawn, here)
+            row: dict[str, Any] = {"photo": path.name, "pose_rms_px": pose.rms_px}
+            if chosen.against is not None:
+                truth = files.read_photo(Path(chosen.against) / path.name)
+                row["regions"] = errors_by_region(result, truth, here)
+            files.write_picture(made / name, drawn, quality=95, extras=extras)
+            rows.append(row)
     progress("augment", len(taken), len(taken))
     return rows

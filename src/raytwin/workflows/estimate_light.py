@@ -126,10 +126,7 @@ def estimate_light(
         there = [find_ball(linear, sheet, np.array(b[:3]), float(b[3]))[0] for b in balls]
     else:
         there = _found(linear, sheet)
-    for k, ball in enumerate(there):
-        progress("balls", k, len(there))
-        _add_ball(evidence, linear, sheet, ball, bool(balls), said)
-    progress("balls", len(there), len(there))
+    _add_balls(evidence, linear, sheet, there, bool(balls), said, progress)
     if not (evidence.shadow or evidence.matt or evidence.mirrors):
         raise InputError(
             "photos", "a mirror ball, a matt ball or a pin beside the board (--ball x,y,z,r, --stand x,y,h in metres)",
@@ -203,6 +200,20 @@ def _found(linear: list[LinearPhoto], sheet: Sheet) -> list[Ball]:
         if all(np.linalg.norm(ball.center - b.center) > max(ball.radius, b.radius) for b in kept):
             kept.append(ball)
     return kept
+
+
+def _add_balls(
+    evidence: models.Evidence, linear: list[LinearPhoto], sheet: Sheet, there: list[Ball], given: bool, said: list[str],
+    progress: Progress,
+) -> None:  # fmt: skip
+    for k, ball in enumerate(there):
+        progress("balls", k, len(there))
+        try:
+            _add_ball(evidence, linear, sheet, ball, given, said)
+        except np.linalg.LinAlgError:
+            if given:
+                raise InputError(ball.name, "a ball whose place the photos determine", "one they do not") from None
+    progress("balls", len(there), len(there))
 
 
 def _add_ball(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 from PIL import ImageCms
+from program import raytwin
 
 from raytwin import files
 from raytwin.calib import synthetic_photos
@@ -185,6 +186,33 @@ def test_a_photo_of_another_size_is_named(taken, scenes, tmp_path):
     files.write_picture(tmp_path / "small.jpg", files.read_photo(taken / "without" / "photo_00.jpg")[:300])
     with pytest.raises(InputError, match=r"small\.jpg: expected 504 x 378 pixels.*got 504 x 300"):
         augment_photos([tmp_path / "small.jpg"], scenes / "desk", tmp_path / "o", camera=taken / "camera.toml")
+
+
+def test_a_batch_of_which_one_photo_fails_leaves_nothing(taken, scenes, tmp_path):
+    whole = taken / "without" / "photo_00.jpg"
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "photo_00.jpg").write_text("of an earlier run")
+    (tmp_path / "cut.jpg").write_bytes(whole.read_bytes()[:9000])
+    with pytest.raises(InputError, match=r"cut\.jpg: expected a whole photo"):
+        augment_photos([whole, tmp_path / "cut.jpg"], scenes / "desk", tmp_path / "out", camera=taken / "camera.toml")
+    assert [p.read_text() for p in (tmp_path / "out").iterdir()] == ["of an earlier run"]
+
+
+def test_a_tiff_is_drawn_into_and_written_as_png(taken, scenes, tmp_path):
+    Pillow.open(taken / "without" / "photo_00.jpg").save(tmp_path / "photo.tiff")
+    augment_photos([tmp_path / "photo.tiff"], scenes / "desk", tmp_path / "out", camera=taken / "camera.toml")
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["photo.png"]
+
+
+def test_augment_takes_a_folder_and_leaves_out_what_it_cannot_read(taken, scenes, tmp_path):
+    (tmp_path / "photo_00.jpg").write_bytes((taken / "without" / "photo_00.jpg").read_bytes())
+    (tmp_path / "._photo_00.jpg").write_bytes(b"Mac OS X")
+    run = raytwin(
+        "augment", tmp_path, "--scene", scenes / "desk", "--camera", taken / "camera.toml", "-o", tmp_path / "out"
+    )
+    assert run.returncode == 0, run.stderr
+    assert "._photo_00.jpg was left out: a file of another kind" in run.stdout
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["photo_00.jpg"]
 
 
 def test_under_the_photos_own_light_a_drawn_ball_is_as_the_real_one(scenes, tmp_path):

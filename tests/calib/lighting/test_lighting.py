@@ -274,3 +274,18 @@ def test_clipped_and_tone_mapped_paper_is_a_warning_in_words(tmp_path):
     for gamma, told in ((1.0, False), (0.6, True)):
         files.write_picture(path, (255 * (image / 255.0) ** gamma).astype(np.uint8), quality=95)
         assert any("tone-mapped" in w for w in read_linear([path], views, BOARD)[2]) == told
+
+
+@pytest.mark.parametrize("corner", [(0, 0), (0, 1), (1, 0), (1, 1)])
+def test_a_bright_patch_in_the_box_about_a_ball_but_beside_it_is_no_sun(corner):
+    """Its ray misses the ball, so that the sun had no direction; at the box's end its slices ran past the window."""
+    photo = of_ball(lambda n, out: np.full((len(n), 3), 0.1))
+    uv = mirror_ball.pixels_about(photo, ball_of())
+    (u, v) = np.where(corner, uv.max(axis=0) - 2, uv.min(axis=0))
+    light = photo.light.copy()
+    light[v : v + 3, u : u + 3] = 5
+    assert mirror_ball.sun_spot(picture(light), ball_of()) is None
+    rim = ball_outline.outline(photo, CENTER, RADIUS)
+    u, v = (rim.mean(axis=0) + np.array([0, 0.4]) * np.ptp(rim, axis=0)).astype(int)
+    light[v : v + 3, u : u + 3] = 5
+    assert mirror_ball.sun_spot(picture(light), ball_of()) is not None

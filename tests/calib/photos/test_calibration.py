@@ -222,6 +222,28 @@ def test_a_photo_without_tags_among_many_is_left_out_and_named(shoot, tmp_path):
         calibrate(photos, BOARD)
 
 
+def test_files_that_cannot_be_read_are_left_out_and_named(shoot, tmp_path):
+    folder, _ = shoot()
+    for i in range(4):
+        pixels = files.read_photo(folder / f"photo_0{i}.jpg")
+        Pillow.fromarray(pixels).save(tmp_path / f"photo_0{i}{('.webp', '.tif', '.bmp', '.jpg')[i]}")
+    whole = (tmp_path / "photo_03.jpg").read_bytes()
+    (tmp_path / "cut.jpg").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "._photo_03.jpg").write_bytes(b"Mac OS X")
+    for name in "abcde":
+        (tmp_path / f"{name}.heic").write_bytes(b"heic")
+    found = calibrate(tmp_path, BOARD, "k1")
+    assert len(found.views) == 4
+    texts = sorted(w.text.split(" (")[0] for w in found.warnings if w.code == "no-tags")
+    assert texts == [
+        "._photo_03.jpg was left out: a file of another kind, or a damaged header",
+        "a.heic, b.heic, c.heic, ... were left out: HEIC: save it as JPEG or PNG",
+        "cut.jpg was left out: a damaged one",
+    ]
+    with pytest.raises(InputError, match=r"a\.heic: expected a photo"):
+        calibrate(sorted(tmp_path.glob("*.heic")), BOARD)
+
+
 WIDE, TALL, OTHER, TURNED = (24, 16, 1), (16, 24, 1), (20, 10, 1), (24, 16, 6)
 """Width, height and EXIF orientation of a photo."""
 

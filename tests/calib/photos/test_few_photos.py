@@ -9,6 +9,7 @@ from raytwin.calib.photos import calibrate_detections, model_table
 from raytwin.calib.photos.fit import ModelSpec, Sighting, fit
 from raytwin.calib.photos.model import FEW_PHOTOS, select_model
 from raytwin.calib.photos.uncertainty import fit_uncertainty, with_model_gap
+from raytwin.errors import InputError
 
 
 @pytest.mark.parametrize(("count", "model"), [(FEW_PHOTOS - 1, "full5"), (FEW_PHOTOS, "k1k2")])
@@ -70,3 +71,39 @@ def test_a_small_lens_of_many_photos_is_no_surer_of_the_centre_than_the_richest_
         z.append((four(found) - (camera.fx, camera.fy, camera.cx, camera.cy)) / [found.sigma[n] for n in FOUR])
     assert np.abs(z).max() < 3
     assert np.abs(z).max() > 0.5
+
+
+def _burst(tags: dict, copies: int = 4, shake: float = 1.0) -> dict:
+    """Each view `copies` times, with the errors of its own detections and moved by the hand (px)."""
+    rng = np.random.default_rng(9)
+    return {
+        f"{photo}_{k}": [moved(t, np.array(t.center) + shift + rng.normal(0, 0.02, 2)) for t in found]
+        for photo, found in tags.items()
+        for k, shift in enumerate(rng.normal(0, shake, (copies, 2)))
+    }
+
+
+@pytest.mark.parametrize("shake", [0.0, 1.0])
+def test_a_burst_of_each_view_says_no_more_than_one_photo_of_it(shake):
+    """What pulls a view's tags is the same in its copies, so that sigma of four copies was half and less."""
+    _, _, tags = views(seed=1, count=5, noise=0.3)
+    alone, burst = (calibrate_detections(t, SIZE, SMALL) for t in (tags, _burst(tags, shake=shake)))
+    for name in FOUR:
+        assert burst.sigma[name] > 0.7 * alone.sigma[name]
+    assert [v.photo for v in burst.views] == [f"view_{i:02d}_0" for i in range(5)]
+    said = {w.code: w.text for w in burst.warnings}
+    assert said["few-views"].startswith("5 photos")
+    assert said["same-view"].startswith("15 of 20 photos, view_00_1 (as view_00_0), view_00_2 (as view_00_0), ")
+    assert burst.board.bend_mm == pytest.approx(alone.board.bend_mm, abs=0.3)
+
+
+def test_three_copies_of_one_photo_are_no_three_views():
+    _, _, tags = views(seed=1, count=1)
+    with pytest.raises(InputError, match="got 1; view_00_1: the view of view_00_0"):
+        calibrate_detections(_burst(tags), SIZE, SMALL)
+
+
+def test_photos_taken_one_by_one_are_all_used(real_found):
+    """Even of those that are deliberately alike: the closest lie twice the limit apart."""
+    for name, count in (("april_fine", 21), ("desk_tilted", 32), ("desk_degenerate", 20)):
+        assert len(real_found(name).views) == count

@@ -364,6 +364,18 @@ def test_a_photo_far_off_hides_no_other():
     assert sorted(w.text.split(":")[0] for w in found.warnings if w.code == "odd-photo") == ["view_05", "view_09"]
 
 
+def test_the_steepest_photo_is_not_advised_to_be_left_out_at_once():
+    """Alone of its kind, it may disagree because it carries the information."""
+    _, _, tags = views(1, count=14, noise=0.03)
+    tags["view_05"], tags["view_09"] = by_another_camera(tags["view_05"]), zoomed(tags["view_09"], 0.93)
+    found = calibrate_detections(tags, SIZE, SMALL, "k1k2")
+    tilt = dict(zip((v.photo for v in found.views), found.basis.tilts, strict=True))
+    advice = {w.text.split(":")[0]: w.text for w in found.warnings if w.code == "odd-photo"}
+    steepest = max(tilt, key=tilt.__getitem__)
+    assert advice.pop(steepest).endswith("take more as steep before you leave it out")
+    assert all(text.endswith("or blur): leave it out") for text in advice.values())
+
+
 def test_a_photo_that_fits_no_camera_of_the_others_is_left_out_and_named():
     _, _, tags = views(7, count=14, noise=0.03)
     tags["view_05"] = zoomed(tags["view_05"])

@@ -5,7 +5,7 @@ The board frame: X to the right, Y up, Z out of the printed face towards the vie
 
 import hashlib
 import os
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import cv2
 import msgspec
@@ -119,7 +119,14 @@ def read_board(path: str | os.PathLike) -> Board:
 
     See Board and Grid. Raises InputError that names the field that is wrong.
     """
-    board = files.to_record(path, files.read_toml(path), Board)
+    data = files.read_toml(path)
+    grid: Any = data.get("grid")
+    of_board = ("family", "tag_edge", "border_bits") if isinstance(grid, dict) else ()
+    above = [key for key in of_board if key in grid and key not in data]
+    for keys, where in (([key for key in Grid.__struct_fields__ if key in data], "below"), (above, "above")):
+        if keys:
+            raise InputError(path, f"{', '.join(keys)} {where} the line [grid]", "them elsewhere")
+    board = files.to_record(path, data, Board)
     check_board(board, path)
     return board
 

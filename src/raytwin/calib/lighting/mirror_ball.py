@@ -108,12 +108,16 @@ def sun_spot(photo: LinearPhoto, ball: Ball) -> tuple[np.ndarray, float] | None:
 
     The middle is that of its brightest part, so that a lamp beside the sun does not shift it.
     """
-    low, high = (f(pixels_about(photo, ball), axis=0) for f in (np.min, np.max))
+    uv = pixels_about(photo, ball)
+    if len(uv) == 0:
+        return None
+    low, high = uv.min(axis=0), uv.max(axis=0)
     window = slice(low[1], high[1] + 1), slice(low[0], high[0] + 1)
     value, labels = photo.light[window].min(axis=-1), ndimage.label(photo.clipped[window], np.ones((3, 3)))[0]
     found, most = None, SPOT_LEAST - 1
     for k, box in enumerate(ndimage.find_objects(labels), 1):
-        near = tuple(slice(max(0, b.start - SPOT_AROUND), b.stop + SPOT_AROUND) for b in box)
+        ends = zip(box, labels.shape, strict=True)
+        near = tuple(slice(max(0, b.start - SPOT_AROUND), min(b.stop + SPOT_AROUND, end)) for b, end in ends)
         patch = labels[near] == k
         ring = np.logical_xor(*(ndimage.binary_dilation(patch, iterations=SPOT_AROUND - i) for i in (0, 1)))
         around, top = np.quantile(value[near][ring], 0.9) if ring.any() else np.inf, np.median(value[near][patch])
@@ -123,6 +127,8 @@ def sun_spot(photo: LinearPhoto, ball: Ball) -> tuple[np.ndarray, float] | None:
         weight = np.clip((value[near] - around - 0.3 * (top - around)) / (0.63 * (top - around)), 0, 1)
         weight = weight * ndimage.binary_dilation(patch, iterations=SPOT_AROUND - 1)
         middle = np.array([(weight * axis).sum() / weight.sum() for axis in np.mgrid[near][::-1]])
+        if np.isnan(reflect(photo, ball, (middle + low)[None])[2][0]):
+            continue  # in the box about the ball, but beside it
         found, most = (middle + low, float(np.sqrt(patch.sum() / np.pi))), patch.sum()
     return found
 

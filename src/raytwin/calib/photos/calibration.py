@@ -31,6 +31,11 @@ from raytwin.progress import Progress, silent
 LEAST_VIEWS = 3
 """Photos of the board: with fewer the camera is not determined."""
 
+SAME_VIEW = 0.005
+"""Share of the image's longer side: photos whose tags lie less than this apart (rms) are one view, as those of a burst.
+
+Photos taken one by one are at least 0.0166 apart in the real sets, and 0.0104 in one that is deliberately alike."""
+
 ROUNDS = 3
 """Fits, each without the outliers and the detector's bias found by the one before; a fourth moves fx by 1e-7."""
 
@@ -43,6 +48,11 @@ PRELIMINARY = "k1k2"
 BENT_BIAS_SD = {2: 0.5, 4: 0.25, 6: 0.07}
 """By degree of the sheet's shape, the uncertain fraction of the detector's bias from bent tag edges: measured on a
 cosine of 250 mm and 3 mm, six sets of poses without noise."""
+
+UNEXPLAINED = 0.05
+"""Share of the distance between neighbouring tags: with a larger rms there is no camera.
+
+Sound sets have at most 0.005, a fisheye of 150 degrees 0.04. Boards other than the file says: 0.07 and more."""
 
 GROSS = 0.03
 """Before anything is fitted: a tag this share of the image's width off its view's homography is an outlier, far more
@@ -62,8 +72,8 @@ def calibrate(
     `photos` are files or folders, `board` a Board or its TOML file. `model`: auto, none, k1, k1k2, k1k2p1p2, k1k2k3 or
     full5. The photos have one size. `K` and distortion are in OpenCV's pixels, poses in metres. `progress`, `find` and
     `threads` are those of `detect_photos`.
-    Photos without tags, and those of another size, are left out with a warning as long as three others remain. Raises
-    InputError if the photos do not determine a camera.
+    Photos without tags or of another size, and files that cannot be read, are left out with a warning as long as three
+    others remain. Raises InputError if the photos do not determine a camera.
     """
     named = [photos] if isinstance(photos, str | os.PathLike) else photos
     listed = [files.list_photos(path) if path.is_dir() else [path] for path in map(Path, named)]
@@ -73,10 +83,12 @@ def calibrate(
     _check_model(model)
     if len(paths) < LEAST_VIEWS:
         raise InputError(where, f"at least {LEAST_VIEWS} photos of the board, from different sides", len(paths))
-    paths, image_size, warnings = _of_one_size(paths)
-    found, wrong = detect_photos(paths, board.kind, progress, find, threads)
     unique = len({p.name for p in paths}) == len(paths)
     shown = {str(p): p.name if unique else str(p) for p in paths}
+    paths, broken = files.readable_photos(paths)
+    paths, image_size, warnings = _of_one_size(paths)
+    found, wrong = detect_photos(paths, board.kind, progress, find, threads)
+    wrong |= {str(photo): why for photo, why in broken.items()}
     progress("fit", 0, 1)
     result = calibrate_detections(
         {shown[p]: tags for p, tags in found.items()},
@@ -108,10 +120,11 @@ def calibrate_detections(
     if not any(detections.values()):
         seen = "; ".join(f"{name}: {why}" for name, why in list(wrong.items())[:3])
         raise InputError(where, f"photos of {board.kind} tags", seen or "none")
-    pose.check_ids(list(detections.values()), board, where)
+    pose.check_tags(list(detections.values()), board, where)
     _check_inside(detections, image_size)
-    views, straight = _first_views(detections, image_size, board, wrong)
-    _check_enough(views, wrong, where)
+    distinct, repeated = _distinct(detections, image_size)
+    views, straight = _first_views(distinct, image_size, board, wrong)
+    _check_enough(views, {photo: f"the view of {other}" for photo, other in repeated.items()} | wrong, where)
     trials: dict[str, ModelTrial] = {}
     gap = np.zeros((0, 0))
     result = fit(straight, image_size, board, ModelSpec(PRELIMINARY if model == "auto" else model))
@@ -125,15 +138,43 @@ def calibrate_detections(
         result = fit(straight, image_size, board, result.form, result)
         if turn == 1 or (turn == 2 and bent):
             result, trials, gap = select_model(straight, image_size, board, model, result)
+    _check_explained(straight, result, where)
     outliers = {
         v.photo: sorted({t.id for t in v.tags} - {t.id for t in s.tags}) for v, s in zip(views, straight, strict=True)
     }
     known = with_model_gap(
         fit_uncertainty(result, _systematic(straight, board, result) if result.form.degree else ()), gap
     )
-    made = _calibration(straight, image_size, board, result, known, trials, detections)
+    made = _calibration(straight, image_size, board, result, known, trials, detections, repeated)
+    if repeated:
+        shown = [f"{photo} (as {other})" for photo, other in list(repeated.items())[:3]]
+        text = f"{', '.join(shown + ['...'] * (len(repeated) > 3))}: left out, since a burst or a video repeats views"
+        warnings = (*warnings, CalibrationWarning("same-view", f"{len(repeated)} of {len(detections)} photos, {text}"))
     more = warnings_for(Case(made, result, known, straight, board, wrong, outliers))
     return msgspec.structs.replace(made, warnings=(*warnings, *(CalibrationWarning(*d) for d in more)))
+
+
+def _distinct(
+    detections: Mapping[str, Sequence[Tag]], image_size: tuple[int, int]
+) -> tuple[dict[str, Sequence[Tag]], dict[str, str]]:
+    """One photo of each view, and by each other photo the one that it repeats.
+
+    What pulls a view's tags astray is the same in its copies: counted as views, they make sigma too small.
+    """
+    column = {tag: i for i, tag in enumerate({t.id for tags in detections.values() for t in tags})}
+    places = np.full((len(detections), len(column), 2), np.nan)
+    for row, tags in zip(places, detections.values(), strict=True):
+        row[[column[t.id] for t in tags]] = np.array([t.center for t in tags]).reshape(-1, 2)
+    names, kept, repeated = list(detections), list[int](), dict[str, str]()
+    for i, photo in enumerate(names):
+        square = ((places[kept] - places[i]) ** 2).sum(axis=-1)
+        both = np.isfinite(square).sum(axis=1)
+        same = (both >= 4) & (np.nansum(square, axis=1) < both * (SAME_VIEW * max(image_size)) ** 2)
+        if same.any():
+            repeated[photo] = names[kept[int(same.argmax())]]
+        else:
+            kept.append(i)
+    return {names[i]: detections[names[i]] for i in kept}, repeated
 
 
 def _first_views(
@@ -212,6 +253,7 @@ def _calibration(
     known: FitUncertainty,
     trials: dict[str, ModelTrial],
     detections: Mapping[str, Sequence[Tag]],
+    repeated: dict[str, str],
 ) -> Calibration:
     names = result.form.names
     sigma = np.sqrt(np.diag(known.covariance)[: len(names)])
@@ -243,6 +285,7 @@ def _calibration(
             for du, dv in of[: len(view.tags)]
         ),
         found={photo: tuple(tags) for photo, tags in detections.items()},
+        repeated=repeated,
     )
     return Calibration(
         image_size=(int(image_size[0]), int(image_size[1])),
@@ -319,6 +362,16 @@ def _check_enough(views: Sequence[Sighting], wrong: dict[str, str], where: str) 
     if len(views) < LEAST_VIEWS:
         reasons = "".join(f"; {name}: {why}" for name, why in list(wrong.items())[:3])
         raise InputError(where, f"at least {LEAST_VIEWS} photos that show the board", f"{len(views)}{reasons}")
+
+
+def _check_explained(views: Sequence[Sighting], result: Fit, where: str) -> None:
+    apart = []
+    for view in views:
+        at = np.array([t.center for t in view.tags])
+        apart += (np.linalg.norm(at[:, None] - at, axis=-1) + np.diag(np.full(len(at), np.inf))).min(axis=0).tolist()
+    if result.rms_px > (limit := UNEXPLAINED * float(np.median(apart))):
+        got = f"{result.rms_px:.3g} px: the board's file does not describe this board, or the lens is a fisheye"
+        raise InputError(where, f"tags at most {limit:.2g} px (rms) off where some camera sees them", got)
 
 
 def _check_model(model: str) -> None:

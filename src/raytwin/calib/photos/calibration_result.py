@@ -50,7 +50,8 @@ class Evidence(Record, frozen=True):
     views, metres. `covariance`: of (fx, fy, cx, cy, the model's coefficients, omega, tau), see `uncertainty`; pixels,
     radians, metres; `noise_px`: one standard deviation of a tag's coordinate that goes with it. `trials`: what came of
     each model, `taken` among them. `board`: with its shape. `seen`: the tags' centres, by view; `residuals`:
-    projected minus seen of each, pixels. `found`: by photo, all tags that were detected.
+    projected minus seen of each, pixels. `found`: by photo, all tags that were detected. `repeated`: by photo left out,
+    the one that shows the same view.
     """
 
     coverage: float
@@ -64,6 +65,7 @@ class Evidence(Record, frozen=True):
     seen: tuple[tuple[float, float], ...]
     residuals: tuple[tuple[float, float], ...]
     found: dict[str, tuple[Tag, ...]]
+    repeated: dict[str, str]
 
 
 class Calibration(Record, frozen=True):

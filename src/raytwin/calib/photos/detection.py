@@ -170,24 +170,24 @@ def detect_photos(
     find: Find = detect,
     threads: int | None = None,
 ) -> tuple[dict[str, list[Tag]], dict[str, str]]:
-    """Tags by photo's path, and by photo's path what is wrong with those that show none.
+    """Tags by photo's path, and by photo's path what is wrong with those that show none or are damaged.
 
     `threads`: how many photos are read in parallel, by default one per core.
     """
     tags: dict[str, list[Tag]] = {}
     wrong: dict[str, str] = {}
 
-    def look(photo: str | os.PathLike) -> list[Tag] | NoTags:
+    def look(photo: str | os.PathLike) -> list[Tag] | InputError:
         try:
             return detect_photo(photo, kind, find)
-        except NoTags as error:
+        except InputError as error:
             return error
 
     # Decoding and detecting both let other threads run.
     progress("detect", 0, len(photos))
     with ThreadPoolExecutor(min(len(photos), threads or os.cpu_count() or 1) or 1) as pool:
         for done, (photo, found) in enumerate(zip(photos, pool.map(look, photos), strict=True), start=1):
-            if isinstance(found, NoTags):
+            if isinstance(found, InputError):
                 wrong[str(photo)] = found.got
             else:
                 tags[str(photo)] = found

@@ -126,8 +126,12 @@ def warnings_for(case: Case) -> list[tuple[str, str]]:
 
 
 def _left_out(case: Case) -> Warnings:
+    by_reason: dict[str, list[str]] = {}
     for photo, why in case.wrong.items():
-        yield "no-tags", f"{photo} was left out: {why}"
+        by_reason.setdefault(why, []).append(photo)
+    for why, of in by_reason.items():
+        names, verb = ", ".join(of[:3] + ["..."] * (len(of) > 3)), "was" if len(of) == 1 else "were"
+        yield "no-tags", f"{names} {verb} left out: {why}"
 
 
 def _few(case: Case) -> Warnings:
@@ -227,9 +231,17 @@ def _odd(case: Case) -> Warnings:
         error, without = _others_error(case, name), _others_error(rest, name)
         text = f"without it the others are predicted to {without:.3f} px, with it to {error:.3f} px"
         blame = "(another camera, zoom or orientation, or blur): leave it out"
+        if name == _steepest(case):
+            blame = "(blur, another camera, or the only view so steep): take more as steep before you leave it out"
         yield "odd-photo", f"{name}: {after}{why}; {text} {blame}"
         left_out.append(name)
         case = rest
+
+
+def _steepest(case: Case) -> str:
+    """The photo of the largest tilt: alone of its kind, it may disagree because it carries the information."""
+    tilt = dict(zip((v.photo for v in case.calibration.views), case.calibration.basis.tilts, strict=True))
+    return max(case.photos, key=tilt.__getitem__)
 
 
 def _oddities(case: Case) -> Iterator[tuple[float, str, str]]:

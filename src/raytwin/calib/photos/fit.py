@@ -188,7 +188,10 @@ def fit(
     shared[: len(form.names)] = K[0, 0], K[1, 1], K[0, 2], K[1, 2], *(value.get(n, 0.0) for n in MODELS[form.model])
     if start is not None and (start.form.degree, start.form.stretch) == (form.degree, form.stretch):
         shared[len(form.names) :] = start.shared[len(start.form.names) :]
-    found = _settle(_step(form, seen, shared, R, t))
+    try:
+        found = _settle(_step(form, seen, shared, R, t))
+    except np.linalg.LinAlgError:
+        raise InputError("views", "photos from which a camera follows", "tags that contradict each other") from None
     if not (np.isfinite(found.shared).all() and (found.shared[:2] > 0).all()):
         fx, fy = found.shared[:2]
         raise InputError("views", "photos from which a camera follows", f"fx, fy = {fx:.4g}, {fy:.4g}")

@@ -16,6 +16,7 @@ from scipy.special import fdtrc
 from raytwin.calib.boards.board import Board, spans_a_plane
 from raytwin.calib.photos import lens_model
 from raytwin.calib.photos.bias import unbiased
+from raytwin.calib.photos.board_layout import check_layout
 from raytwin.calib.photos.detection import Tag, detect_photo
 from raytwin.calib.photos.fit import matched
 from raytwin.calib.photos.uncertainty import pose_deviation
@@ -138,7 +139,7 @@ def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, ph
     """Both poses from the tags of one photo; tags that are not on the board are passed over."""
     known = board.centers()
     used = [t for t in tags if t.id in known]
-    check_ids([tags], board, photo)
+    check_tags([tags], board, photo)
     if not spans_a_plane(board.points(t.id for t in used)[:, :2]):
         raise InputError(photo, "at least 4 tags of the board, not in one line", f"ids {_list(t.id for t in used)}")
     # Known distortion: what is left of a tag's distance from the homography is noise, or a mistake.
@@ -204,12 +205,13 @@ def consistent(points: np.ndarray, image: np.ndarray, threshold: float) -> np.nd
     return np.ones(len(points), bool) if inside is None else inside.ravel().astype(bool)
 
 
-def check_ids(views: Sequence[Sequence[Tag]], board: Board, where: str) -> None:
-    """Raise InputError unless some tag of some view is on the board."""
+def check_tags(views: Sequence[Sequence[Tag]], board: Board, where: str) -> None:
+    """Raise InputError unless some tag of some view is on the board, beside those that the board's file has there."""
     shown = {t.id for tags in views for t in tags}
     known = set(board.centers())
     if shown and not shown & known:
         raise InputError(where, f"tags of the board (ids {_list(known)})", f"other tags (ids {_list(shown)})")
+    check_layout(views, board, where)
 
 
 def outlier_limit(errors: np.ndarray) -> float:
