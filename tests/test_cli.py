@@ -76,7 +76,7 @@ def test_calibrate_takes_photos_one_by_one(scenes, tmp_path):
     run = raytwin("calibrate", *photos, "--board", scenes / "desk" / "board.toml", *outputs, "--photo", photos[3].name)
     assert run.returncode == 0, run.stderr
     found = json.loads((tmp_path / "c.json").read_text())
-    assert list(found) == ["image_size", "model", "K", "dist", "sigma", "rms_px", "views", "board", "warnings"]
+    assert list(found) == ["image_size", "model", "K", "dist", "sigma", "rms_px", "views", "warnings", "boards"]
     assert list(found["views"][0]) == ["photo", "tags", "rms_px", "R_cam_board", "t_cam_board", "influence"]
     assert {v["photo"] for v in found["views"]} == {p.name for p in photos}
     view = next(v for v in found["views"] if v["photo"] == photos[3].name)

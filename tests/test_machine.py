@@ -110,7 +110,6 @@ def test_pipes_and_devices_are_refused_where_files_are_read(tmp_path, pair):
         ("diff", tmp_path / "pipe", pair[0]),
         ("compare", "single", "--subject", tmp_path / "pipe"),
         ("grade", tmp_path / "pipe", "-r", RUBRIC),
-        ("bench", "single", "--against", tmp_path / "pipe"),
         ("calibrate", tmp_path, "--board", tmp_path / "pipe"),
     ):
         refused(raytwin(*command), "pipe")

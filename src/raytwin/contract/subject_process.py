@@ -12,6 +12,8 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
@@ -116,6 +118,7 @@ class SubjectFunction:
 
 def main(connection: Connection) -> None:
     """Load what is asked for, then answer calls until the other end closes."""
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     sys.path[:], text = connection.recv()
     functions: dict[str, Callable[..., Any]] = {}
     _answer(connection, lambda: _loaded(text, functions))
@@ -123,6 +126,13 @@ def main(connection: Connection) -> None:
         while True:
             name, arguments, options = connection.recv()
             _answer(connection, lambda: _plain(functions[name](*arguments, **options)))  # noqa: B023 (called at once)
+
+
+def _end_with(parent: int) -> None:
+    """End this process, and what it started, once its parent has gone: it may be in a loop that never ends."""
+    while os.getppid() == parent:
+        time.sleep(1)
+    os.killpg(0, signal.SIGKILL)
 
 
 def _answer(connection: Connection, work: Callable[[], Any]) -> None:

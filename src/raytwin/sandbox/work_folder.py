@@ -27,10 +27,10 @@ def new_folder() -> tuple[Path, int]:
     It has its final name only once it is locked, so `sweep` in another process never takes it for left behind.
     """
     folder = Path(tempfile.mkdtemp(prefix="raytwin-new-"))
-    if os.name != "posix":
+    try:
+        import fcntl
+    except ImportError:  # not Unix
         return folder, -1
-    import fcntl
-
     held = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     with contextlib.suppress(OSError):  # some network file systems have no locks: `sweep` finds none either
         fcntl.flock(held, fcntl.LOCK_SH)
@@ -39,10 +39,10 @@ def new_folder() -> tuple[Path, int]:
 
 def sweep() -> None:
     """Remove this user's submissions' folders whose process is gone: it was killed before it could do so."""
-    if os.name != "posix":
+    try:
+        import fcntl
+    except ImportError:  # not Unix: no folder is locked
         return
-    import fcntl
-
     for folder in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
         with contextlib.suppress(OSError):
             there = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
