@@ -27,10 +27,10 @@ def turn(alone: bool = False) -> Iterator[None]:
     """Wait for a turn beside this user's other submissions, or `alone`, where those share a limit."""
     with contextlib.ExitStack() as held:
         if share_a_limit():
-            import fcntl
-
             path = Path(tempfile.gettempdir()) / f"raytwin-turns-{os.getuid()}"
-            with contextlib.suppress(OSError):  # another's file, or no locks here: no turns are taken
+            with contextlib.suppress(OSError, ImportError):  # another's file, or no locks here: no turns are taken
+                import fcntl
+
                 descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
                 held.callback(os.close, descriptor)
                 fcntl.flock(descriptor, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
