@@ -34,3 +34,9 @@ def test_words_behind_two_dashes_are_no_options():
         assert not removed.removed_command(["compare", "--old"])
     finally:
         del removed.COMMANDS["diff --old"]
+
+
+def test_a_second_board_is_refused(tmp_path):
+    run = raytwin("calibrate", tmp_path, "--board", "a.toml", "--board", "b.toml")
+    assert run.returncode == 2
+    assert run.stderr == "raytwin: `calibrate --board` more than once was removed in 0.2.0. Use one board per call.\n"

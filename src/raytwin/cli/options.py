@@ -202,7 +202,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     },
     "calibrate": {
         "photos": _arg("Photos of the board, or their folder.", "PHOTOS..."),
-        "board": _opt("TOML file of the board (board.toml beside the photos).", "BOARD", kind=Path | None),
+        "board": _opt("TOML file of the board (board.toml beside the photos).", "BOARD"),
         "model": _opt("Lens model: auto, none, k1, k1k2, k1k2p1p2, k1k2k3 or full5.", among=MODELS),
         "photo": _opt("Photo whose pose is written (the first).", "NAME"),
         "out": _opt("Write the camera, as TOML, and a page beside it.", "FILE", *OUT),

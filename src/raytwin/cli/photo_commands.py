@@ -11,7 +11,7 @@ from raytwin.workflows.settings import AugmentSettings
 
 
 def calibrate_command(
-    photos: list[Path], board: Path | None = None, model: str = "auto", photo: str | None = None,
+    photos: list[Path], board: list[Path] | None = None, model: str = "auto", photo: str | None = None,
     json: Path | None = None, out: Path | None = None,
 ) -> None:  # fmt: skip
     """Calibrate a camera from photos of a board.
@@ -24,7 +24,9 @@ def calibrate_command(
     from raytwin.report import calibration_page, terminal_text
 
     check_outputs(files=(json, out))
-    definition = boards.read_board(board or _board_beside(photos))
+    if board and len(board) > 1:
+        raise InputError("`calibrate --board`", "more than once was removed in 0.2.0. Use one board per call.")
+    definition = boards.read_board(board[0] if board else _board_beside(photos))
     paths = [path for named in photos for path in files.list_photos(named)]
     with show_progress() as progress:
         check_one_of("--photo", photo or paths[0].name, (p.name for p in paths))
