@@ -32,7 +32,7 @@ def test_a_skip_fails_where_none_is_wanted(pytester, monkeypatch, setting, faile
     monkeypatch.setenv("RAYTWIN_NO_SKIPS", setting)
     monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests"))
     pytester.makepyfile(SKIPPED)
-    done = pytester.runpytest_inprocess("-p", "no_skips")
+    done = pytester.runpytest_subprocess("-p", "no_skips")
     done.assert_outcomes(failed=failed, errors=failed, skipped=skipped, xfailed=1)
     assert ("llvm_ad_rgb does not work here" in done.stdout.str()) == bool(failed)
 
@@ -41,7 +41,7 @@ def test_a_file_that_is_skipped_whole_fails_too(pytester, monkeypatch):
     monkeypatch.setenv("RAYTWIN_NO_SKIPS", "1")
     monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests"))
     pytester.makepyfile("import pytest\npytest.importorskip('no_such_package')\ndef test_it(): pass\n")
-    pytester.runpytest_inprocess("-p", "no_skips").assert_outcomes(errors=1)
+    pytester.runpytest_subprocess("-p", "no_skips").assert_outcomes(errors=1)
 
 
 def test_ci_allows_no_skips():

@@ -4,7 +4,6 @@ The process is the user's own, with all the user's rights: `grade` locks submiss
 file, run as a script, with one end of a socket; what a subject prints goes where raytwin's output goes.
 """
 
-import atexit
 import contextlib
 import inspect
 import os
@@ -14,6 +13,7 @@ import subprocess
 import sys
 import threading
 import time
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
@@ -31,6 +31,7 @@ class SubjectProcess:
     _process: "subprocess.Popen[bytes] | None" = None
     _connection: Connection | None = None
     _described: dict[str, Any] = field(default_factory=dict)
+    _finalizer: Callable[[], Any] = lambda: None  # noqa: E731 (nothing is started yet)
 
     def describe(self) -> dict[str, Any]:
         """Return `made` (what `render` is made of, in words) and `functions`: name -> signature, and what it takes.
@@ -47,19 +48,12 @@ class SubjectProcess:
         return self._ask((name, arguments, options))
 
     def close(self) -> None:
-        """End the process, and whatever it started."""
-        if self._process is not None:
-            with contextlib.suppress(OSError):
-                os.killpg(self._process.pid, signal.SIGKILL)
-            self._process.wait()
-        if self._connection is not None:
-            self._connection.close()
+        """End the process, and whatever it started: also done when nobody holds this any more, and when Python ends."""
+        self._finalizer()
         self._process = self._connection = None
 
     def _start(self) -> None:
         self.close()
-        atexit.unregister(self.close)
-        atexit.register(self.close)
         ours, theirs = socket.socketpair()
         with ours, theirs:
             self._connection = Connection(os.dup(ours.fileno()))
@@ -67,6 +61,7 @@ class SubjectProcess:
                 [sys.executable, "-P", __file__, str(theirs.fileno())], stdin=subprocess.DEVNULL,
                 pass_fds=[theirs.fileno()], start_new_session=True,
             )  # fmt: skip
+        self._finalizer = weakref.finalize(self, _end, self._process, self._connection)
         self._described = self._ask((sys.path, self.text))
 
     def _ask(self, request: tuple[Any, ...]) -> Any:
@@ -93,6 +88,13 @@ class SubjectProcess:
         if kind == "error":
             raise type(answer[0], (Exception,), {})(answer[1])
         return answer
+
+
+def _end(process: "subprocess.Popen[bytes]", connection: Connection) -> None:
+    with contextlib.suppress(OSError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    connection.close()
 
 
 class SubjectFunction:
