@@ -94,7 +94,7 @@ def test_a_text_with_a_slash_is_a_file_only_where_it_leads_to_one(folder, value,
 
 
 BAD = {
-    '<integrator type="mine"><string name="table" value="../outside.ply"/></integrator>': "in the scene's folder",
+    '<integrator type="path"><string name="table" value="../outside.ply"/></integrator>': "in the scene's folder",
     "<shape>": "mismatched tag",
     '<float name="a" value="$x"/>': "<default>",
     '<shape type="ply"><string name="filename" value="no.ply"/></shape>': "none there",

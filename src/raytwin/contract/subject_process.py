@@ -31,7 +31,7 @@ class SubjectProcess:
     _process: "subprocess.Popen[bytes] | None" = None
     _connection: Connection | None = None
     _described: dict[str, Any] = field(default_factory=dict)
-    _finalizer: Callable[[], Any] = lambda: None  # noqa: E731 (nothing is started yet)
+    _finalizer: Callable[[], Any] = lambda: None
 
     def describe(self) -> dict[str, Any]:
         """Return `made` (what `render` is made of, in words) and `functions`: name -> signature, and what it takes.

@@ -47,7 +47,7 @@ def test_a_board_written_and_read_is_the_same(board, tmp_path):
         ('family = "tag36h11"\ntag_edge = 0.03\n[grid]\ncolumns=3\nrows=2\npitch=0.04\nfirst_id=582', "grid"),
         ('family = "tag36h99"\ntag_edge = 0.03\n[grid]\ncolumns=3\nrows=2\npitch=0.04', "family"),
         ('family = "tag36h11"\ntag_edge = 0.03\n[grid]\ncolumns=5\nrows=1\npitch=0.04', "tags"),
-        ('family = "tag36h11"\ntag_edge = 0.03\n[grid]\ncolumns=3\nrows=2\npitch=0.04\nrow=1', "grid.row"),
+        ('family = "tag36h11"\ntag_edge = 0.03\n[grid]\ncolumns=3\nrows=2\npitch=0.04\nrow=1', "grid.row (line 7)"),
         ('family = "tag36h11"\ntag_edge = 0.03\n[grid]\ncolumns=100000\nrows=100000\npitch=0.04', "grid.columns"),
         ('family = "tag36h11"\ntag_edge = nan\n[grid]\ncolumns=3\nrows=2\npitch=0.04', "tag_edge"),
     ],

@@ -88,7 +88,7 @@ def test_a_shape_that_is_none_is_refused_with_its_place(tmp_path):
 def test_calibrate_writes_the_camera_with_its_boards_shape(shoot, tmp_path):
     write_board(tmp_path / "board.toml", BOARD)
     photos = sorted(shoot(14, bend=3e-3)[0].glob("*.jpg"))
-    calibrate_command(photos, tmp_path / "board.toml", model="k1k2", out=tmp_path / "camera.toml")
+    calibrate_command(photos, [tmp_path / "board.toml"], model="k1k2", out=tmp_path / "camera.toml")
     (shape,) = read_board_shapes(tmp_path / "camera.toml")
     assert shape.board == BOARD.digest
     assert files.read_camera(tmp_path / "camera.toml").fx == pytest.approx(a_camera().fx, rel=1e-3)
