@@ -312,8 +312,8 @@ def test_predictions_are_clipped_and_rounded_as_the_files_are(tmp_path, of_test,
 
 def test_a_share_below_0_is_not_said():
     cause = Cause("x", "output", "x is wrong")
-    assert Diagnosis(False, (cause,), ((),), -7.6, None, "likely").words == ("cause (likely): x is wrong",)
-    assert Diagnosis(False, (cause,), ((),), -7.6, None, "likely", "here").words[1:] == ("here",)
+    assert Diagnosis(False, cause, (), -7.6, None, "likely").words == ("cause (likely): x is wrong",)
+    assert Diagnosis(False, cause, (), -7.6, None, "likely", "here").words[1:] == ("here",)
 
 
 def test_a_scene_that_is_named_names_the_cause_and_a_wrong_name_is_refused(tmp_path):

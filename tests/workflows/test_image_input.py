@@ -6,10 +6,10 @@ from program import raytwin
 
 from raytwin import files
 from raytwin.compare import SequentialComparison
+from raytwin.contract.subject import method
 from raytwin.errors import InputError
 from raytwin.files.rounding import half_code
 from raytwin.image import Image
-from raytwin.renderers.user_renderers import method
 from raytwin.tracer import trace
 from raytwin.workflows.diff_files import compare as diff
 
