@@ -245,10 +245,12 @@ class Viewer extends View {
       if (Math.abs(t) === 1) span.style.transform = t < 0 ? "none" : "translateX(-100%)";
       return span;
     }));
-    const words = about.part ? `red: it makes the ${names.test} brighter, blue: darker` : `blue: ${names.test} darker, red: brighter${log ? `; below ${short(low)} white` : ""}${held ? `; lines: the tolerance, ${short(bound.share * bound.scale)}` : ""}`;
-    const seen = log ? "; zoomed out, the worst pixel shows" : this.data.noisy ? "; zoomed out, means show" : "";
-    const what = about.part ? "a part of the error" : `${names.test} − ${names.reference}`;
-    pane.said.textContent = `${what}, ${about.unit}; ${words}${about.part ? "" : seen}`;
+    const signs = about.part ? `Red: it makes the ${names.test} brighter. Blue: darker.` : `Blue: ${names.test} darker. Red: brighter.`;
+    const faint = log && !about.part ? ` Differences below ${short(low)} are blank.` : "";
+    const ticks = held && !about.part ? ` Ticks mark the tolerance (${short(bound.share * bound.scale)}).` : "";
+    const seen = about.part ? "" : log ? " Zoomed out, each point shows its worst pixel." : this.data.noisy ? " Zoomed out, each point shows a mean." : "";
+    const what = about.part ? "A part of the error" : `${names.test} − ${names.reference}`;
+    pane.said.textContent = `${what}, ${about.unit}. ${signs}${faint}${ticks}${seen}`;
   }
 
   histogram() {
