@@ -44,10 +44,11 @@ class ImagePool:
     def add(self, image: Image) -> None:
         """Add a render, unless it repeats an earlier one."""
         if _has_noise(image):
-            number = self._given.setdefault(_digest(image), self.images + len(self.repeats))
-            if number < self.images + len(self.repeats):
+            number = self.images + len(self.repeats)
+            earlier = self._given.setdefault(_digest(image), number)
+            if earlier < number:
                 if self.images == 1 or self._differing >= MANY * (self.images - 1):
-                    self.repeats.append((number, self.images + len(self.repeats)))
+                    self.repeats.append((earlier, number))
                     self.repeats_in_a_row += 1
                     return
             elif self._last is not None:

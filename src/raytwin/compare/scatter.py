@@ -9,6 +9,8 @@ Two questions, each of pixels alone:
                 is claimed, too: noise is independent of place.
 """
 
+import math
+
 import numpy as np
 
 from raytwin.array_types import Float, Float64
@@ -87,22 +89,33 @@ def patterned(test: Pixels, reference: Pixels, square: Blocks, claimed: bool = F
     high, wide = (min(CELL, n) for n in e.shape[:2])
     cells = [_correlations(e[y : y + high, x : x + wide]) for y, x in _cells(e.shape, high, wide)]
     for together, power in (*cells, tuple(np.sum(cells, axis=0))):
-        near = 1.0
-        for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)) * (2 if claimed else 1):
-            far = np.arange(1, LONGEST + 1)
-            pairs = np.maximum(high - down * far, 0) * np.maximum(wide - abs(right) * far, 0)
-            far, pairs = far[pairs >= SIDE * SIDE], pairs[pairs >= SIDE * SIDE]
-            at = together[down * far, right * far]
-            alike = at / np.maximum(together[0, 0] * pairs / (high * wide), 1e-30)
-            sure = np.abs(at) > SURE * np.sqrt(np.maximum(power[down * far, right * far], 0)) + 1e-6 * together[0, 0]
+        lines = [_along(together, power, (high, wide), *direction) for direction in ((0, 1), (1, 0), (1, 1), (1, -1))]
+        near = min((1.0, *(x for alike, _ in lines for x in alike[:2])))
+        for alike, sure in lines:
+            far = np.arange(1, len(alike) + 1)
             again = (alike > REPEATS) & (far > FILTER)
             if claimed:
                 nearer = np.minimum.accumulate(np.concatenate([[near], alike]))[:-1]
-                near = min((near, *alike[:2]))
                 again = (alike - nearer > REPEATS) & (far > 1)
             if bool((sure & ((alike < -REPEATS) | again)).any()):
                 return True
     return False
+
+
+def _along(
+    together: np.ndarray, power: np.ndarray, size: tuple[int, int], down: int, right: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """How alike errors are at the distances 1 to LONGEST in a direction (fewer in small cells); whether that is SURE.
+
+    `together` and `power` are those of `_correlations` in cells of `size`.
+    """
+    far = np.arange(1, LONGEST + 1)
+    pairs = np.maximum(size[0] - down * far, 0) * np.maximum(size[1] - abs(right) * far, 0)
+    far, pairs = far[pairs >= SIDE * SIDE], pairs[pairs >= SIDE * SIDE]
+    at = together[down * far, right * far]
+    alike = at / np.maximum(together[0, 0] * pairs / math.prod(size), 1e-30)
+    sure = np.abs(at) > SURE * np.sqrt(np.maximum(power[down * far, right * far], 0)) + 1e-6 * together[0, 0]
+    return alike, sure
 
 
 def _cells(shape: tuple[int, ...], high: int, wide: int) -> list[tuple[int, int]]:

@@ -149,7 +149,9 @@ class SequentialComparison:
         if any(pool.repeats_in_a_row >= REPEATS for pool in self._pools.values()):
             return self._give_up()
         if all(pool.images <= 1 for pool in self._pools.values()) and any(p.repeats for p in self._pools.values()):
-            return self._pass_without_noise()
+            # Asked at the first repeat alone: further ones change neither side.
+            first = any(pool.repeats_in_a_row == 1 for pool in self._pools.values())
+            return self._pass_without_noise() if first else None
         noisy = [pool for pool in self._pools.values() if pool.images and not pool.noise_free]
         if self.samples < self.next_look and (noisy or self.samples < 2):
             return None
