@@ -8,6 +8,7 @@ import pytest
 
 from raytwin import files
 from raytwin.calib.find_camera import find_camera
+from raytwin.contract.ipython_syntax import as_python
 from raytwin.contract.subject import find_subject
 from raytwin.contract.submission import load
 from raytwin.diagnose.diagnosis import explain
@@ -70,6 +71,42 @@ def test_a_notebook_is_run_cell_by_cell_without_its_magics_and_a_cell_that_fails
     assert len(made.notes) == 2
     assert made.notes[0].startswith("cell 4: ModuleNotFoundError: No module named 'no_such_plotting_library' (line 1)")
     assert made.notes[1].startswith("cell 6: SyntaxError")
+
+
+@pytest.mark.parametrize(
+    ("cell", "plain"),
+    [
+        ("%%time\nx = 1", "pass\nx = 1"),
+        ("\n%%capture out\nx = 1", "\npass\nx = 1"),
+        ("np.cross?\nx = 2", "pass\nx = 2"),
+        ("?np.cross", "pass"),
+        ("if x:\n    !ls -l\ny = 3", "if x:\n    pass\ny = 3"),
+        ("names = !ls\ny = 2", "names = None\ny = 2"),
+        ("%time y = f(3)", "y = f(3)"),
+        ("!pip install a \\\n  b\nx = 1", "pass\n\nx = 1"),
+        ("%%bash\nls", ""),
+        ("%%html\n<b>", ""),
+        ("x = (7\n% 3)", "x = (7\n% 3)"),
+        ("x = '''\n!no\n%no\nno?\n'''", "x = '''\n!no\n%no\nno?\n'''"),
+        ("def f(:\n", "def f(:\n"),
+    ],
+)
+def test_what_only_ipython_understands_is_taken_out_of_a_cell_and_nothing_else(cell, plain):
+    assert as_python(cell) == plain
+
+
+def test_an_import_that_fails_costs_a_cell_only_what_it_imports(tmp_path):
+    first = """from __future__ import annotations
+import no_such_plots
+import numpy as np
+from no_such import x
+def render(scene: Unknown):
+    return np.pi
+"""
+    (tmp_path / "mine.ipynb").write_text(notebook(first))
+    made = load(tmp_path / "mine.ipynb")
+    assert made.stages["render"](None) == np.pi
+    assert made.notes == ("cell 2: ModuleNotFoundError: No module named 'no_such_plots' (line 2)",)
 
 
 @pytest.mark.parametrize(

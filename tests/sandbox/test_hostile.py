@@ -241,3 +241,33 @@ def test_the_next_submission_is_unharmed_and_what_it_prints_is_kept():
     np.testing.assert_array_equal(answer.arrays[0], 2 * a)
     np.testing.assert_array_equal(answer.arrays[1], a.T)
     assert {"loaded", "called"} <= set(child.printed.split())
+
+
+LEARNER = """
+import raytwin
+import no_such_plots
+import numpy as np
+get_ipython().run_line_magic("matplotlib", "inline")
+def shade(points):
+    return np.full(3, len(points))
+raytwin.check("shade", shade).show()
+"""
+
+
+@pytest.mark.parametrize("cells", [(("mine.py", LEARNER),), (("cell 1", LEARNER), ("cell 2", "x = unknown"))])
+def test_a_submission_that_checks_itself_and_imports_what_is_missing_keeps_its_functions(cells):
+    asked = ("shade", "render")
+    with Sandbox(
+        Code(source="" if len(cells) > 1 else LEARNER, cells=cells if len(cells) > 1 else (), asked=asked)
+    ) as child:
+        assert child.call("shade", np.zeros(2)).arrays[0].tolist() == [2, 2, 2]
+        missing = child.call("render", 0)
+    assert missing.sort == "missing"
+    assert "this failed first" in missing.problem
+    assert "No module named 'no_such_plots'" in missing.problem
+
+
+def test_the_stand_in_for_raytwin_has_no_answers():
+    text = "from raytwin import tracer\ntracer.lights.made()\ndef render(scene): return tracer.render(scene)"
+    with Sandbox(Code(source=text, asked=("render",))) as child:
+        assert "object" in child.call("render", 0).problem

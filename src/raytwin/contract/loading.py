@@ -4,6 +4,7 @@ Standard library and NumPy alone: a submission's process (child.py) loads this f
 imports it.
 """
 
+import ast
 import contextlib
 import importlib.util
 import os
@@ -11,6 +12,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import traceback
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -30,16 +32,51 @@ def new_module(name: str, file: Path) -> ModuleType:
     return module
 
 
+class DoesNothing:
+    """Stands for what a submission uses beside its functions. Whatever is called or read of it does nothing, too."""
+
+    def __call__(self, *arguments: Any, **options: Any) -> "DoesNothing":
+        return self
+
+    def __getattr__(self, name: str) -> "DoesNothing":
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return self
+
+
 def run_cells(module: ModuleType, cells: Iterable[tuple[str, str]]) -> dict[str, BaseException]:
-    """Runs each (name, text) in the module; name -> error of those that failed: none is lost by another."""
+    """Runs each (name, text) in the module; name -> the first error of those that failed: none is lost by another.
+
+    An import that fails costs what it would have imported, not what is written below it.
+    """
     failed: dict[str, BaseException] = {}
-    vars(module)["display"] = lambda *things, **options: None
+    vars(module).update({"display": DoesNothing(), "get_ipython": DoesNothing()})
     for name, text in cells:
         try:
-            exec(compile(text, name, "exec", dont_inherit=True), vars(module))
+            tree = ast.parse(text, name)
+            while tree.body:
+                try:
+                    exec(compile(tree, name, "exec", dont_inherit=True), vars(module))
+                    break
+                except ImportError as error:
+                    below = _below_import(tree.body, error, name)
+                    if below is None:
+                        raise
+                    failed.setdefault(name, error)
+                    tree.body = below
         except (Exception, SystemExit) as error:  # theirs, whatever it is
-            failed[name] = error
+            failed.setdefault(name, error)
     return failed
+
+
+def _below_import(body: list[ast.stmt], error: ImportError, name: str) -> list[ast.stmt] | None:
+    """The statements after the import that failed; None where no import of the cell itself did."""
+    frames = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == name]
+    for index, one in enumerate(body):
+        if isinstance(one, ast.Import | ast.ImportFrom) and frames and one.lineno <= frames[0] <= (one.end_lineno or 0):
+            future = [f for f in body[:index] if isinstance(f, ast.ImportFrom) and f.module == "__future__"]
+            return future + body[index + 1 :]
+    return None
 
 
 def functions_of(module: ModuleType, names: Iterable[str]) -> Functions:

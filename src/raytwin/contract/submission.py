@@ -21,6 +21,7 @@ import msgspec
 
 from raytwin import files
 from raytwin.contract.composed_tracer import PARTS, compose, made_of
+from raytwin.contract.ipython_syntax import as_python
 from raytwin.contract.loading import functions_of, image_at, new_module, run_cells, run_program
 from raytwin.contract.stage import Function
 from raytwin.contract.stage_table import CONTRACT
@@ -111,26 +112,22 @@ def run_file(path: Path) -> ModuleType:
 
 
 def run_notebook(path: Path) -> tuple[ModuleType, tuple[str, ...]]:
-    """The code cells of a notebook, one after the other; and what went wrong in those that failed.
-
-    Magics (%, %%) and shell commands (!) are left out.
-    """
+    """The code cells of a notebook, one after the other; and what went wrong in those that failed."""
     module = _new_module(path)
     failed = run_cells(module, [(f"cell {number}", text) for number, text in cells(path)])
     return module, tuple(f"{name}: {_error_text(error, name)}" for name, error in failed.items())
 
 
 def cells(path: Path) -> Iterator[tuple[int, str]]:
-    """The code cells by their number among all cells, from 1; a cell of another language (%%) is none."""
+    """The code cells as plain Python by their number among all cells, from 1; those of other languages are left out."""
     try:
         written = msgspec.json.decode(_read(path).encode())
         cells = [(cell["cell_type"], "".join(cell["source"])) for cell in written["cells"]]
     except (msgspec.DecodeError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise InputError(path, "a notebook (JSON, version 4)", f"{type(error).__name__}: {error}") from None
     for number, (kind, text) in enumerate(cells, start=1):
-        if kind == "code" and not text.lstrip().startswith("%%"):
-            lines = ("" if line.startswith(("%", "!")) else line for line in text.splitlines())
-            yield number, "\n".join(lines)
+        if kind == "code" and (python := as_python(text)):
+            yield number, python
 
 
 def _read(path: Path) -> str:

@@ -203,7 +203,7 @@ class Sandbox:
         if self.problem.problem:
             return self.problem
         if function not in self.functions:
-            return Answer(problem=f"{function} is not written", sort="missing")
+            return Answer(problem=f"{function} is not written{self._failed_first()}", sort="missing")
         self._calls += 1
         before = self.spent
         self._inbox.put({"call": self._calls, "function": function, "arguments": list(arguments)})
@@ -211,13 +211,18 @@ class Sandbox:
         seconds = self.spent - before
         if not self.problem.problem and self._is_table(answer, {"call": int}):
             if isinstance(answer.get("error"), str):
-                return Answer(seconds=seconds, problem=plain(answer["error"]), sort="error")
+                why = self._failed_first() if answer["error"].startswith("NameError") else ""
+                return Answer(seconds=seconds, problem=plain(answer["error"]) + why, sort="error")
             arrays = answer.get("arrays")
             right = isinstance(arrays, list) and all(isinstance(a, np.ndarray) for a in arrays)
             if right and answer["call"] == self._calls:
                 return Answer(tuple(arrays), seconds)
             self._end(FORGED, "broken")
         return replace(self.problem, seconds=seconds)
+
+    def _failed_first(self) -> str:
+        """What did not run when the submission was loaded: names that are missing come from there."""
+        return f". When it was loaded, this failed first: {self.notes[0]}" if self.notes else ""
 
     @property
     def _cpu_seconds(self) -> float:
