@@ -100,6 +100,32 @@ def test_a_slip_in_the_textbook_is_the_cause_that_its_picture_names():
     assert next(f.sentence for f in FAULTS if f.name == "root-missing") in found.sentence
 
 
+@pytest.mark.parametrize(
+    ("marks", "named"),
+    [
+        ((1e10,), "1e+10"),
+        ((-1.0,), "-1"),
+        ((np.nan,), "nan"),
+        ((0.0,), "0"),
+        ((-np.inf,), "-inf"),
+        ((np.nan, -1.0), "-1 or nan"),
+    ],
+)
+def test_misses_that_are_marked_by_another_number_are_named_with_it(marks, named):
+    def found(origins, directions, center, radius):
+        t = BY_HAND["intersect_sphere"](origins, directions, center, radius)
+        behind = ((center - origins) * directions).sum(axis=-1) < 0
+        return np.where(np.isinf(t), np.where(behind, marks[-1], marks[0]), t)
+
+    def far_root(*args):
+        return np.where(np.isinf(t := found(*args)), t, 1.01 * t)
+
+    said = judge_function(CONTRACT["intersect_sphere"], found)
+    assert said.causes == ("misses-not-infinite",)
+    assert f"np.inf, not {named}:" in said.sentence
+    assert "misses-not-infinite" not in judge_function(CONTRACT["intersect_sphere"], far_root).causes
+
+
 def test_what_nothing_explains_is_told_by_where_it_is():
     stage = CONTRACT["intersect_sphere"]
 

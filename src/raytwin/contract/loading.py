@@ -71,7 +71,7 @@ def run_cells(module: ModuleType, cells: Iterable[tuple[str, str]]) -> dict[str,
 
 def _below_import(body: list[ast.stmt], error: ImportError, name: str) -> list[ast.stmt] | None:
     """The statements after the import that failed; None where no import of the cell itself did."""
-    frames = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == name]
+    frames = [frame.lineno or 0 for frame in traceback.extract_tb(error.__traceback__) if frame.filename == name]
     for index, one in enumerate(body):
         if isinstance(one, ast.Import | ast.ImportFrom) and frames and one.lineno <= frames[0] <= (one.end_lineno or 0):
             future = [f for f in body[:index] if isinstance(f, ast.ImportFrom) and f.module == "__future__"]

@@ -127,6 +127,7 @@ class Stage:
     `cases(seed)`: the calls. `errors(expected, got)`: how far each value is off, in `unit`; at most `tolerance` passes,
     but for a share `outliers` of the values. `returns`: what its arrays are called. `columns`: (3, 1) does for (3,).
     `in_other_forms`: the variants made of other right functions, tried where none of them alone explains what is wrong.
+    `by_values(cases, got)`: a variant that the values themselves tell, such as the number by which misses are marked.
     `hints`: what another number of arrays, or shape of the first, is likely to be, where `shape_hint` says less.
     """
 
@@ -140,6 +141,7 @@ class Stage:
     in_other_forms: tuple[Variant, ...] = ()
     outliers: float = 0.0
     columns: bool = False
+    by_values: Callable[[Sequence[Case], Sequence[Arrays]], Variant | None] = lambda cases, got: None
     hints: Mapping[Any, str] = field(default_factory=dict)
 
     @property
