@@ -6,13 +6,13 @@ from tracers_by_students import CORRECT, MISTAKES, mistaken, run
 from raytwin import files
 from raytwin.diagnose import draw_scene
 from raytwin.diagnose.averaged_pixels import AVERAGED
-from raytwin.diagnose.catalogue import FAULTS
+from raytwin.diagnose.catalogue import ACNE, FAULTS
 from raytwin.diagnose.changes import STAGES
-from raytwin.diagnose.diagnosis import Cause, SubmittedImage, diagnose, explain
+from raytwin.diagnose.diagnosis import SPECKLED, Cause, SubmittedImage, diagnose, explain
 from raytwin.diagnose.hypothesis_search import Hypothesis, ranked
 from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import whereabouts
-from raytwin.diagnose.pixel_sample import look
+from raytwin.diagnose.pixel_sample import _mixed, look
 from raytwin.diagnose.predict import RIGHT, predictor
 from raytwin.files.rounding import half_code
 from raytwin.image import Image
@@ -316,3 +316,23 @@ def test_sampled_parts_are_fitted_without_their_noise():
     shares = [share for share in found.shares if share.part == "bounce 1"]
     assert shares
     assert all(abs(share.factor - 0.3) < 4 * share.error < 0.15 for share in shares)
+
+
+@pytest.mark.parametrize("share", [0.01, 0.1, 0.5, 0.9])
+def test_pixels_that_are_wrong_by_chance_are_speckled_and_regions_are_not(share):
+    rng = np.random.default_rng(5)
+    x, y = np.meshgrid(np.arange(120), np.arange(90))
+    disc = (x - 60) ** 2 + (y - 45) ** 2 < share * 120 * 90 / np.pi
+    assert _mixed(disc) < SPECKLED < _mixed(rng.random(disc.shape) < share)
+    assert _mixed(disc | (rng.random(disc.shape) < 0.05)) > SPECKLED
+
+
+def test_acne_that_darkens_most_of_a_table_is_named():
+    """Points in single precision, tested for shadows at t > 0: nearly all of the table, and half of the spheres."""
+    scene = small("distorted")
+    right = trace(scene, "shadow").mean
+    dark = planted(ACNE.ways[1], scene)
+    rng = np.random.default_rng(3)
+    spoilt = np.where((rng.random(right.shape[:2]) < 0.85)[..., None], dark, right)
+    found = diagnose([SubmittedImage(scene, spoilt, right)])
+    assert names(found) == ["acne"]

@@ -55,8 +55,9 @@ ALTERNATIVES = 3
 """Causes that explain it as well, at most so many of which are told."""
 RARE = 3e-3
 """Share of a picture's pixels: up to here, only single faults without fitted numbers are tried."""
-SPECKLED = 0.2
-"""Share of right neighbours from which on wrong pixels are speckles."""
+SPECKLED = 0.1
+"""`PixelSample.mixed` from which on chance is asked: acne of seven tracers in five scenes has .11 to .26, and 981
+of 1006 pictures with faults of shapes and light have less."""
 MOST = 25_000
 """Pixels of a picture that are looked at in the end."""
 BRIGHT = 1e6
@@ -118,7 +119,7 @@ def _search(
     found = search.causes(faults, families if thorough else ())
     if thorough and every and not (budget.over or search.explained_by(found)) and (means := averaging_faults(samples)):
         found = sorted([*search.causes(means), *found], key=lambda g: g.cost)
-    if not search.explained_by(found):
+    if not (search.explained_by(found) and is_exact(samples, found[0].steps)):
         hit = hit_shares(samples, found[0].steps)[0] if found else 0.0
         if is_firm(samples) and (chance := _by_chance(samples, where, hit, budget)) is not None:
             return chance

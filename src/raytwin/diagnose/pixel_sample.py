@@ -9,6 +9,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from scipy import ndimage
 
 from raytwin.diagnose.predict import RIGHT, Array, Pipeline, Predictor, UnknownScene, output
 from raytwin.errors import InputError
@@ -26,8 +27,8 @@ CLOSE = 3e-4
 """Share of the scale: the largest error of a prediction that counts as a match."""
 GRID = 100_000
 """Pixels: of larger pictures, only every k-th pixel of every k-th row is sampled."""
-SOLID = 0.1
-"""Share of the wrong pixels: if more are surrounded by wrong ones, two pixels wide, it is not chance."""
+SPOT = 4
+"""Pixels of the largest spot that counts as a speckle."""
 DIGITS = 3e-6
 """Share of the scale that float32 rounds off."""
 
@@ -65,8 +66,8 @@ class PixelSample:
 
     `shown`, `right` (N, 3); `slack` (N, 3): what rounding may do; `scale`: of the values; `tau`: an error of this size
     is one. `wrong`, `edge`: (N,). `more`: the right picture has light that sun, shadow and open sky do not make;
-    `whole`: (H, W) bool, the outlines, and where a ray belongs to a pixel; `mixed`: the share of the wrong pixels'
-    neighbours that are right. `made`: last predictions.
+    `whole`: (H, W) bool, the outlines, and where a ray belongs to a pixel; `mixed`: how speckled
+    the wrong pixels are, 0 to 1. `made`: last predictions.
     """
 
     view: SubmittedImage
@@ -306,15 +307,18 @@ def look(view: SubmittedImage, seed: int = 0) -> PixelSample:
 
 
 def _mixed(wrong: Array) -> float:
-    """Return how mixed the wrong pixels (H, W) are: a half for chance, little for whole regions, 0 for some."""
-    inner = wrong[1:-1, 1:-1]
-    if not inner.any():
-        return 0.0
-    windows = np.lib.stride_tricks.sliding_window_view(wrong, (5, 5))
-    if windows.all(axis=(2, 3)).sum() > SOLID * inner.sum():
-        return 0.0
-    beside = (wrong[:-2, 1:-1], wrong[2:, 1:-1], wrong[1:-1, :-2], wrong[1:-1, 2:])
-    return float(np.mean([~other[inner] for other in beside]))
+    """Of the pixels (H, W) beside one of the other sort, wrong or correct, the share in spots of at most SPOT pixels.
+
+    About .2 where chance decides, whether few pixels are wrong or most, and near 0 for regions, however large.
+    """
+    spots = np.zeros(wrong.shape, bool)
+    beside = np.zeros(wrong.shape, bool)
+    for one in (wrong, ~wrong):
+        labels = ndimage.label(one)[0]
+        sizes = np.bincount(labels.ravel())
+        spots |= one & (sizes <= SPOT)[labels]
+        beside |= one & ndimage.binary_dilation(~one)
+    return float((spots & beside).sum() / max(beside.sum(), 1))
 
 
 def _scale(view: SubmittedImage) -> float:
