@@ -18,7 +18,16 @@ from raytwin.scene.lens import without_ray
 from raytwin.speed import bvh
 from raytwin.speed.boxes import TRIMS
 from raytwin.speed.engine import ENGINES, Engine, canvas, flush, only_where, pixel_grid, store, tile_grid, to_engine
-from raytwin.speed.fast_world import FastWorld, ObjectList, Objects, SunwardList, kernel_lists, same_list, sunward_list
+from raytwin.speed.fast_world import (
+    FastWorld,
+    ObjectList,
+    Objects,
+    SunwardList,
+    kernel_lists,
+    kernel_trees,
+    same_list,
+    sunward_list,
+)
 from raytwin.speed.newton_steps import newton_steps
 from raytwin.speed.object_table import Table
 from raytwin.tracer.hit import Stages, World
@@ -186,7 +195,7 @@ class EyeScene:
     def everywhere(self) -> FastWorld:
         """With all objects, for rays from anywhere."""
         many = not self.engine.is_numpy and len(self.table.objects) > bvh.FEW and not self.every
-        found = bvh.trees(self.table, self.engine) if many else self.one_by_one
+        found = kernel_trees(self.table, self.engine) if many else self.one_by_one
         return self.world(found, found)
 
     def near(self, ids: list[int]) -> FastWorld:
@@ -198,7 +207,7 @@ class EyeScene:
 
     @cached_property
     def _sunward(self) -> SunwardList:
-        return sunward_list(self.table, self.local.sun.to_light)
+        return sunward_list(self.table)
 
 
 def spans(boxes: Int[np.ndarray, "n 4"], side: int) -> list[tuple[slice, slice]]:
