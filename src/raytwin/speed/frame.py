@@ -23,13 +23,13 @@ from raytwin.speed.fast_world import (
     ObjectList,
     Objects,
     SunwardList,
+    Table,
     kernel_lists,
     kernel_trees,
     same_list,
     sunward_list,
 )
 from raytwin.speed.newton_steps import newton_steps
-from raytwin.speed.object_table import Table
 from raytwin.tracer.hit import Stages, World
 from raytwin.tracer.pixel_to_ray import to_board, undistort
 from raytwin.tracer.render_image import EYE, STAGES
@@ -81,7 +81,7 @@ def background(scene: Scene, rung: str = "shadow") -> Float32[np.ndarray, "h w 3
                 d = view.ray(*pixel_grid(view.engine, (0, y, w, min(y + step, h))))
                 out[y : y + step] = np.stack(view.light.sky.radiance(d), axis=-1)
     else:
-        row = np.tile(np.float32(scene.sky.radiance if RUNGS[rung].background else EYE), (w, 1))
+        row = np.tile(np.array(scene.sky.radiance if RUNGS[rung].background else (0, 0, 0), np.float32), (w, 1))
         with ThreadPoolExecutor(2) as pool:  # one thread does not use all of the memory's speed
             list(pool.map(lambda rows: np.copyto(rows, row), np.array_split(out, 2 if w * h >= 1 << 20 else 1)))
     if (lost := without_ray(scene.camera)) is not None:
