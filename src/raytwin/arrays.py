@@ -84,6 +84,11 @@ def repeat(
     return tuple(looped[1:])
 
 
+def plus(a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[Any, ...]:
+    """a + b, one by one."""
+    return tuple(x + y for x, y in zip(a, b, strict=True))
+
+
 def dot(a: Vec, b: Vec) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 

@@ -8,8 +8,7 @@ from test_bvh import strewn
 from raytwin.scene import Phong
 from raytwin.speed import ENGINES, trace, trace_points
 from raytwin.speed.boxes import corner_box
-from raytwin.speed.points import AWAY, LIT
-from raytwin.speed.speculation import doubtful, speculate
+from raytwin.speed.speculation import AWAY, LIT, doubtful, speculate
 from raytwin.tracer import STAGES
 from raytwin.tracer.world import intersect
 

@@ -1,5 +1,7 @@
 """What rays meet. To add a shape, write its record and add it to the union."""
 
+import math
+
 import numpy as np
 from msgspec import UNSET, UnsetType
 
@@ -14,6 +16,15 @@ class Sphere(Record, frozen=True, tag="sphere"):
     radius: Positive
     material: Material = Lambert()
     name: str | UnsetType = UNSET
+
+    @property
+    def reach(self) -> float:
+        """Return how far its farthest point is from its centre, metres."""
+        return self.radius
+
+    def extent(self) -> Vector:
+        """Return half of its size along each of the board's axes, metres."""
+        return self.radius, self.radius, self.radius
 
     @property
     def albedo(self) -> Albedo:
@@ -34,6 +45,16 @@ class Rectangle(Record, frozen=True, tag="rectangle"):
     material: Material = Lambert()
     in_photo: bool = False
     name: str | UnsetType = UNSET
+
+    @property
+    def reach(self) -> float:
+        """Return how far its farthest point is from its centre, metres."""
+        return math.hypot(*self.half_u, *self.half_v)
+
+    def extent(self) -> Vector:
+        """Return half of its size along each of the board's axes, metres."""
+        x, y, z = (abs(u) + abs(v) for u, v in zip(self.half_u, self.half_v, strict=True))
+        return x, y, z
 
     @property
     def albedo(self) -> Albedo:

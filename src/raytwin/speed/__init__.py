@@ -7,5 +7,4 @@ from raytwin.speed.boxes import TRIMS, corner_box, trim_box, trim_boxes
 from raytwin.speed.engine import ENGINES
 from raytwin.speed.frame import background, check_rows, draw, trace, with_solver
 from raytwin.speed.path_tracing import PARTS, light_parts, walk
-from raytwin.speed.points import trace_points
-from raytwin.speed.speculation import WAYS, speculate
+from raytwin.speed.speculation import WAYS, speculate, trace_points

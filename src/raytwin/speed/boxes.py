@@ -145,22 +145,14 @@ def corner_box(thing: Shape, camera: Camera) -> Box:
     return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else EMPTY
 
 
-def whole_frames(things: Sequence[Shape], camera: Camera) -> Int[np.ndarray, "n 4"]:
-    return np.tile((0, 0, camera.width, camera.height), (len(things), 1))
-
-
-def corner_boxes(things: Sequence[Shape], camera: Camera) -> Int[np.ndarray, "n 4"]:
-    return np.array([corner_box(thing, camera) for thing in things], int).reshape(-1, 4)
-
-
 def _to_pixels(x: np.ndarray, y: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     xd, yd = distort(x, y, camera.coefficients)
     return camera.fx * xd + camera.cx, camera.fy * yd + camera.cy
 
 
 TRIMS: dict[str, Callable[[Sequence[Shape], Camera], np.ndarray]] = {
-    "none": whole_frames,
-    "corners": corner_boxes,
+    "none": lambda things, camera: np.tile((0, 0, *camera.image_size), (len(things), 1)),
+    "corners": lambda things, camera: np.array([corner_box(t, camera) for t in things], int).reshape(-1, 4),
     "conic": trim_boxes,
 }
 """name -> (objects, camera) -> boxes (n, 4)."""

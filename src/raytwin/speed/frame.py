@@ -18,9 +18,18 @@ from raytwin.scene.lens import without_ray
 from raytwin.speed import bvh
 from raytwin.speed.boxes import TRIMS
 from raytwin.speed.engine import ENGINES, Engine, canvas, flush, only_where, pixel_grid, store, tile_grid, to_engine
-from raytwin.speed.fast_world import FastWorld, ObjectList, Objects, SunwardList, kernel_lists, same_list, sunward_list
+from raytwin.speed.fast_world import (
+    FastWorld,
+    ObjectList,
+    Objects,
+    SunwardList,
+    Table,
+    kernel_lists,
+    kernel_trees,
+    same_list,
+    sunward_list,
+)
 from raytwin.speed.newton_steps import newton_steps
-from raytwin.speed.object_table import Table
 from raytwin.tracer.hit import Stages, World
 from raytwin.tracer.pixel_to_ray import to_board, undistort
 from raytwin.tracer.render_image import EYE, STAGES
@@ -65,29 +74,19 @@ def background(scene: Scene, rung: str = "shadow") -> Float32[np.ndarray, "h w 3
     """
     w, h = scene.camera.image_size
     out = np.empty((h, w, 3), np.float32)
-    mapped = RUNGS[rung].background and scene.environment is not None
-    row = np.empty((w, 3), np.float32)
-    row[:] = scene.sky.radiance if RUNGS[rung].background and not mapped else 0.0
-    if mapped:
-        _look_up_sky(scene, out)
-    elif w * h < 1 << 20:
-        out[:] = row
-    else:  # one thread does not use all of the memory's speed
-        with ThreadPoolExecutor(2) as pool:
-            list(pool.map(lambda rows: np.copyto(rows, row), np.array_split(out, 2)))
+    if RUNGS[rung].background and scene.environment is not None:
+        view, step = EyeScene(scene, ENGINES["numpy64"]), max(1, (1 << 16) // w)
+        with np.errstate(all="ignore"):  # where the lens has no ray
+            for y in range(0, h, step):
+                d = view.ray(*pixel_grid(view.engine, (0, y, w, min(y + step, h))))
+                out[y : y + step] = np.stack(view.light.sky.radiance(d), axis=-1)
+    else:
+        row = np.tile(np.array(scene.sky.radiance if RUNGS[rung].background else (0, 0, 0), np.float32), (w, 1))
+        with ThreadPoolExecutor(2) as pool:  # one thread does not use all of the memory's speed
+            list(pool.map(lambda rows: np.copyto(rows, row), np.array_split(out, 2 if w * h >= 1 << 20 else 1)))
     if (lost := without_ray(scene.camera)) is not None:
         out[lost] = 0
     return out
-
-
-def _look_up_sky(scene: Scene, out: np.ndarray) -> None:
-    view, (w, h) = EyeScene(scene, ENGINES["numpy64"]), scene.camera.image_size
-    step = max(1, (1 << 16) // w)
-    with np.errstate(all="ignore"):  # where the lens has no ray
-        for y in range(0, h, step):
-            d = view.ray(*pixel_grid(view.engine, (0, y, w, min(y + step, h))))
-            for c, channel in enumerate(view.light.sky.radiance(d)):
-                out[y : y + step, :, c] = channel
 
 
 def draw(
@@ -127,7 +126,7 @@ def draw(
         only_where(how, ids >= 0, shade)
 
     with np.errstate(all="ignore"):  # infinities and NaN of missed rays are selected away
-        for piece in (tiles if how.is_numpy else kernel)(view, boxes):
+        for piece in pieces(view, boxes):
             paint(*piece)
     flush(how, queued)
     for layer, values in zip(layers, before, strict=False):
@@ -186,19 +185,19 @@ class EyeScene:
     def everywhere(self) -> FastWorld:
         """With all objects, for rays from anywhere."""
         many = not self.engine.is_numpy and len(self.table.objects) > bvh.FEW and not self.every
-        found = bvh.trees(self.table, self.engine) if many else self.one_by_one
+        found = kernel_trees(self.table, self.engine) if many else self.one_by_one
         return self.world(found, found)
 
     def near(self, ids: list[int]) -> FastWorld:
         """NumPy's, for rays from the eye that can meet the objects `ids` alone."""
-        seen = ObjectList(self.table, ids)
-        if self.every:
-            return self.world(seen, self.one_by_one)
-        return self.world(seen, self._sunward._replace(only=ids[0] if len(ids) == 1 else None))
+        only = ids[0] if len(ids) == 1 else None
+        return self.world(
+            ObjectList(self.table, ids), self.one_by_one if self.every else self._sunward._replace(only=only)
+        )
 
     @cached_property
     def _sunward(self) -> SunwardList:
-        return sunward_list(self.table, self.local.sun.to_light)
+        return sunward_list(self.table)
 
 
 def spans(boxes: Int[np.ndarray, "n 4"], side: int) -> list[tuple[slice, slice]]:
@@ -215,6 +214,11 @@ def touched(boxes: Int[np.ndarray, "n 4"], side: int, size: tuple[int, int]) -> 
     tile = np.concatenate([number[:0, 0], *found])
     order = np.argsort(tile, kind="stable")
     return tile[order], ids[order]
+
+
+def pieces(view: EyeScene, boxes: Int[np.ndarray, "n 4"]) -> Iterator[Piece]:
+    """(u, v, place, world) of the pixels in the boxes."""
+    return (tiles if view.engine.is_numpy else kernel)(view, boxes)
 
 
 def tiles(view: EyeScene, boxes: Int[np.ndarray, "n 4"]) -> Iterator[Piece]:

@@ -1,13 +1,14 @@
 """Path tracing over the whole frame: mean, variance, and the parts that the light is made of."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from raytwin.array_types import Int
-from raytwin.arrays import Vec, repeat, select
+from raytwin.arrays import Vec, plus, repeat, select
 from raytwin.image import Image, Surface
 from raytwin.lights import ConstantSky, Lighting, sky_visibility
 from raytwin.rungs import RUNGS
@@ -15,7 +16,7 @@ from raytwin.scene import Scene
 from raytwin.scene.lens import without_ray
 from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.engine import ENGINES, canvas, constant, flush, pixel_numbers, store
-from raytwin.speed.frame import EyeScene, background, draw, kernel, tiles
+from raytwin.speed.frame import EyeScene, background, draw, pieces
 from raytwin.speed.sampling import BATCHES, sobol_pair
 from raytwin.tracer.hit import Hit, Stages, World
 from raytwin.tracer.path import Draw, bounce, packed, radiance_along_path, unpacked
@@ -33,11 +34,10 @@ def part_names(bounces: int = 3) -> tuple[str, ...]:
 
 
 PARTS = part_names()
-
-Integrand = Callable[[EyeScene, World, Hit], Callable[[Draw], list[Vec]]]
-"""(scene, world, hit) -> random numbers -> the colours of one sample there."""
-
 NOTHING = (0.0, 0.0, 0.0)
+
+Integrand = Callable[[World, Hit], Callable[[Draw], Sequence[Vec]]]
+"""(world, hit) -> random numbers -> the colours of one sample there."""
 
 FEW = 16
 """Objects up to which the sky's visibility is computed in closed form: it tests all pairs at every pixel."""
@@ -62,23 +62,23 @@ def walk(
     their centres. `surface`: also what the rays through the pixels' centres meet first.
     """
     deep, side = depth or RUNGS[rung].depth or 2, side if sampling == "area" else 0.0
-    surfaces = constant(ENGINES[engine], deep)
+    view = EyeScene(scene, ENGINES[engine], stages)
+    surfaces = constant(view.engine, deep)
     closed = deep == 2 and not side and len(scene.objects) <= FEW and not scene.environment and not scene.glossy
 
-    def whole(view: EyeScene, world: World, hit: Hit) -> Callable[[Draw], list[Vec]]:
-        known, light = _closed_form_sky(view, hit) if closed else (NOTHING, view.light)
+    def whole(world: World, hit: Hit) -> Callable[[Draw], Sequence[Vec]]:
+        known, light = _closed_form_sky(view, hit) if closed else (None, view.light)
 
-        def sample(numbers: Draw) -> list[Vec]:
+        def sample(numbers: Draw) -> Sequence[Vec]:
             L = radiance_along_path(hit, light, view.everywhere, numbers, surfaces)
-            return [_or_sky(hit, tuple(a + b for a, b in zip(known, L, strict=True)) if closed else L, view.light)]
+            return [_or_sky(hit, plus(known, L) if known else L, view.light)]
 
         return sample
 
-    ((mean, variance),) = _sampled(scene, whole, [background(scene, rung)], engine, side, samples, seed, stages)
-    seen = Surface.empty(*scene.camera.image_size) if surface else None
-    if seen is not None:
-        draw(scene, background(scene), "surface", engine, surface=seen, stages=stages)
-    image = Image(mean, variance, samples, seen, min(BATCHES, samples))
+    (image,) = _sampled(view, scene, whole, [background(scene, rung)], side, samples, seed)
+    if surface:
+        image = replace(image, surface=Surface.empty(*scene.camera.image_size))
+        draw(scene, background(scene), "surface", engine, surface=image.surface, stages=stages)
     return image.blacken(without_ray(scene.camera))
 
 
@@ -97,41 +97,37 @@ def light_parts(
 
     `side` of the area, in pixels, about their centres.
     """
-    surfaces = constant(ENGINES[engine], depth)
+    view, names = EyeScene(scene, ENGINES[engine], stages), part_names(bounces)
+    surfaces = constant(view.engine, depth)
 
-    def parts(view: EyeScene, world: World, hit: Hit) -> Callable[[Draw], list[Vec]]:
+    def parts(world: World, hit: Hit) -> Callable[[Draw], Sequence[Vec]]:
         open_, lit = (f(hit, view.light, world, view.camera) for f in (lambert_radiance, shadow_radiance))
 
-        def sample(numbers: Draw) -> list[Vec]:
+        def sample(numbers: Draw) -> Sequence[Vec]:
             direct, *later = radiance_by_surfaces(hit, view, numbers, surfaces, bounces + 1)
-            seen, changes = hit.ids >= 0, ((lit, open_), (direct, lit))
-            shadow, occlusion = (tuple(select(seen, x - y, 0.0) for x, y in zip(a, b, strict=True)) for a, b in changes)
+            hidden = (tuple(x - y for x, y in zip(a, b, strict=True)) for a, b in ((lit, open_), (direct, lit)))
+            shadow, occlusion = (select(hit.ids >= 0, L, NOTHING) for L in hidden)
             return [_or_sky(hit, open_, view.light), shadow, occlusion, *later]
 
         return sample
 
-    names = part_names(bounces)
     start = [background(scene), *(np.zeros((*scene.camera.image_size[::-1], 3), np.float32) for _ in names[1:])]
-    found = _sampled(scene, parts, start, engine, side, samples, seed, stages)
-    return {
-        name: Image(mean, variance, samples, batches=min(BATCHES, samples)).blacken(without_ray(scene.camera))
-        for name, (mean, variance) in zip(names, found, strict=True)
-    }
+    found = _sampled(view, scene, parts, start, side, samples, seed)
+    return {name: image.blacken(without_ray(scene.camera)) for name, image in zip(names, found, strict=True)}
 
 
-def radiance_by_surfaces(hit: Hit, view: EyeScene, draw: Draw, depth: Any, parts: int) -> list[Vec]:
+def radiance_by_surfaces(hit: Hit, view: EyeScene, draw: Draw, depth: Any, parts: int) -> tuple[Vec, ...]:
     """`radiance_along_path` by the number of surfaces that the light met: [1, 2, ...], the last of `parts` and more."""
-    values = 3 * parts
 
     def step(k: Any, *state: Any) -> tuple[Any, ...]:
-        direct, there, onto = bounce(k, unpacked(state[:-values]), view.light, view.everywhere, draw)
-        now = [k == part for part in range(parts - 1)] + [k >= parts - 1]
-        found = (total + select(now[i // 3], direct[i % 3], 0.0) for i, total in enumerate(state[-values:]))
-        return (*packed(there, onto), *found)
+        direct, there, onto = bounce(k, unpacked(state[:-1]), view.light, view.everywhere, draw)
+        now = [*(k == part for part in range(parts - 1)), k >= parts - 1]
+        found = zip(now, state[-1], strict=True)
+        return *packed(there, onto), tuple(plus(total, select(this, direct, NOTHING)) for this, total in found)
 
-    start = *packed(hit, (1.0, 1.0, 1.0)), *([0 * hit.point[0]] * values)
-    end = repeat(depth - 1, step, start, lambda *state: state[6] >= 0)[-values:]
-    return [(end[i], end[i + 1], end[i + 2]) for i in range(0, values, 3)]
+    start = *packed(hit, (1.0, 1.0, 1.0)), ((0 * hit.point[0],) * 3,) * parts
+    found: tuple[Vec, ...] = repeat(depth - 1, step, start, lambda *state: state[6] >= 0)[-1]
+    return found
 
 
 def _closed_form_sky(view: EyeScene, hit: Hit) -> tuple[Vec, Lighting]:
@@ -141,31 +137,38 @@ def _closed_form_sky(view: EyeScene, hit: Hit) -> tuple[Vec, Lighting]:
         return view.one_by_one.fold(None, state, lambda state, _, index, thing: body(state, index, thing))
 
     left, known = sky_visibility(hit, fold)
-    sky = view.light.sky.radiance(hit.d)
-    albedo = (select(hit.ids >= 0, rho, 0.0) for rho in hit.albedo)
+    sky, albedo = view.light.sky.radiance(hit.d), select(hit.ids >= 0, hit.albedo, NOTHING)
     r, g, b = (select(known, rho * left * L, 0.0) for rho, L in zip(albedo, sky, strict=True))
-    rest = tuple(select(known, 0.0, L) for L in sky)
-    return (r, g, b), view.light._replace(sky=ConstantSky((rest[0], rest[1], rest[2])))
+    return (r, g, b), view.light._replace(sky=ConstantSky(select(known, NOTHING, sky)))
 
 
 def _or_sky(hit: Hit, colour: Vec, light: Lighting) -> Vec:
-    r, g, b = (select(hit.ids >= 0, c, sky) for c, sky in zip(colour, light.sky.radiance(hit.d), strict=True))
+    r, g, b = select(hit.ids >= 0, colour, light.sky.radiance(hit.d))
     return r, g, b
 
 
+class Moments(NamedTuple):
+    """Of some batches' means: the `count` of samples, and for each number of the colours its mean and sum of squares
+    about it, weighed by the batches' samples."""
+
+    count: Any
+    mean: tuple[Any, ...]
+    scatter: tuple[Any, ...]
+
+    def with_batch(self, means: Sequence[Any], count: Any) -> "Moments":
+        """Chan, Golub and LeVeque's update: no difference of large numbers."""
+        after = self.count + count
+        steps = [m - x for m, x in zip(means, self.mean, strict=True)]
+        mean = (x + s * (count / after) for x, s in zip(self.mean, steps, strict=True))
+        scatter = (x + s * s * (count * self.count / after) for x, s in zip(self.scatter, steps, strict=True))
+        return Moments(after, tuple(mean), tuple(scatter))
+
+
 def _sampled(
-    scene: Scene,
-    integrand: Integrand,
-    start: list[np.ndarray],
-    engine: str,
-    side: float,
-    samples: int,
-    seed: int,
-    stages: Stages,
-) -> list[tuple[np.ndarray, np.ndarray | None]]:
-    """For each of the integrand's colours its mean, and that mean's variance; `start` is where no object is seen."""
-    how, view = ENGINES[engine], EyeScene(scene, ENGINES[engine], stages)
-    batches, values = min(BATCHES, samples), 3 * len(start)
+    view: EyeScene, scene: Scene, integrand: Integrand, start: list[np.ndarray], side: float, samples: int, seed: int
+) -> list[Image]:
+    """The mean of each of the integrand's colours, and that mean's variance; `start` is where no object is seen."""
+    how, batches = view.engine, min(BATCHES, samples)
     number, size, more, key = (
         constant(how, n) for n in (batches, samples // batches, samples % batches, seed & 0xFFFFFFFF)
     )
@@ -175,44 +178,38 @@ def _sampled(
         boxes[:] = (0, 0, *scene.camera.image_size)
     queued = [(out, canvas(how, out)) for out in (*start, *variances)]
 
-    def estimate(u: Any, v: Any, pixel: Any, world: World) -> tuple[Any, ...]:
-        def place_at(u: Any, v: Any) -> Callable[[Draw], list[Vec]]:
-            return integrand(view, world, first_hit(world, EYE, view.ray(u, v)))
+    def moments(u: Any, v: Any, pixel: Any, world: World) -> Moments:
+        def place_at(u: Any, v: Any) -> Callable[[Draw], Sequence[Vec]]:
+            return integrand(world, first_hit(world, EYE, view.ray(u, v)))
 
         centre = None if side else place_at(u, v)  # what all samples share is found once
 
-        def batch(index: Any, *state: Any) -> tuple[Any, ...]:
-            mean, scatter, before = state[:values], state[values:-1], state[-1]
+        def sample(batch: Any, place: Any, *sums: Any) -> tuple[Any, ...]:
+            numbers = partial(sobol_pair, u, pixel, batch, place, key)
+            if (here := centre) is None:
+                a, b = numbers(0)
+                here = place_at(u + side * (a - 0.5), v + side * (b - 0.5))
+            return plus(sums, sum(here(numbers), ()))
 
-            def sample(place: Any, *sums: Any) -> tuple[Any, ...]:
-                numbers = partial(sobol_pair, u, pixel, index, place, key)
-                if centre is None:
-                    a, b = numbers(0)
-                    brought = place_at(u + side * (a - 0.5), v + side * (b - 0.5))(numbers)
-                else:
-                    brought = centre(numbers)
-                return tuple(x + y for x, y in zip(sums, sum(brought, ()), strict=True))
+        def with_batch(batch: Any, *state: Any) -> Moments:
+            count = size + select(batch < more, 1, 0)
+            totals = repeat(count, partial(sample, batch), zero)
+            return Moments(*state).with_batch([total / count for total in totals], count)
 
-            count = size + select(index < more, 1, 0)
-            means = [total / count for total in repeat(count, sample, (0 * u,) * values)]
-            # Chan, Golub and LeVeque's update: no difference of large numbers.
-            after = before + count
-            steps = [m - x for m, x in zip(means, mean, strict=True)]
-            moved = (x + s * (count / after) for x, s in zip(mean, steps, strict=True))
-            return (*moved, *(x + s * s * (count * before / after) for x, s in zip(scatter, steps, strict=True)), after)
-
-        return repeat(number, batch, (0 * u,) * (2 * values + 1))[:-1]
+        zero = (0 * u,) * (3 * len(start))
+        return Moments(*repeat(number, with_batch, (0 * u, zero, zero)))
 
     with np.errstate(all="ignore"):
-        for u, v, place, world in (tiles if how.is_numpy else kernel)(view, boxes):
+        for u, v, place, world in pieces(view, boxes):
             u, v = (u + 0 * v, v + 0 * u)
-            found = estimate(u, v, pixel_numbers(how, place, scene.camera.width), world)
+            _, mean, scatter = moments(u, v, pixel_numbers(how, place, scene.camera.width), world)
             scale = 1 / (samples * max(batches - 1, 1))
-            colours = (*found[:values], *(x * scale for x in found[values:]))
+            colours = (*mean, *(x * scale for x in scatter))
             for i, (_, targets) in enumerate(queued):
                 store(how, targets, place, colours[3 * i : 3 * i + 3], u == u)
     flush(how, queued)
-    return [(mean, variance if batches > 1 else None) for mean, variance in zip(start, variances, strict=True)]
+    found = zip(start, variances, strict=True)
+    return [Image(mean, variance if batches > 1 else None, samples, batches=batches) for mean, variance in found]
 
 
 def area_boxes(scene: Scene) -> Int[np.ndarray, "n 4"]:

@@ -5,33 +5,92 @@ points: a block of n x n pixels is traced whole where its corners see different 
 hide, where a neighbour's edge may cross it, or where the second differences say that interpolation errs too much. What
 no lattice point sees is lost: an object, a shadow or a gap between shadows that is thinner than a block.
 
-The bound. Bilinear interpolation over a step h errs by at most (|f_uu| + |f_vv|) h²/8. On a sphere whose image has
-the radius R pixels, seen nearly head on, L = a + b n·l with n = (x, y, √(1 - x² - y²)), x and y in radii; only n_z
-curves, and n_z'' = -(1 - y²) / n_z³ along x, so that the error is at most b h²/(8 R²) (2 - x² - y²) / n_z³ of the
-largest within the block. `careful` measures the second differences on the lattice instead of assuming all this, and
-takes twice their value, for the growth of the curvature between two lattice points; `interpolation_bound` gives the
-closed form.
+Bilinear interpolation over a step h errs by at most (|f_uu| + |f_vv|) h²/8. `careful` measures the second differences
+on the lattice, and takes twice their value, for the growth of the curvature between two lattice points.
 """
+
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from raytwin.array_types import Bool, Float32, Int32
+from raytwin.arrays import Vec, dot, integers, select
 from raytwin.errors import check_one_of
 from raytwin.image import BACKGROUND
-from raytwin.scene import Scene
-from raytwin.scene.lens import without_ray
-from raytwin.speed.frame import background, draw
-from raytwin.speed.points import trace_points
+from raytwin.rungs import RUNGS
+from raytwin.scene import Scene, Shape
+from raytwin.scene.lens import has_no_ray, without_ray
+from raytwin.speed.engine import ENGINES, evaluate, from_numpy, to_numpy
+from raytwin.speed.fast_world import FastWorld, Ray
+from raytwin.speed.frame import EyeScene, background, draw
+from raytwin.tracer.hit import Hit
+from raytwin.tracer.pixel_to_ray import to_board
+from raytwin.tracer.render_image import EYE
+from raytwin.tracer.shading import RADIANCE
+from raytwin.tracer.world import first_hit, hides
 
 WAYS = ("careful", "paper")
+CHUNK = 1 << 14
+"""Points that NumPy traces at a time: they stay in the cache."""
 
 
-def interpolation_bound(amplitude: float, step: float, radius_px: float, rim: float) -> float:
-    """b h²/(8 R²) (1 + n_z²) / n_z³: the error of bilinear interpolation on a Lambertian sphere out to `rim` radii.
+LIT, AWAY = -1, -2
+"""Values of `blocker`: nothing hides the sun; the surface is turned away from it, or there is no surface."""
 
-    `amplitude` b: albedo/π E; `step` h and `radius_px` R: pixels; `rim` = √(x² + y²) < 1 of the block's farthest point.
-    """
-    nz = np.sqrt(1 - rim * rim)
-    return float(amplitude * step**2 / (8 * radius_px**2) * (1 + nz**2) / nz**3)
+
+class Points(NamedTuple):
+    """Per ray (m,): `colour` (m, 3), `ids`, `blocker`: id of an object that hides the sun there, LIT or AWAY; `point`
+    (m, 3): from the eye, board's axes."""
+
+    colour: Float32[np.ndarray, "m 3"]
+    ids: Int32[np.ndarray, " m"]
+    blocker: Int32[np.ndarray, " m"]
+    point: Float32[np.ndarray, "m 3"] | None
+
+    @property
+    def lit(self) -> Bool[np.ndarray, " m"]:
+        """(m,): the sun reaches it."""
+        return np.asarray(self.blocker == LIT)
+
+
+def trace_points(
+    scene: Scene, u: np.ndarray, v: np.ndarray, rung: str, engine: str, light: bool = True, point: bool = False
+) -> Points:
+    """What the rays through pixels (u, v) (m,) see; `blocker` is found where `light` asks for it, `point` likewise."""
+    view, m = EyeScene(scene, ENGINES[engine]), len(u)
+    colour, ids, blocker = np.empty((m, 3), np.float32), np.empty(m, np.int32), np.full(m, AWAY, np.int32)
+    place = np.empty((m, 3), np.float32) if point else None
+    shaded = RUNGS[rung].shadows
+    world, step = (view.near(list(range(len(scene.objects)))), CHUNK) if view.engine.is_numpy else (view.everywhere, m)
+    for start in range(0, m, max(step, 1)):
+        part = slice(start, start + step)
+        with np.errstate(all="ignore"):
+            hit = first_hit(world, EYE, view.ray(*(from_numpy(view.engine, a[part]) for a in (u, v))))
+            layers = [(colour[part], RADIANCE[rung](hit, view.light, world, view.camera)), (ids[part], (hit.ids,))]
+            if light:
+                facing = (hit.ids >= 0) & (dot(hit.normal, view.light.to_sun) > 0)
+                blocked_by = _blocker(hit, view.light.to_sun, world) if shaded else integers(hit.t, LIT)
+                layers.append((blocker[part], (select(facing, blocked_by, AWAY),)))
+            if place is not None:
+                layers.append((place[part], to_board(hit.point, view.camera)))
+        evaluate(view.engine, [values for _, values in layers])
+        for out, values in layers:
+            columns = out.reshape(len(out), -1)
+            for c, value in enumerate(values):
+                columns[:, c] = to_numpy(value, (len(out),))
+    lost = has_no_ray(scene.camera, u, v)
+    colour[lost], ids[lost], blocker[lost] = 0, BACKGROUND, AWAY
+    return Points(colour, ids, blocker, place)
+
+
+def _blocker(hit: Hit, to_sun: Vec, world: FastWorld) -> Any:
+    """The id of the last object in the world's order that hides the sun, by the test of `World.blocked`; else LIT."""
+
+    def block(state: Any, ray: Any, index: Any, thing: Shape) -> Any:
+        return (select(hides(ray.start, ray.d, thing, index, world.stages), index, state[0]),)
+
+    none = (select(hit.inside, hit.ids, LIT),)
+    return world.casters.fold(Ray(hit.point, to_sun, hit), none, block)[0]
 
 
 def speculate(
