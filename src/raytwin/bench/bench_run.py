@@ -101,7 +101,9 @@ def bench_scenes(
         began = clock()
         deadline = portion(start + budget, len(scenes) - number)
         scene = find_camera(written, progress=progress)[0]
-        rows, errors, left = [], [], {}
+        rows: list[Measurement] = []
+        errors: list[Measurement] = []
+        left: dict[str, str] = {}
         cameras = [sized(scene.camera, megapixels) for megapixels in sizes]
         for i, camera in enumerate(cameras):
             own, whole, missing = measure_size(
