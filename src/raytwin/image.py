@@ -48,7 +48,8 @@ class Image(InNotebook):
     Without a variance, an image of one sample counts as noise-free; any other may have noise. `batches` is the number
     of independent renders behind the variance (None: every sample is one); 1 without a variance means that there is
     noise of unknown variance. `surface` is what each pixel's centre shows, if the renderer knows. `alpha` (H, W) is the
-    share of each pixel that is covered, None if unknown.
+    share of each pixel that is covered, None if unknown. `format` is the file's ("EXR", "PNG"), which may have
+    rounded the values; `begins` is the pixel (x, y) of the display at which the image begins.
 
     `np.asarray(image)` is `mean`. A notebook shows the picture, exposed so that little of it is white.
     """
@@ -59,6 +60,8 @@ class Image(InNotebook):
     surface: Surface | None = None
     batches: int | None = None
     alpha: Float[np.ndarray, "h w"] | None = None
+    format: str = ""
+    begins: tuple[int, int] = (0, 0)
 
     def __post_init__(self) -> None:
         if self.samples < 0:

@@ -1,7 +1,7 @@
 """What a user hands over, as an Image: arrays, files, repeated renders, or a function that renders from a seed."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -34,7 +34,7 @@ class LoadedImage(NamedTuple):
 
     def fitted(self, reference: Image) -> Image:
         """The reference as this image's format could have shown it."""
-        return replace(reference, mean=np.clip(reference.mean, 0, 1)) if self.rounding.clipped else reference
+        return self.rounding.shown(reference)
 
 
 def as_image(thing: Any, variance: Any = None, renders: int = RENDERS) -> LoadedImage:
@@ -49,9 +49,11 @@ def as_image(thing: Any, variance: Any = None, renders: int = RENDERS) -> Loaded
         taken = _single(thing)
         return taken._replace(image=replace(taken.image, variance=_variance(variance)))
     if callable(thing) and not isinstance(thing, Image):
-        return _called(thing, renders)
+        if renders < FEWEST:
+            raise InputError("renders", f"at least {FEWEST}", renders)
+        return _repeated((_single(thing(seed)) for seed in range(renders)), all_equal=FEWEST)
     if _is_many(thing):
-        return _repeated([_single(one) for one in thing])
+        return _repeated(_single(one) for one in thing)
     return _single(thing)
 
 
@@ -68,8 +70,7 @@ def read_side(
     if len(paths) > 1 or where.is_dir():
         if variance is not None:
             raise InputError(where, "one image, where its variance is given", f"{len(paths)} renders")
-        made = [_read(path, part, layer) for path in paths]
-        return _repeated([g._replace(image=replace(g.image, samples=g.image.samples or samples)) for g in made])
+        return _repeated((_read(path, part, layer) for path in paths), samples)
     taken = _read(paths[0], part, layer)
     image = replace(taken.image, samples=taken.image.samples or samples)
     if variance is not None:
@@ -99,25 +100,23 @@ def _is_many(thing: Any) -> bool:
     return getattr(thing, "ndim", 0) == 4
 
 
-def _called(render: Callable[[int], Any], renders: int) -> LoadedImage:
-    if renders < FEWEST:
-        raise InputError("renders", f"at least {FEWEST}", renders)
-    made = [_single(render(seed)) for seed in range(FEWEST)]
-    if all(np.array_equal(made[0].image.mean, g.image.mean, equal_nan=g.image.mean.dtype.kind == "f") for g in made):
-        return _repeated(made)
-    return _repeated([*made, *(_single(render(seed)) for seed in range(FEWEST, renders))])
+def _repeated(renders: Iterable[LoadedImage], samples: int = 0, all_equal: int | None = None) -> LoadedImage:
+    """Return the mean of independent renders, and its variance s² / k.
 
-
-def _repeated(made: list[LoadedImage]) -> LoadedImage:
-    """The mean of independent renders, and its variance s² / k."""
-    if len(made) < FEWEST:
-        raise InputError("repeated renders", f"at least {FEWEST}", len(made))
-    if len(shapes := {g.image.mean.shape for g in made}) > 1:
-        raise InputError("renders", "images of one shape", ", ".join(map(str, sorted(shapes))))
-    pool = ImagePool()
-    for g in made:
-        pool.add(one_batch(g.image))
-    notes = made[0].notes
+    `samples` per pixel count for renders that state none. No more are asked for once the first `all_equal` are equal.
+    """
+    pool, counts, first = ImagePool(), list[int](), None
+    for one in renders:
+        if counts and one.image.shape != pool.shape:
+            raise InputError("renders", "images of one shape", f"{pool.shape}, {one.image.shape}")
+        pool.add(one_batch(one.image))
+        counts.append(one.image.samples or samples)
+        first = first or one
+        if len(counts) == all_equal and pool.images == 1:
+            break
+    if first is None or len(counts) < FEWEST:
+        raise InputError("repeated renders", f"at least {FEWEST}", len(counts))
+    notes = first.notes
     if pool.repeats:
         earlier, later = pool.repeats[0]
         others = f", and {len(pool.repeats) - 1} more repeat" if len(pool.repeats) > 1 else ""
@@ -125,9 +124,8 @@ def _repeated(made: list[LoadedImage]) -> LoadedImage:
         if 1 < pool.images < FEWEST:
             raise InputError("repeated renders", f"at least {FEWEST} that differ", f"{pool.images}: {note}")
         notes = (*notes, note)
-    samples = [g.image.samples for g in made]
-    image = replace(pool.image, samples=sum(samples) if all(samples) and not pool.repeats else 0)
-    return made[0]._replace(image=image, notes=notes, measured=True)
+    image = replace(pool.image, samples=sum(counts) if all(counts) and not pool.repeats else 0)
+    return LoadedImage(image, first.rounding, notes, measured=True)
 
 
 def one_batch(image: Image) -> Image:
@@ -139,18 +137,18 @@ def _single(thing: Any) -> LoadedImage:
     if thing is None:
         raise InputError("render", "returned None: is there a return?")
     if isinstance(thing, Image):
-        return LoadedImage(thing)
+        return _rounded(thing)
     if isinstance(thing, str | os.PathLike):
         return _read(Path(thing))
     pixels, alpha = _array(thing), None
     if pixels.ndim == 3 and pixels.shape[-1] == 4:
         pixels, alpha = pixels[..., :3], pixels[..., 3]
+    form = ""
     if is_bitmap(thing) and thing.component_format() == type(thing.component_format()).UInt8:
-        return _rounded(Image(pixels, samples=0, alpha=alpha), files.eight_bits(pixels, dithered=True))
-    if pixels.dtype == np.float16:
-        pixels = pixels.astype(np.float32)
-        return _rounded(Image(pixels, samples=0, alpha=alpha), files.half_floats(pixels))
-    return LoadedImage(Image(pixels, samples=0, alpha=alpha))
+        form = files.DITHERED
+    elif pixels.dtype == np.float16:
+        pixels, form = pixels.astype(np.float32), "EXR"  # whose values may be half floats, too
+    return _rounded(Image(pixels, samples=0, alpha=alpha, format=form))
 
 
 def is_bitmap(thing: Any) -> bool:
@@ -180,10 +178,9 @@ def _array(thing: Any) -> np.ndarray:
 
 
 def _read(path: Path, part: str | None = None, layer: str | None = None) -> LoadedImage:
-    path, named = files.split_layer(path)
-    image = files.read_image(path, part, named or layer)
-    return _rounded(image, files.rounding_of(path, image.mean))
+    return _rounded(files.read_image(path, part, layer))
 
 
-def _rounded(image: Image, rounding: files.Rounding) -> LoadedImage:
+def _rounded(image: Image) -> LoadedImage:
+    rounding = files.rounding_of(image)
     return LoadedImage(image, rounding, (rounding.note,) if rounding.note else ())

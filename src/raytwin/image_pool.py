@@ -1,11 +1,11 @@
 """Independent renders of one picture, pooled as they come: their mean, and the variance of that mean."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from hashlib import blake2b
 
 import numpy as np
 
-from raytwin.image import Image, Surface
+from raytwin.image import Image
 
 MANY = 64
 """Values in which two renders differ: those that differ in so many are equal by chance with exp(-MANY / 2) at most."""
@@ -31,7 +31,7 @@ class ImagePool:
     batches: int = 0
     images: int = 0
     samples: int = 0
-    surface: Surface | None = None
+    first: Image | None = None
     repeats: list[tuple[int, int]] = field(default_factory=list)
     repeats_in_a_row: int = 0
     _given: dict[bytes, int] = field(default_factory=dict)
@@ -66,7 +66,7 @@ class ImagePool:
         n, b = max(image.samples, 1), 1
         mean = np.asarray(image.mean, np.float64)
         if self._mean is None:
-            self._mean, self._scatter, self.surface = np.zeros(mean.shape), np.zeros(mean.shape), image.surface
+            self._mean, self._scatter, self.first = np.zeros(mean.shape), np.zeros(mean.shape), image
         assert self._scatter is not None
         self.weight += n
         if image.alpha is None or (self._alpha is None and self.images):
@@ -103,14 +103,18 @@ class ImagePool:
 
     @property
     def image(self) -> Image:
-        """All of it as one image."""
+        """All of it as one image, with the first one's surface and format."""
         assert self._mean is not None
         assert self._scatter is not None
-        mean = self._mean.astype(np.float32)
-        if self.batches < 2:
-            return Image(mean, None, self.samples, self.surface, 1, self._alpha)
-        variance = (self._scatter / ((self.batches - 1) * self.weight)).astype(np.float32)
-        return Image(mean, variance, self.samples, self.surface, self.batches, self._alpha)
+        assert self.first is not None
+        variance, batches = None, 1
+        if self.batches > 1:
+            variance = (self._scatter / ((self.batches - 1) * self.weight)).astype(np.float32)
+            batches = self.batches
+        return replace(
+            self.first, mean=self._mean.astype(np.float32), variance=variance, samples=self.samples, batches=batches,
+            alpha=self._alpha,
+        )  # fmt: skip
 
 
 def _has_noise(image: Image) -> bool:

@@ -224,14 +224,11 @@ class ReferenceCheck:
 
         if renders < image_input.FEWEST:
             raise InputError("renders", f"at least {image_input.FEWEST}", renders)
-        first = image_input.as_image(render(0))
-        shown = first.fitted(self._known().image)
-        check = SequentialComparison(shown, half_steps=(first.rounding.half, None), **options)
-        check.add(image_input.one_batch(first.image))
-        for seed in range(1, renders):
-            if check.add(image_input.one_batch(image_input.as_image(render(seed)).image)):
+        check = SequentialComparison(self._known().image, **options)
+        for seed in range(renders):
+            if check.add(render(seed)):
                 break
-        return first._replace(image=check.image("test"), measured=True), check.conclude()
+        return image_input.as_image(check.image("test"))._replace(measured=True), check.conclude()
 
     def _known(self) -> "Reference":
         __tracebackhide__ = True

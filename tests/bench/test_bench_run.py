@@ -3,17 +3,17 @@
 import functools
 import json
 import time
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from program import raytwin, refused
 
-from raytwin import bench, files, twin
+from raytwin import bench, files
 from raytwin.bench import bench_run as run
-from raytwin.bench.bench_reference import converge, truth_of
-from raytwin.bench.bench_run import sized, thumbnail
-from raytwin.bench.timing import with_peak
+from raytwin.bench.bench_reference import converged
+from raytwin.bench.bench_run import reference_of, sized
 from raytwin.compare import METRICS
 from raytwin.contract.subject import find_subject
 from raytwin.contract.subject import method as as_method
@@ -22,14 +22,14 @@ from raytwin.progress import silent
 from raytwin.renderers.python_loop import loop
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.renderer_table import RENDERERS, choose
-from raytwin.renderers.subject_renderers import Filled, SmoothedSpeculation, Speculated
+from raytwin.renderers.subject_renderers import Filled, SmoothedSpeculation, Speculated, Supersampled
 from raytwin.renderers.twin_renderers import Plain, Twin
 from raytwin.speed import trace
 
 KEYS = [
     "method", "engine", "precision", "rung", "trim", "speculation", "samples", "width", "height", "seconds_median",
-    "seconds_iqr", "compile_seconds", "peak_mib", "rmse", "relmse", "p999_abs", "truth_floor", "on_frontier",
-    "verdict", "reason",
+    "seconds_iqr", "compile_seconds", "truth", "rmse", "rmse_sigma", "relmse", "p999_abs", "truth_floor",
+    "on_frontier", "verdict", "reason",
 ]  # fmt: skip
 
 
@@ -73,7 +73,7 @@ KINDS = sorted({type(m) for m in HERE}, key=lambda kind: kind.__name__)
 @pytest.fixture(scope="module")
 def truth(view):
     """The truth of its name, made once."""
-    return functools.cache(lambda name: converge(view("overlap"), name, 64, AMPLE)[0].mean)
+    return functools.cache(lambda name: converged(view("overlap"), *name.split("-"), 64, AMPLE)[0].mean)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -88,7 +88,7 @@ def test_every_kind_of_method_gives_an_image_near_its_truth(view, truth, kind):
         assert image.shape == (36, 48, 3)
         assert image.dtype == np.float32
         bound = {Filled: 1.0, Plain: 0.3, Speculated: 0.2, SmoothedSpeculation: 0.2, Twin: 0.1}
-        assert METRICS["rmse"].function(image, truth(truth_of(method))) < bound.get(kind, 0.03), method.name
+        assert METRICS["rmse"].function(image, truth(reference_of(method))) < bound.get(kind, 0.03), method.name
 
 
 def test_exact_methods_do_not_depend_on_the_seed_and_noisy_ones_do(view):
@@ -116,48 +116,33 @@ def test_sizes_keep_the_pictures_aspect(view):
         w, h = sized(camera, megapixels).image_size
         assert w * 3 == h * 4
         assert w * h == pytest.approx(megapixels * 1e6, rel=0.02)
-    assert thumbnail(view("single", 640, 480), 48).camera.image_size == (64, 48)
 
 
-# ------------------------------------------------------------------------------------------ truths
+# ------------------------------------------------------------------------------------------ references
 
 
-def test_the_halves_of_a_truth_tell_its_noise(view):
-    """Of many coarse truths, the error against a fine one is what each says of itself."""
+def test_a_reference_tells_its_noise(view):
+    """The error of a coarse reference against a fine one is what it says of itself."""
     scene = view("overlap")
-    fine, _ = converge(scene, "path-area", 512, AMPLE)
-    coarse, about = converge(scene, "path-area", 32, AMPLE)
-    assert about.samples == 32
-    assert METRICS["rmse"].function(coarse.mean, fine.mean) == pytest.approx(about.floor["rmse"], rel=0.35)
+    fine, _ = converged(scene, "path", "area", 512, AMPLE)
+    coarse, floor = converged(scene, "path", "area", 32, AMPLE)
+    assert coarse.samples == 32
+    assert METRICS["rmse"].function(coarse.mean, fine.mean) == pytest.approx(floor, rel=0.35)
 
 
-def test_the_truth_over_the_pixel_converges_to_mitsubas(view):
+def test_the_reference_over_the_pixel_is_the_mean_of_the_tracers_rays_within_it(view):
     scene = view("overlap")
-    ours, about = converge(scene, "shadow-area", 128, AMPLE)
-    other = twin.render(scene, "shadow", sampling="area", samples=512, cache=False)
-    noise = np.hypot(about.floor["rmse"], np.sqrt(other.variance.mean()))
-    assert METRICS["rmse"].function(ours.mean, other.mean) < 1.5 * noise
+    mitsubas, floor = converged(scene, "shadow", "area", 512, AMPLE)
+    ours = Supersampled(engine="numpy64", samples=256)(scene)
+    assert METRICS["rmse"].function(ours.mean, mitsubas.mean) < 1.5 * floor
 
 
 def test_the_floor_is_float32s_rounding_through_the_centre_and_noise_where_time_is_up_at_once(view):
-    _, about = converge(view("overlap"), "shadow-center", 1, 1.0)
-    assert 0 < about.floor["rmse"] < 1e-7
-    _, about = converge(view("overlap"), "path-area", 1 << 20, 0.0)
-    assert about.samples == 2
-    assert about.floor["rmse"] > 1e-3
-
-
-def test_the_memory_of_a_call_is_seen():
-    def call() -> np.ndarray:
-        return np.ones(4 << 20)  # 32 MiB, touched
-
-    _, small = with_peak(lambda: np.ones(10))
-    result, peak = with_peak(call)
-    assert result.sum() == 4 << 20
-    if peak is None:
-        pytest.skip("memory's high-water mark: only Linux tells")
-    assert small < 4
-    assert 30 < peak < 40
+    exact, floor = converged(view("overlap"), "shadow", "center", 1, 1.0)
+    assert floor == pytest.approx(float(np.sqrt(np.mean(exact.mean.astype(float) ** 2))) * 2.0**-24 / 2, rel=0.5)
+    image, floor = converged(view("overlap"), "path", "area", 1 << 20, 0.0)
+    assert image.samples == 2
+    assert floor > 1e-3
 
 
 # ------------------------------------------------------------------------------------------ a whole run
@@ -178,13 +163,14 @@ def small_run(scenes, tmp_path_factory):
 def test_a_run_accounts_for_every_method(small_run):
     (own,) = (r for r in small_run.rows if "mine" in r.method)
     asked = {m.name for m in choose(GLOBS)} | {own.method}
-    assert {r.method for r in small_run.rows} | {o.method for o in small_run.left_out} == asked
-    assert all(o.why for o in small_run.left_out)
+    assert {r.method for r in small_run.rows} | small_run.left_out.keys() == asked
+    assert all(small_run.left_out.values())
 
 
 def test_errors_are_against_the_own_rung_and_against_the_whole_light(small_run):
     own = {r.method: r.rmse for r in small_run.rows}
-    whole = {e.method: e.rmse for e in small_run.errors if e.truth == "path-area"}
+    whole = {e.method: e.rmse for e in small_run.errors}
+    assert {e.truth for e in small_run.errors} == {"path-area"}
     assert set(own) == set(whole)
     assert own["numpy32-shadow-conic"] < 1e-5 < whole["numpy32-shadow-conic"]
     assert own["loop-lambert-conic"] <= 1e-7
@@ -195,8 +181,14 @@ def test_errors_are_against_the_own_rung_and_against_the_whole_light(small_run):
 def test_a_row_has_exactly_the_promised_keys(small_run, tmp_path):
     bench.write_bench([small_run], tmp_path / "a.json")
     data = json.loads((tmp_path / "a.json").read_text())
-    assert all(list(row) == KEYS for row in data["rows"])
+    assert all(list(row) == KEYS for row in (*data["rows"], *data["errors"]))
     assert {row["precision"] for row in data["rows"]} <= {"float32", "float64"}
+
+
+def test_only_methods_whose_seeds_differ_have_an_error_bar(small_run):
+    bars = {row.method: row.rmse_sigma for row in small_run.rows}
+    assert {method for method, sigma in bars.items() if sigma is not None} == {"twin-llvm-path-1"}
+    assert bars["twin-llvm-path-1"] > 0
 
 
 def test_each_row_has_the_verdict_of_its_picture_beside_the_twin_at_its_own_light_level(small_run):
@@ -245,8 +237,8 @@ def test_several_scenes_have_a_result_each_and_a_crash_costs_its_own_row_alone(m
         ("overlap", "fill"): "fail", ("single", "unlit"): "pass", ("single", "numpy32-shadow-none"): "pass",
         ("single", "fill"): "fail",
     }  # fmt: skip
-    (left,) = single.left_out
-    assert (left.method, "IndexError: seven" in left.why) == ("right", True)
+    assert single.left_out.keys() == {"right"}
+    assert "IndexError: seven" in single.left_out["right"]
     assert overlap.subjects == single.subjects == ("right", "unlit", "numpy32-shadow-none")
     assert (overlap.exit_code, single.exit_code) == (1, 2)
 
@@ -254,18 +246,19 @@ def test_several_scenes_have_a_result_each_and_a_crash_costs_its_own_row_alone(m
 def test_sampled_light_through_the_pixels_center_is_judged_by_the_twin_of_the_same(mine, scenes):
     found = bench.bench(scenes / "overlap", methods=[as_method(f"{mine}:walked", "walked", rung="path")], **FEW)
     assert {row.method: row.verdict for row in found.rows} == {"walked": "pass"}
-    assert {truth.name for truth in found.truths} == {"path-area", "path-center"}
+    assert [row.truth for row in (*found.rows, *found.errors)] == ["path-center", "path-area"]
 
 
 def test_the_budget_is_shared_by_all_scenes(scenes, monkeypatch):
     left = []
 
-    def measured(found, scene, tolerance, methods, subjects, deadline, *rest):
+    def measured(scene, tolerance, methods, subjects, deadline, *rest):
         left.append(deadline - time.perf_counter())
-        found["rows"].append(None)
+        return [], [], {"fill": "no time"}
 
     monkeypatch.setattr(run, "measure_size", measured)
-    bench.bench_scenes([scenes / "overlap", scenes / "single"], methods=["fill"], sizes=(0.001, 0.002), budget=400)
+    with pytest.raises(InputError, match="--budget"):
+        bench.bench_scenes([scenes / "overlap", scenes / "single"], methods=["fill"], sizes=(0.001, 0.002), budget=400)
     assert left == pytest.approx([100, 200, 200, 400], abs=20)
 
 
@@ -299,53 +292,115 @@ def test_a_run_of_what_this_machine_lacks_says_what_is_lacking(scenes, monkeypat
     assert error.value.where == "--methods"
 
 
-def slow_methods(preparing: float, calling: float) -> tuple[list[Renderer], list[float]]:
-    """Two families of four on a clock of their own, which each preparation and each call moves on by its seconds."""
-    now = [100.0]
+class Clock:
+    """Seconds that pass only when a method takes them."""
 
-    @dataclass(frozen=True)
-    class Slow(Renderer):
-        kind: str = "a"
-        n: int = 0
-        name = property(lambda self: f"{self.kind}-{self.n}")
-        family = property(lambda self: self.kind)
+    def __init__(self) -> None:
+        self.now = 100.0
 
-        def prepare(self, scene):
-            now[0] += preparing
+    def __call__(self) -> float:
+        return self.now
 
-            def call(seed):
-                now[0] += calling * (scene.camera.width > 100)
-                return None
 
-            return call
+@pytest.fixture
+def clock(monkeypatch):
+    made = Clock()
+    monkeypatch.setattr(run, "clock", made)
+    return made
 
-    return [Slow(kind=kind, n=n) for kind in "ab" for n in range(4)], now
+
+@dataclass(frozen=True)
+class Slow(Renderer):
+    """A method that takes `preparing` seconds, `calling` per sample for a call, and once `compiling` in the first."""
+
+    clock: Clock | None = None
+    kind: str = "a"
+    samples: int = 1
+    preparing: float = 0.0
+    calling: float = 0.0
+    compiling: float = 0.0
+    noisy: bool = False
+    NAME, FAMILY = "{0.kind}-{0.samples}", "{0.kind}"
+
+    def prepare(self, scene):
+        self.clock.now += self.preparing
+
+        def call(seed):
+            self.clock.now += self.calling * self.samples + self.compiling * (seed == 0)
+
+        return call
+
+
+def silent_look(run, image):
+    pass
 
 
 @pytest.mark.parametrize(
-    ("preparing", "calling", "budget", "timed", "why"),
+    ("preparing", "calling", "budget", "begun", "why"),
     [
-        (1.0, 0.0, 8, ["a-0", "b-0"], "no time to prepare it"),  # three times each: 6 s of 8
-        (0.1, 1.0, 9, ["a-0", "b-0"], "no time: a call would take about 1 s"),  # 2 x 4 calls of each
+        (1.0, 0.0, 2, ["a-1", "b-1"], "no time: a call would take about 2 s"),
+        (1.0, 0.0, 0.5, ["a-1"], "no time to prepare it"),
+        (0.0, 1.0, 4, ["a-1", "b-1", "a-2"], "no time: a call would take about 2 s"),
     ],
 )
-def test_too_little_time_leaves_one_of_every_family(view, monkeypatch, preparing, calling, budget, timed, why):
-    methods, now = slow_methods(preparing, calling)
-    monkeypatch.setattr(run, "guess", lambda *args: calling)
-    done, left = run.time_methods(
-        view("single", 128, 96), methods, lambda method, image: {}, now[0] + budget, 3, silent, lambda: now[0]
+def test_too_little_time_leaves_the_cheapest_of_every_family(clock, preparing, calling, budget, begun, why):
+    methods = [Slow("shadow", clock, kind, n, preparing, calling) for kind in "ab" for n in (1, 2, 4, 8)]
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        runs, left = run.first_calls(None, methods, (), silent_look, clock.now + budget, silent)
+    assert [r.method.name for r in runs] == begun
+    assert left.keys() == {m.name for m in methods} - set(begun)
+    assert left.get("b-2", left.get("b-1")) == why
+    assert [str(w.message) for w in said] == ([] if "b-1" in begun else ["--budget leaves out b"])
+
+
+def test_every_round_runs_each_method_once_in_an_order_of_its_own_with_another_seed(clock):
+    ran = []
+    runs = [run._Run(Slow("shadow", clock), lambda seed, name=name: ran.append((name, seed))) for name in "abcdef"]
+    run.rounds(runs, silent_look, clock.now + 1, 9)
+    rounds = ["".join(name for name, seed in ran if seed == number) for number in range(1, 10)]
+    assert len(ran) == 54
+    assert all(sorted(names) == list("abcdef") for names in rounds)
+    assert len(set(rounds)) > 5
+
+
+def test_no_call_begins_that_would_end_past_the_deadline(clock):
+    runs, _ = run.first_calls(
+        None, [Slow("shadow", clock, kind, 1, 0.0, seconds) for kind, seconds in (("quick", 0.01), ("slow", 30.0))],
+        (), silent_look, clock.now + 100, silent,
+    )  # fmt: skip
+    deadline = clock.now + 100
+    run.rounds(runs, silent_look, deadline, 50)
+    assert clock.now <= deadline
+    assert {r.method.kind: len(r.seconds) for r in runs} == {"quick": 50, "slow": 3}
+
+
+def test_what_only_the_first_call_cost_is_kept_apart(clock):
+    runs, _ = run.first_calls(
+        None, [Slow("shadow", clock, calling=0.5, compiling=4.0)], (), silent_look, clock.now + 9, silent
     )
-    assert [m.method.name for m in done] == timed
-    assert {o.method for o in left} == {m.name for m in methods} - set(timed)
-    assert all(o.why == why for o in left)
+    run.rounds(runs, silent_look, clock.now + 9, 5)
+    runs[0].judged, runs[0].errors = Judged(), {"path-area": [[1.0, 2.0, 3.0]]}
+    (row,) = run.measurements(runs, "path-area", 0.0, (4, 3))
+    assert (row.seconds_median, row.seconds_iqr, row.compile_seconds) == (0.5, 0, 4)
 
 
-def test_a_family_that_the_budget_leaves_out_is_named(view, monkeypatch):
-    methods, now = slow_methods(1.0, 0.0)
-    with pytest.warns(UserWarning, match=r"^--budget leaves out b$"):
-        run.time_methods(
-            view("single", 128, 96), methods, lambda method, image: {}, now[0] + 4, 3, silent, lambda: now[0]
-        )
+@dataclass
+class Judged:
+    verdict: str = "pass"
+    reasons: tuple[str, ...] = ("they agree",)
+
+
+def test_an_error_bar_covers_the_mean_of_many_images(clock):
+    """The mean of 16 errors lies within its bar (one standard error) two times of three (Student's t: 0.667)."""
+    rng, covered = np.random.default_rng(5), 0
+    for _ in range(300):
+        errors = rng.normal(2.0, 0.3, (16, 1)) * np.ones(3)
+        one = run._Run(Slow("shadow", clock), lambda seed: None, seconds=[1.0], errors={"x": errors.tolist()})
+        one.judged = Judged()
+        (row,) = run.measurements([one], "x", 0.0, (4, 3))
+        covered += abs(row.rmse - 2.0) < row.rmse_sigma
+    assert 0.59 < covered / 300 < 0.75
 
 
 def test_the_command_writes_json_a_page_and_pictures(scenes, tmp_path):
@@ -359,7 +414,7 @@ def test_the_command_writes_json_a_page_and_pictures(scenes, tmp_path):
     assert [row["method"] for row in data["rows"]] == ["fill", "numpy32-shadow-conic"]
     w, h = data["rows"][0]["width"], data["rows"][0]["height"]
     names = {p.name for p in (tmp_path / "out").iterdir()}
-    assert {"bench.html", "bench.json", f"{w}x{h}-path-area-relmse.svg"} <= names
+    assert {"bench.html", "bench.json", f"{w}x{h}-path-area.svg"} <= names
 
 
 @pytest.mark.parametrize(("function", "code"), [("right", 2), ("unlit", 1), ("", 0)])

@@ -89,6 +89,7 @@ def test_blenders_combined_is_preferred_and_a_path_may_name_the_layer(tmp_path, 
 def test_a_part_is_chosen_by_name_or_number(tmp_path, a):
     path = tmp_path / "x.exr"
     planes = {"depth": {"Z": np.ascontiguousarray(a[..., 0])}, "beauty": {"RGB": a}, "direct": {"RGB": 2 * a}}
+    planes["Z"] = planes["depth"]  # a part that is called as its channel
     parts = [OpenEXR.Part({"type": OpenEXR.scanlineimage}, channels, name) for name, channels in planes.items()]
     with OpenEXR.File(parts) as file:
         file.write(str(path))
@@ -97,9 +98,13 @@ def test_a_part_is_chosen_by_name_or_number(tmp_path, a):
     for part in ("direct", "2"):
         np.testing.assert_array_equal(files.read_image(path, part=part).mean, 2 * a)
     np.testing.assert_array_equal(files.read_image(f"{path}:direct").mean, 2 * a)
-    np.testing.assert_array_equal(files.read_image(path, part="depth").mean, np.repeat(a[..., :1], 3, -1))
-    with pytest.raises(InputError, match="part: expected one of depth, beauty, direct, got 3"):
-        files.read_image(path, part="3")
+    for depth in (
+        files.read_image(path, part="depth"),
+        *(files.read_image(f"{path}:{name}") for name in ("depth", "Z")),
+    ):
+        np.testing.assert_array_equal(depth.mean, np.repeat(a[..., :1], 3, -1))
+    with pytest.raises(InputError, match="part: expected one of depth, beauty, direct, Z, got 4"):
+        files.read_image(path, part="4")
 
 
 def test_a_data_window_off_the_origin_gives_the_data(tmp_path, a):
@@ -172,9 +177,9 @@ def test_every_picture_of_8_bits_is_srgb_and_held_to_its_codes(tmp_path, kind):
     codes = np.arange(9 * 11 * 3, dtype=np.uint8).reshape(9, 11, 3)
     path = tmp_path / f"x.{kind}"
     Pillow.fromarray(codes).save(path, **{"lossless": True} if kind == "webp" else {})
-    read = files.read_image(path).mean
-    np.testing.assert_array_equal(read, files.from_bytes(codes))
-    assert files.rounding_of(path, read).clipped
+    read = files.read_image(path)
+    np.testing.assert_array_equal(read.mean, files.from_bytes(codes))
+    assert files.rounding_of(read).clipped
 
 
 def test_a_ppm_of_text_is_read_as_the_book_writes_it(tmp_path):

@@ -64,9 +64,9 @@ def test_rounding_is_half_a_step_at_every_value(tmp_path):
     data = io.BytesIO()
     Pillow.fromarray(codes).save(data, "PNG")
     (tmp_path / "x.png").write_bytes(data.getvalue())
-    mean = files.read_image(tmp_path / "x.png").mean
-    found = files.rounding_of(tmp_path / "x.png", mean)
-    share = np.abs(ramp - mean) / found.half
+    image = files.read_image(tmp_path / "x.png")
+    found = files.rounding_of(image)
+    share = np.abs(ramp - image.mean) / found.half
     assert found.clipped
     assert 0.99 < share.max() <= 1
     assert share[codes.max(axis=-1) < 30].max() > 0.8  # in the dark too

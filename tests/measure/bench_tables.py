@@ -15,7 +15,6 @@ from measure import record
 
 from raytwin.atlas import EXPERIMENTS, Atlas, Curve, Found
 from raytwin.bench import Bench
-from raytwin.bench.bench_reference import WHOLE
 from raytwin.report.atlas_page import edge, fate
 from raytwin.report.numbers import shown
 
@@ -29,10 +28,9 @@ EDGES = "raytwin stability"
 
 def frontier_rows(bench: Bench) -> Iterable[list[str]]:
     """Yield the methods on the frontier against all light: size, name, seconds over the fastest's, error."""
-    seconds = {(r.method, r.width, r.height): r.seconds_median for r in bench.rows}
-    chosen = [e for e in bench.errors if e.truth == WHOLE and e.on_frontier]
+    chosen = [e for e in bench.errors if e.on_frontier]
     for (w, h), of_size in groupby(chosen, attrgetter("width", "height")):
-        ranked = sorted((seconds[e.method, w, h], e.rmse, e.method) for e in of_size)
+        ranked = sorted((e.seconds_median, e.rmse, e.method) for e in of_size)
         for taken, rmse, method in ranked:
             yield [f"{w} x {h}", method, shown(taken / ranked[0][0]), shown(rmse)]
 

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as replace_row
 
-from raytwin.bench import RENDERERS, Bench, Converged, Deviation, LeftOut, Measurement
+from raytwin.bench import RENDERERS, Bench, Measurement, on_frontier
 from raytwin.report.bench_charts import error_chart, pixels_chart
 from raytwin.report.bench_page import bench_summary, error_charts, frontier_rows, write_bench_all, write_bench_page
 from raytwin.report.charts.chart import HEIGHT, LEFT, LINE, TOP, WIDTH, log_range, svg_text
@@ -37,20 +38,23 @@ def every_method(sizes: tuple[tuple[int, int], ...] = SIZES) -> Bench:
             own = 0.0 if m.precision == 64 else 3e-8 * rng.lognormal(0, 0.5) if exact else 0.2 / m.samples**0.5
             whole = max(0.2 / m.samples**0.5 * rng.lognormal(0, 0.3), 5e-4)
             e = own if exact else whole
-            truth = "shadow-center" if exact else "path-area"
-            rows.append(
-                Measurement(m.name, m.library, f"float{m.precision}", m.rung, m.trim, m.step, m.samples, w, h, seconds,
-                    0.1 * seconds, 0.2, 12.5, e, e * e, 3 * e, FLOOR[truth], False, "pass", "they agree")
-            )  # fmt: skip
-            for t, value in (("path-area", whole), *((("shadow-center", own),) if exact else ())):
-                errors.append(Deviation(m.name, w, h, t, value, value**2, 3 * value, False))
-    truths = tuple(
-        Converged(t, w, h, 1024, 2.0, {"rmse": f, "relmse": f * f, "p999_abs": 3 * f})
-        for w, h in sizes for t, f in FLOOR.items()
-    )  # fmt: skip
-    left = (LeftOut("cuda32-shadow-conic", 400, 300, "no <CUDA> here"),)
-    return Bench("made up", {"processor": "one", "cores": "2"}, {"numpy": "2"}, 60.0, 59.0, tuple(rows), truths,
-                 tuple(errors), left)  # fmt: skip
+            own_truth = "shadow-center" if exact else "path-area"
+            for found, truth, value in ((rows, own_truth, e), (errors, "path-area", whole)):
+                found.append(
+                    Measurement(m.name, m.library, f"float{m.precision}", m.rung, m.trim, m.step, m.samples, w, h,
+                        seconds, 0.1 * seconds, 0.2, truth, value, 0.1 * value if m.noisy else None, value**2,
+                        3 * value, FLOOR[truth], False, "pass", "they agree")
+                )  # fmt: skip
+    return Bench("made up", {"processor": "one", "cores": "2"}, {"numpy": "2"}, 60.0, 59.0, sizes,
+                 (*ranked(rows),), (*ranked(errors),), {"cuda32-shadow-conic": "no <CUDA> here"})  # fmt: skip
+
+
+def ranked(rows: list[Measurement]) -> Iterator[Measurement]:
+    """Yield the rows with what is on the frontier among those of the same size and reference."""
+    for size in dict.fromkeys((r.width, r.height, r.truth) for r in rows):
+        same = [r for r in rows if (r.width, r.height, r.truth) == size]
+        flags = on_frontier([r.seconds_median for r in same], [r.rmse for r in same], same[0].truth_floor)
+        yield from (replace_row(r, on_frontier=flag) for r, flag in zip(same, flags, strict=True))
 
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -88,15 +92,21 @@ def test_who_is_on_the_frontier_and_every_family_is_named_and_what_lies_below_th
         for p in chart.points:
             assert p.y >= chart.floor * (1 - 1e-12)
             assert p.hollow == (p.y <= chart.floor * (1 + 1e-12))
-    assert any(p.hollow for p in error_chart(made, SIZES[0], "shadow-center", "rmse").points)
+    assert any(p.hollow for p in error_chart(made, SIZES[0], "shadow-center").points)
 
 
 def test_guides_have_the_slope_that_is_said(made):
-    for metric, slope in (("relmse", -1), ("rmse", -0.5)):
-        guides = [g for g in error_chart(made, SIZES[0], "path-area", metric).lines if g.dash == "dotted"]
-        assert guides
-        for g in guides:
-            assert np.diff(np.log(g.ys)) / np.diff(np.log(g.xs)) == pytest.approx(slope)
+    guides = [g for g in error_chart(made, SIZES[0], "path-area").lines if g.dash == "dotted"]
+    assert guides
+    for g in guides:
+        assert np.diff(np.log(g.ys)) / np.diff(np.log(g.xs)) == pytest.approx(-0.5)
+
+
+def test_noisy_methods_have_an_upright_of_two_standard_errors_and_no_others(made):
+    found = [e for e in made.errors if (e.width, e.height) == SIZES[0] and e.rmse_sigma]
+    bars = [line for line in error_chart(made, SIZES[0], "path-area").lines if len(set(line.xs)) == 1]
+    expected = [(e.seconds_median, 0.8 * e.rmse, 1.2 * e.rmse) for e in found]
+    np.testing.assert_allclose([(line.xs[0], *line.ys) for line in bars], expected)
 
 
 def test_seconds_against_pixels_have_their_exponents(made):
@@ -112,7 +122,7 @@ def test_seconds_against_pixels_have_their_exponents(made):
 def test_the_folder_has_every_number_and_each_chart(made, tmp_path):
     write_bench_all([made], tmp_path / "out")
     names = {p.name for p in (tmp_path / "out").iterdir()}
-    keys = {"pixels", *(f"{w}x{h}-{t}-relmse" for w, h in SIZES for t in FLOOR)}
+    keys = {"pixels", *(f"{w}x{h}-{t}" for w, h in SIZES for t in FLOOR)}
     assert names == {"bench.html", "bench.json"} | {f"{k}.svg" for k in keys}
     svg = (tmp_path / "out" / "pixels.svg").read_text(encoding="utf-8")
     assert "fill" in svg  # text stays text
@@ -121,7 +131,7 @@ def test_the_folder_has_every_number_and_each_chart(made, tmp_path):
         assert said in page
 
 
-def test_the_choice_of_truth_and_metric_shows_another_chart(made, tmp_path, browse):
+def test_the_choice_of_size_and_reference_shows_another_chart(made, tmp_path, browse):
     write_bench_page([made], tmp_path / "bench.html")
     script = r"""
       const shown = () => [...document.querySelectorAll("[data-chart]")].filter((e) => !e.hidden);
@@ -130,7 +140,7 @@ def test_the_choice_of_truth_and_metric_shows_another_chart(made, tmp_path, brow
         const select = document.querySelector(`[data-choice="${name}"]`);
         select.value = value; select.dispatchEvent(new Event("change"));
       };
-      pick("size", "1600x1200"); pick("truth", "shadow-center"); pick("metric", "rmse");
+      pick("size", "1600x1200"); pick("truth", "shadow-center");
       result.then = shown().map((e) => e.dataset.chart);
       result.title = shown()[0].querySelector("svg").getAttribute("aria-label");
       result.points = [...shown()[0].querySelectorAll("[data-name]")].map((e) => e.dataset.name);
@@ -152,19 +162,18 @@ def test_the_choice_of_truth_and_metric_shows_another_chart(made, tmp_path, brow
       const tap = { bubbles: true, clientX: near.right + 6, clientY: near.top };
       point.ownerSVGElement.dispatchEvent(new MouseEvent("click", tap));
       result.tapped = box.hidden ? "" : box.textContent.split("\n")[0];
-      pick("metric", "relmse");
+      pick("truth", "path-area");
       result.gone = box.hidden;"""
     read, console = browse(tmp_path / "bench.html", "", script)
     assert console == []
-    assert read["first"] == 2 * ["400x300/path-area/relmse"]
-    assert read["then"] == 2 * ["1600x1200/shadow-center/rmse"]
-    chart = error_chart(made, SIZES[2], "shadow-center", "rmse")
+    assert read["first"] == 2 * ["400x300/path-area"]
+    assert read["then"] == 2 * ["1600x1200/shadow-center"]
+    chart = error_chart(made, SIZES[2], "shadow-center")
     assert read["title"] == chart.title
     assert set(read["points"]) == {p.name for p in chart.points}
     assert [tuple(row) for row in read["frontier"]] == frontier_rows(chart)
     row = next(r for r in made.rows if r.method == "drjit32-shadow-conic" and r.width == 1600)
     assert read["tip"].startswith("drjit32-shadow-conic\n")
-    assert "memory 12.5 MiB" in read["tip"]
     assert f"RMSE {shown(row.rmse)}" in read["tip"]
     assert (read["hidden"], read["tags"], read["gone"]) == (False, 0, True)
     assert 200 < read["box"] < 420
@@ -177,7 +186,7 @@ def test_the_choice_of_truth_and_metric_shows_another_chart(made, tmp_path, brow
 
 
 def test_a_chart_has_every_point_at_its_place_in_its_colour_and_escapes_every_text(made):
-    chart = replace(error_chart(made, SIZES[0], "shadow-center", "rmse"), title='a <b> & "c"')
+    chart = replace(error_chart(made, SIZES[0], "shadow-center"), title='a <b> & "c"')
     drawn = [e for kind in ("circle", "polygon") for e in shapes(chart, kind) if e.get("data-name")]
     found = {e.get("data-name"): e for e in drawn}
     assert found.keys() == {p.name for p in chart.points}
@@ -200,9 +209,9 @@ def judged(made) -> list[Bench]:
         replace_row(r, verdict="fail", reason="too <dark>") if r.method == "numpy32-shadow-conic" else r
         for r in few.rows
     )  # fmt: skip
-    crash = LeftOut("mine.py:crash", *SIZES[0], "IndexError: seven")
+    crash = {"mine.py:crash": "IndexError: seven"}
     subjects = "numpy32-shadow-conic", "mine.py:crash"
-    wrong = replace_row(few, rows=rows, subjects=subjects, left_out=(*few.left_out, crash))
+    wrong = replace_row(few, rows=rows, subjects=subjects, left_out=few.left_out | crash)
     return [replace_row(few, scene="calm", subjects=subjects[:1]), replace_row(wrong, scene="wild")]
 
 
@@ -222,7 +231,7 @@ def test_one_page_has_every_scenes_frontier_and_verdicts(judged, tmp_path, brows
     write_bench_all(judged, tmp_path)
     assert [one["scene"] for one in json.loads((tmp_path / "bench.json").read_text())] == ["calm", "wild"]
     assert {p.name for p in tmp_path.iterdir()} == {"bench.html", "bench.json", "calm", "wild"}
-    assert (tmp_path / "wild" / "400x300-path-area-relmse.svg").exists()
+    assert (tmp_path / "wild" / "400x300-path-area.svg").exists()
     script = r"""
       const sections = [...document.querySelectorAll("[data-choices]")];
       const shown = () => sections.map((s) => s.querySelector(".chart:not([hidden])").dataset.chart);
@@ -234,8 +243,8 @@ def test_one_page_has_every_scenes_frontier_and_verdicts(judged, tmp_path, brows
       result.verdicts = [...document.querySelectorAll(".verdicts tbody tr")].map((row) => row.innerText);"""
     read, console = browse(tmp_path / "bench.html", "", script)
     assert console == []
-    assert read["first"] == 2 * ["400x300/shadow-center/relmse"]
-    assert read["then"] == ["400x300/shadow-center/relmse", "400x300/path-area/relmse"]
+    assert read["first"] == 2 * ["400x300/shadow-center"]
+    assert read["then"] == ["400x300/shadow-center", "400x300/path-area"]
     assert read["titles"] == ["calm: error against seconds", "wild: error against seconds"]
     calm, wild = read["verdicts"]
     assert "✓ pass" in calm

@@ -11,6 +11,7 @@ from raytwin.errors import InputError
 from raytwin.files.rounding import half_code
 from raytwin.image import Image
 from raytwin.tracer import trace
+from raytwin.workflows.compare_scene import compare_scene
 from raytwin.workflows.diff_files import compare as diff
 
 GREY = np.full((8, 9, 3), 0.5, np.float32)
@@ -78,3 +79,16 @@ def test_a_function_that_returns_a_path_is_a_subject(tmp_path):
     asked = "--size", "24x18", "--subject", "mine.py:render", "-o", "out"
     run = raytwin("compare", "single", *asked, cwd=tmp_path)
     assert run.returncode == 0, run.stdout + run.stderr
+
+
+@pytest.mark.parametrize("ending", ["png", "exr"])
+def test_a_subject_is_held_to_what_its_files_format_can_show(ending, tmp_path, monkeypatch):
+    """Eight bits, or half floats: the true picture passes, and one that is 2 % too bright fails."""
+    monkeypatch.chdir(tmp_path)
+    exact = trace(files.read_scene("overlap").scene.with_(size=(96, 72)), "shadow").mean
+    for factor, verdict in ((1.0, "pass"), (1.02, "fail")):
+        shown = (factor * exact).astype(np.float16 if ending == "exr" else np.float32)
+        files.write_image(tmp_path / f"x.{ending}", Image(shown))
+        made = compare_scene("overlap", subject=f"x.{ending}", size=(96, 72))
+        assert made.verdict == verdict
+        assert made.report.comparison.radiance.p999_abs > 1e-4, "no more than the tolerance was rounded off"

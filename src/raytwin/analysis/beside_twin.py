@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from raytwin import twin
+from raytwin import files, twin
 from raytwin.compare import Comparison, compare
 from raytwin.image import Image
 from raytwin.scene import Scene, Tolerance
@@ -13,8 +13,12 @@ def compare_with_twin(
 ) -> Comparison:
     """Compare with the twin's `reference`; float32 may put its highlights off. `flip`: with the perceptual metric.
 
-    `options` are further ones of `compare`.
+    What the format of the test's file has rounded off is not counted. `options` are further ones of `compare`.
     """
     surface = reference.surface if scene.glossy else None
-    steep = None if surface is None else twin.highlight_rounding(scene, surface)
-    return compare(test, reference, tolerance=tolerance or Tolerance(), half_steps=(steep, None), flip=flip, **options)
+    rounding = files.rounding_of(test)
+    half = rounding.half
+    if surface is not None:
+        half = twin.highlight_rounding(scene, surface) + (0 if half is None else half)
+    shown = rounding.shown(reference)
+    return compare(test, shown, tolerance=tolerance or Tolerance(), half_steps=(half, None), flip=flip, **options)

@@ -16,9 +16,6 @@ Measure = Callable[[float, np.random.Generator, int], Mapping[str, Error]]
 
 Law = Callable[[float], float]
 
-STEPS = 20
-"""Steps towards the place where a law crosses its bound: this many coarse ones, then as many within one of these."""
-
 U32, U64 = 2.0**-24, 2.0**-53
 """Unit roundoff: the most that rounding moves a number by, as a share of it."""
 
@@ -114,23 +111,14 @@ def breaks_at(values: Sequence[float], errors: Sequence[Error], bound: float) ->
 
 def predicted(experiment: Experiment, method: str, values: Sequence[float]) -> float | None:
     """Where the method's law crosses the bound within the values: None where it does not, or where there is no law."""
-    law = experiment.laws.get(method)
-    if law is None:
+    law, low, high = experiment.laws.get(method), values[0], values[-1]
+    if law is None or law(high) <= experiment.bound:
         return None
-
-    def above(x: float) -> bool:
-        return law(x) > experiment.bound
-
-    # A law crosses its bound once: coarse steps find where, finer ones between two of them.
-    coarse, fine = ([_between(values[0], values[-1], k / n) for k in range(n + 1)] for n in (STEPS, STEPS**2))
-    last = next((i for i, x in enumerate(coarse) if above(x)), None)
-    if not last:
-        return None if last is None else values[0]
-    first = next(i for i in range((last - 1) * STEPS + 1, last * STEPS + 1) if above(fine[i]))
-    low, high = fine[first - 1], fine[first]
-    for _ in range(20):
+    if law(low) > experiment.bound:
+        return low
+    for _ in range(30):  # a law crosses its bound once
         middle = _between(low, high, 0.5)
-        low, high = (low, middle) if above(middle) else (middle, high)
+        low, high = (low, middle) if law(middle) > experiment.bound else (middle, high)
     return float(f"{high:.4g}")
 
 
@@ -143,12 +131,6 @@ def digits(error: Error) -> float | None:
     if error is None:
         return None
     return 16.0 if error <= 1e-16 else min(max(0.0, -math.log10(error)), 16.0)
-
-
-def decades(first: int, last: int, each: int = 1) -> tuple[float, ...]:
-    """10^first ... 10^last, `each` values a decade."""
-    step = 1 if last >= first else -1
-    return tuple(float(f"{10 ** (k / each):.3g}") for k in range(first * each, last * each + step, step))
 
 
 def spaced(first: float, last: float, count: int) -> tuple[float, ...]:

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from raytwin.atlas.experiment import Error, Experiment, Law
+from raytwin.atlas.experiment import Error, Experiment
 from raytwin.calib.boards import Board, BoardTag, Grid
 from raytwin.calib.photos import Tag, homography_pose, project, refined_pose
 from raytwin.calib.photos.fit import MODELS
@@ -109,65 +109,63 @@ def errors(photo: BoardPhoto, rng: np.random.Generator, n: int) -> dict[str, Err
     return rms | ({OURS: None} if doubted > n / 2 else {})
 
 
-def pose_experiment(photo: Callable[[float], BoardPhoto]) -> tuple[Callable[..., dict[str, Error]], dict[str, Law]]:
-    """Return a Measure over the photos `photo(parameter)`, and the law of the best pose, averaged over four sides."""
+ANGLE, BOUND = "rms angle from the true pose, radians", 0.02
+SOURCE = "Collins and Bartoli, Infinitesimal plane-based pose estimation (2014); Zhang, A flexible new technique (2000)"
+
+
+def over_photos(
+    name: str, title: str, parameter: str, values: tuple[float, ...], photo: Callable[[float], BoardPhoto], why: str,
+    **options: Any,
+) -> Experiment:  # fmt: skip
+    """Return an experiment over the photos `photo(parameter)`. Its law is the best pose's error, averaged over four
+    sides that the board leans to."""
 
     def law(x: float) -> float:
         rng = np.random.default_rng(0)
         of = [least_turn(s := photo(x), np.array(list(s.points(rng).values())), k * math.pi / 4) for k in range(4)]
         return math.sqrt(float(np.mean(np.square(of))))
 
-    return (lambda x, rng, n: errors(photo(x), rng, n)), {OURS: law}
+    return Experiment(
+        name, title, parameter, ANGLE, BOUND, values, lambda x, rng, n: errors(photo(x), rng, n), (OURS,), why,
+        SOURCE, {OURS: law}, **options,
+    )  # fmt: skip
 
-
-ANGLE, BOUND = "rms angle from the true pose, radians", 0.02
-SOURCE = "Collins and Bartoli, Infinitesimal plane-based pose estimation (2014); Zhang, A flexible new technique (2000)"
-WAYS = {
-    "noise": pose_experiment(lambda x: BoardPhoto(noise=x)),
-    "tags": pose_experiment(lambda x: BoardPhoto(tags=round(x))),
-    "tilt": pose_experiment(lambda x: BoardPhoto(tilt=x)),
-    "far": pose_experiment(lambda x: BoardPhoto(distance=x)),
-    "line": pose_experiment(lambda x: BoardPhoto(narrow=x)),
-}
 
 EXPERIMENTS = (
-    Experiment(
-        "pose-noise", "A pose from noisy tags", "noise of a tag's coordinate, pixels", ANGLE, BOUND,
-        (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0), WAYS["noise"][0], (OURS,),
+    over_photos(
+        "pose-noise", "A pose from noisy tags", "noise of a tag's coordinate, pixels",
+        (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0), lambda x: BoardPhoto(noise=x),
         "No unbiased pose errs less than the bound of Cramér and Rao, which grows with the noise, and least squares "
         "reach it. The homography minimises an error that is not the pixels', and can bear a third of the noise.",
-        SOURCE, WAYS["noise"][1], limit=1.0, slack=2, trials=12,
+        limit=1.0, slack=2, trials=12,
     ),
-    Experiment(
-        "pose-tags", "A pose from few tags", "tags", ANGLE, BOUND, (35.0, 20.0, 12.0, 8.0, 6.0, 5.0, 4.0),
-        WAYS["tags"][0],
-        (OURS,),
+    over_photos(
+        "pose-tags", "A pose from few tags", "tags", (35.0, 20.0, 12.0, 8.0, 6.0, 5.0, 4.0),
+        lambda x: BoardPhoto(tags=round(x)),
         "Four tags hold two numbers more than a pose has, so that the wrong one of a plane's two poses may fit as well "
         "by chance, and three in a line leave the homography open. How much better the first must fit is told by "
         "Fisher's F; from four tags that is 32 times, and most photos are called ambiguous.",
-        SOURCE, WAYS["tags"][1], trials=16,
+        trials=16,
     ),
-    Experiment(
-        "pose-tilt", "A board that faces the camera", "tilt, degrees", ANGLE, BOUND,
-        (45.0, 30.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.1),
-        WAYS["tilt"][0], (OURS,),
+    over_photos(
+        "pose-tilt", "A board that faces the camera", "tilt, degrees", (45.0, 30.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.1),
+        lambda x: BoardPhoto(tilt=x),
         "Seen straight on, a small turn of the board changes only how its far edge shrinks, and a plane's two poses "
         "come together; IPPE's first one is then off by degrees. Least squares from it, on pixels, hold the bound.",
-        SOURCE, WAYS["tilt"][1], trials=12,
+        trials=12,
     ),
-    Experiment(
-        "pose-far", "A board that is far away", "distance, m", ANGLE, BOUND, (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0),
-        WAYS["far"][0],
-        (OURS,),
+    over_photos(
+        "pose-far", "A board that is far away", "distance, m", (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0),
+        lambda x: BoardPhoto(distance=x),
         "Far away perspective fades, and with it what tells a plane's two poses apart: from some 5 m on, noise chooses "
         "between them, and every method returns the wrong one half of the time. raytwin says so instead.",
-        SOURCE, WAYS["far"][1], trials=12,
+        trials=12,
     ),
-    Experiment(
-        "pose-line", "Tags that lie nearly in a line", "width of the board / its own", ANGLE, BOUND,
-        (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001), WAYS["line"][0], (OURS,),
+    over_photos(
+        "pose-line", "Tags that lie nearly in a line", "width of the board / its own",
+        (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001), lambda x: BoardPhoto(narrow=x),
         "About a line of tags the board may turn freely: the error grows as the line's width falls. Where tags are in "
         "one line to 1 in 1000 the pose is refused, before that it is called ambiguous.",
-        SOURCE, WAYS["line"][1], trials=12,
+        trials=12,
     ),
 )  # fmt: skip

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raytwin.atlas.exact_arithmetic import hits
-from raytwin.atlas.experiment import U32, U64, Error, Experiment, Law, decades
+from raytwin.atlas.experiment import U32, U64, Error, Experiment, Law, spaced
 from raytwin.scene import Sphere
 from raytwin.tracer import SOLVERS, intersect_sphere
 
@@ -164,8 +164,8 @@ def grazing(k: float) -> Rounded:
 
 EXPERIMENTS = (
     Experiment(
-        "sphere-far", "A sphere far away", "distance / radius", "error of the hit, radii", 1e-3, decades(0, 8, 2), far,
-        OURS,
+        "sphere-far", "A sphere far away", "distance / radius", "error of the hit, radii", 1e-3, spaced(1, 1e8, 17),
+        far, OURS,
         "The discriminant is a difference of two squares of the distance D, and rounding either moves it by u D²: "
         "where that reaches r², at 2^12 radii in float32 and 2^26.5 in float64, nothing of the sphere is left. The "
         "perpendicular distance from ray to centre loses u D only, which is what rounding the ray itself costs.",
@@ -181,7 +181,7 @@ EXPERIMENTS = (
     ),
     Experiment(
         "sphere-ground", "A ground that is a large sphere", "radius / height of the eye",
-        "error of the hit, of its distance", 1e-3, decades(0, 8), ground, OURS,
+        "error of the hit, of its distance", 1e-3, spaced(1, 1e8, 9), ground, OURS,
         "How far the eye stands above the surface is the small difference of two large lengths, so u R of it is lost, "
         "in every solver and already in the numbers of the centre. Only more digits help: float64 keeps eight for a "
         "planet seen from six centimetres.",
@@ -189,7 +189,7 @@ EXPERIMENTS = (
     ),
     Experiment(
         "sphere-tangent", "Rays that graze a sphere ten radii away", "share of the radius left to the outline",
-        "error of the hit, radii", 1e-3, decades(-1, -12), tangent, OURS,
+        "error of the hit, radii", 1e-3, spaced(1e-1, 1e-12, 12), tangent, OURS,
         "At the outline the hit moves by the square root of what moves the ray: an error δ of the discriminant moves "
         "it by δ / 2√disc. The robust solver's δ is u D, the others' u D², and where δ is all of the discriminant, "
         "hits become misses.",
@@ -198,7 +198,7 @@ EXPERIMENTS = (
     ),
     Experiment(
         "sphere-level", "A ray that starts level with the centre", "b = distance to the centre's level, radii",
-        "error of the hit, radii", 1e-3, decades(0, -50)[::5], level, OURS,
+        "error of the hit, radii", 1e-3, spaced(1, 1e-50, 11), level, OURS,
         "The numerically stable quadratic adds √disc to b with b's sign; written with a sign that is 0 at 0 it finds q "
         "= 0, which is no root, as soon as b is rounded to 0. A camera at a sphere's centre, or level with it, is "
         "enough.",

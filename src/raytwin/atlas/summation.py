@@ -4,7 +4,7 @@ from math import sqrt
 
 import numpy as np
 
-from raytwin.atlas.experiment import U32, Error, Experiment, decades
+from raytwin.atlas.experiment import U32, Error, Experiment, spaced
 
 CHUNK = 1 << 20
 """Values drawn at a time: bounds the memory, not the sum."""
@@ -41,7 +41,7 @@ def stagnant(x: float) -> float:
 
 EXPERIMENTS = (
     Experiment(
-        "sum-samples", "Adding up a pixel's samples", "samples", "relative error of the sum", 1e-3, decades(3, 8),
+        "sum-samples", "Adding up a pixel's samples", "samples", "relative error of the sum", 1e-3, spaced(1e3, 1e8, 6),
         added,
         ("float64: raytwin",),
         "A float32 sum that has reached 2^25 no longer moves when a sample of 1 is added, because half of its step is "

@@ -5,7 +5,7 @@ from math import sqrt
 import numpy as np
 
 from raytwin.arrays import dot, unit
-from raytwin.atlas.experiment import U32, U64, Error, Experiment, decades
+from raytwin.atlas.experiment import U32, U64, Error, Experiment, spaced
 from raytwin.atlas.spheres import seen_at
 from raytwin.scene import Rectangle, Sphere
 from raytwin.tracer import STAGES, PlainWorld, intersect_rectangle, intersect_sphere, surface_at
@@ -150,23 +150,23 @@ SHARE = "share of shadow rays that see wrongly"
 EXPERIMENTS = (
     Experiment(
         "hit-point", "How far off the surface a hit lies", "distance / radius", "distance from the surface, radii",
-        GAMMA5, decades(0, 6), off_surface, ("o + t d, float64",),
+        GAMMA5, spaced(1, 1e6, 7), off_surface, ("o + t d, float64",),
         "The point o + t d inherits the rounding of the whole way t, so u D of it is wrong, where pbrt's bound γ(5) r "
         "is of the sphere's own size. Putting the point back onto the sphere meets the bound; raytwin, which asks no "
         "object about itself, needs it in float64 only.",
         PBRT, {"o + t d, float32": lambda x: 2 * U32 * x, "o + t d, float64": lambda x: 2 * U64 * x},
     ),
     Experiment(
-        "shadow-large", "Shadow rays in a large scene", "radius of the sphere, m", SHARE, 1e-3, decades(0, 5), sized,
-        (OWN,),
+        "shadow-large", "Shadow rays in a large scene", "radius of the sphere, m", SHARE, 1e-3, spaced(1, 1e5, 6),
+        sized, (OWN,),
         "Half of the points lie below the surface by rounding, u times the way of the ray, and shade themselves: acne. "
         "A fixed distance that is passed over, t > 1e-4, stops helping where rounding outgrows it.",
         BINDER, {f"t > {EPSILON:g}": lambda x: acne(U32 * x / 2, EPSILON), "no offset": lambda x: 0.2},
         trials=10_000,
     ),
     Experiment(
-        "shadow-small", "Shadow rays in a small scene", "radius of the sphere, m", SHARE, 1e-3, decades(0, -5), sized,
-        (OWN,),
+        "shadow-small", "Shadow rays in a small scene", "radius of the sphere, m", SHARE, 1e-3, spaced(1, 1e-5, 6),
+        sized, (OWN,),
         "What a shadow ray leaves out, or jumps over, it cannot see: a sheet a thousandth of a radius above the sphere "
         "is missed once that is less than the offset. All three offsets have a length built in, so all fail in a scene "
         "small enough.",
@@ -177,7 +177,7 @@ EXPERIMENTS = (
     ),
     Experiment(
         "shadow-moved", "Shadow rays far from the origin", "distance from the origin, radii", SHARE, 1e-3,
-        decades(0, 6), moved, (OWN,),
+        spaced(1, 1e6, 7), moved, (OWN,),
         "Far from the origin float32's steps are wide, and offsets that grow with them jump over what lies near, while "
         "a fixed one is drowned. raytwin puts the origin at the eye first, in float64, so that only the distance seen "
         "counts.",

@@ -9,17 +9,15 @@ from raytwin.compare import Verdict
 from raytwin.notebook import InNotebook
 from raytwin.scene.record_base import Row
 
-ERRORS = ("rmse", "relmse", "p999_abs")
-"""The metrics that a row carries: rows of compare.METRICS."""
-
 
 class Measurement(Row, frozen=True):
-    """One method at one size. Errors are against the converged truth of the method's own rung and sampling.
+    """Seconds and error of one method at one size, against the converged reference `truth` ("shadow-center").
 
-    `seconds_median`, `seconds_iqr` of the warm calls; `compile_seconds`: what only the first calls cost; `peak_mib`:
-    the most memory beyond what the process held before the call; `truth_floor`: the truth's own RMSE, below which
-    `rmse` tells nothing. null: not measured. `verdict` of the first image beside the twin of the same rung; `reason`:
-    its first reason, in words.
+    `seconds_median`, `seconds_iqr` of the warm calls; `compile_seconds`: what only the first call cost. `rmse`,
+    `relmse` and `p999_abs` are means over the images of independent seeds, `rmse_sigma` is the standard error of the
+    mean of `rmse` (None: one image). `truth_floor`: the reference's own RMSE, below which `rmse` tells nothing.
+    `on_frontier`: among the methods measured against the same reference. `verdict` of the first image beside the twin
+    at the method's own light level; `reason`: its first reason, in words.
     """
 
     method: str
@@ -34,8 +32,9 @@ class Measurement(Row, frozen=True):
     seconds_median: float
     seconds_iqr: float
     compile_seconds: float
-    peak_mib: float | None
+    truth: str
     rmse: float
+    rmse_sigma: float | None
     relmse: float
     p999_abs: float
     truth_floor: float
@@ -44,51 +43,23 @@ class Measurement(Row, frozen=True):
     reason: str
 
 
-class Converged(Row, frozen=True):
-    """A converged image and the noise it still has, in each metric: what a perfect method would score against it."""
-
-    name: str
-    width: int
-    height: int
-    samples: int
-    seconds: float
-    floor: dict[str, float | None]
-
-
-class Deviation(Row, frozen=True):
-    """One method's error against one truth, its own or another."""
-
-    method: str
-    width: int
-    height: int
-    truth: str
-    rmse: float
-    relmse: float
-    p999_abs: float
-    on_frontier: bool
-
-
-class LeftOut(Row, frozen=True):
-    """A method that was asked for and not measured, and why."""
-
-    method: str
-    width: int
-    height: int
-    why: str
-
-
 class Bench(Row, InNotebook, frozen=True):
-    """A whole run. `subjects`: the names of the methods that were given themselves, not by a pattern."""
+    """A whole run at `sizes` (width, height).
+
+    `rows`: each method against its own light level; `errors`: against the highest one.
+    `left_out`: the methods that were not measured at some size -> why. `subjects`: the names of the methods that were
+    given themselves, not by a pattern.
+    """
 
     scene: str
     machine: dict[str, str]
     versions: dict[str, str]
     budget: float
     seconds: float
+    sizes: tuple[tuple[int, int], ...]
     rows: tuple[Measurement, ...]
-    truths: tuple[Converged, ...] = ()
-    errors: tuple[Deviation, ...] = ()
-    left_out: tuple[LeftOut, ...] = ()
+    errors: tuple[Measurement, ...]
+    left_out: dict[str, str]
     subjects: tuple[str, ...] = ()
 
     @property

@@ -1,43 +1,49 @@
 """Scenes, methods and sizes in; a Bench per scene out, within a budget of seconds."""
 
+import gc
 import math
 import os
 import platform
 import time
 import warnings
-from collections import defaultdict
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field, replace
 from math import gcd, sqrt
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from raytwin import files, twin
-from raytwin.bench.bench_record import Bench, Converged, Deviation, LeftOut, Measurement
-from raytwin.bench.bench_reference import WHOLE, converge, judge, measure, truth_of, twin_of
-from raytwin.bench.frontier import median_iqr, on_frontier
-from raytwin.bench.timing import Clock, Errors, Look, Measured, guess, repeat, warm
+from raytwin.analysis.beside_twin import compare_with_twin
+from raytwin.bench.bench_record import Bench, Measurement
+from raytwin.bench.bench_reference import converged
+from raytwin.bench.frontier import on_frontier
 from raytwin.calib.find_camera import find_camera
-from raytwin.compare import Comparison
+from raytwin.compare import METRICS, Comparison
 from raytwin.contract.subject import method as as_method
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.progress import Progress, silent
 from raytwin.renderers.renderer import Call, Renderer
 from raytwin.renderers.renderer_table import RENDERERS, choose
+from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, SceneFile, Tolerance
 from raytwin.workflows.versions import versions
 
-PREPARE_SHARE, TRUTH_SHARE = 0.6, 0.3
-"""Shares of a size's time: references take at most TRUTH_SHARE; preparing stops after PREPARE_SHARE of the rest."""
-
+ERRORS = ("rmse", "relmse", "p999_abs")
+"""The metrics that a row carries: rows of compare.METRICS."""
+WHOLE = "path-area"
+"""The reference with all light, which every method is compared with, whatever part of it the method computes."""
+REFERENCE_SHARE, PREPARE_SHARE = 0.3, 0.6
+"""Shares of a size's time: references end after the first, and no method is prepared after the second. Each warm call
+takes no longer than its first one did, so that a round of timed calls fits into what is left."""
 OUT_OF_TIME = "no time"
 """How the reason begins where a larger budget would help."""
-Parts = dict[str, list[Any]]
-"""What a run has measured so far, by Bench's fields."""
-CALLS = 4
-"""Calls of a method that must fit what is left of the time: one to warm up, three to time."""
+
+clock = time.perf_counter
+Look = Callable[["_Run", Image], None]
 
 
 def bench(
@@ -54,10 +60,10 @@ def bench(
     (megapixels), and judge its picture beside the twin's.
 
     `methods`: patterns of names (`raytwin bench list`), and renderers of your own, which come first: functions of a
-    scene, and what `method` returns. `budget`: seconds for all, preparing and truths too; methods that do not fit are
-    named in `left_out`, and InputError says so if none does. `repeats`: most timed calls of each. `truth_samples`: most
-    samples a pixel of each truth. `table()` of what is returned has a row per method and size: seconds, errors,
-    verdict, and whether it is on the frontier. `progress(stage, done, total)` is called as work goes on.
+    scene, and what `method` returns. `budget`: seconds for all, preparing and references too; methods that do not fit
+    are named in `left_out`, and InputError says so if none does. `repeats`: most timed calls of each. `truth_samples`:
+    most samples per pixel of each reference. `table()` of what is returned has a row per method and size: seconds,
+    errors, verdict, and whether it is on the frontier. `progress(stage, done, total)` is called as work goes on.
     """
     (found,) = bench_scenes(
         (path,), methods=methods, sizes=sizes, budget=budget, repeats=repeats, truth_samples=truth_samples,
@@ -88,28 +94,31 @@ def bench_scenes(
     chosen, subjects = chosen_methods(methods)
     scenes = [files.read_scene(path) for path in paths]
     check_names("SCENE", [scene.name for scene in scenes])
-    start = time.perf_counter()
+    start = clock()
     twin.activate()
     made = []
     for number, written in enumerate(scenes):
-        began = time.perf_counter()
+        began = clock()
         deadline = portion(start + budget, len(scenes) - number)
         scene = find_camera(written, progress=progress)[0]
-        found: Parts = defaultdict(list)
-        for i, megapixels in enumerate(sizes):
-            measure_size(
-                found, scene.with_camera(sized(scene.camera, megapixels)), written.tolerance, chosen, subjects,
-                portion(deadline, len(sizes) - i), repeats, truth_samples, progress,
+        rows: list[Measurement] = []
+        errors: list[Measurement] = []
+        left: dict[str, str] = {}
+        cameras = [sized(scene.camera, megapixels) for megapixels in sizes]
+        for i, camera in enumerate(cameras):
+            own, whole, missing = measure_size(
+                scene.with_camera(camera), written.tolerance, chosen, subjects, portion(deadline, len(sizes) - i),
+                repeats, truth_samples, progress,
             )  # fmt: skip
+            rows, errors, left = rows + own, errors + whole, missing | left
         made.append(
             Bench(
-                scene=scene.name, machine=machine(), versions=versions(), budget=float(deadline - began),
-                seconds=time.perf_counter() - began, subjects=subjects,
-                **{name: tuple(part) for name, part in found.items()},
+                scene.name, machine(), versions(), deadline - began, clock() - began,
+                tuple(camera.image_size for camera in cameras), tuple(rows), tuple(errors), left, subjects,
             )
         )  # fmt: skip
     if not any(one.rows for one in made):
-        raise _nothing([o for one in made for o in one.left_out], subjects, budget, time.perf_counter() - start)
+        raise _nothing(made[0].left_out, subjects, budget, clock() - start)
     return tuple(made)
 
 
@@ -146,172 +155,170 @@ def check_numbers(where: str, numbers: Sequence[float], most: float = math.inf) 
 
 def portion(until: float, parts: int) -> float:
     """Return the end of the first of `parts` equal parts of the time from now until then."""
-    now = time.perf_counter()
-    return now + (until - now) / parts
+    return clock() + (until - clock()) / parts
 
 
-def _nothing(left: Sequence[LeftOut], subjects: Collection[str], budget: float, spent: float) -> InputError:
+def _nothing(left: dict[str, str], subjects: Collection[str], budget: float, spent: float) -> InputError:
     """Why nothing was measured, and what to give."""
-    late = {o.method for o in left if o.why.startswith(OUT_OF_TIME)}
+    late = [name for name, why in left.items() if why.startswith(OUT_OF_TIME)]
     if not late:
-        want = "one that this scene and this machine can have"
-        where = "--subject" if left[0].method in subjects else "--methods"
-        return InputError(where, want, f"{left[0].method}: {left[0].why}")
+        name, why = next(iter(left.items()))
+        where = "--subject" if name in subjects else "--methods"
+        return InputError(where, "one that this scene and this machine can have", f"{name}: {why}")
     want = f"more seconds, or fewer --methods: none of {len(late)} could be prepared and timed"
-    return InputError("--budget", want, f"{budget:g}; preparing and truths took {spent:.2g} s")
+    return InputError("--budget", want, f"{budget:g}; preparing and references took {spent:.2g} s")
+
+
+# ------------------------------------------------------------------------------------------ one size
+
+
+@dataclass(eq=False)
+class _Run:
+    """A method while it is measured: `first`, `seconds` of its first call and of the timed ones; `turn`: of its latest
+    call and what was done with the image; `errors`: reference -> ERRORS of each image."""
+
+    method: Renderer
+    call: Call
+    first: float = 0.0
+    turn: float = 0.0
+    seconds: list[float] = field(default_factory=list)
+    errors: dict[str, list[list[float]]] = field(default_factory=dict)
+    judged: Comparison | None = None
+
+
+def reference_of(method: Renderer) -> str:
+    """The name of the reference at the method's own light level."""
+    return f"{method.rung}-{method.sampling}"
 
 
 def measure_size(
-    found: Parts, scene: Scene, tolerance: Tolerance, methods: Sequence[Renderer], subjects: Collection[str],
-    deadline: float, repeats: int, truth_samples: int, progress: Progress,
-) -> None:  # fmt: skip
-    """Measure references and methods at one size of picture."""
-    size = scene.camera.image_size
-    images, truths, twins = {}, {}, {}
-    own_truths = {truth_of(m) for m in methods}
-    names = sorted(own_truths | {WHOLE})
-    until = time.perf_counter() + TRUTH_SHARE * (deadline - time.perf_counter())
+    scene: Scene, tolerance: Tolerance, methods: Sequence[Renderer], subjects: Collection[str], deadline: float,
+    repeats: int, truth_samples: int, progress: Progress,
+) -> tuple[list[Measurement], list[Measurement], dict[str, str]]:  # fmt: skip
+    """Measure all methods at one size: rows against their own references and the one with all light, and why not."""
+    images: dict[str, np.ndarray] = {}
+    floors: dict[str, float] = {}
+    twins: dict[str, Image] = {}
+    names = sorted({reference_of(m) for m in methods} | {WHOLE})
+    start, given = clock(), deadline - clock()
     for i, name in enumerate(names):
-        progress("truths", i, len(names))
-        seconds = (until - time.perf_counter()) / (len(names) - i)
-        truth, truths[name] = converge(scene, name, truth_samples, seconds)
-        images[name] = truth.mean
-        if name in own_truths:
-            twins[name] = twin_of(scene, name, truth)
-    progress("truths", len(names), len(names))
-    verdicts: dict[str, Comparison] = {}
+        progress("references", i, len(names))
+        rung, sampling = name.split("-")
+        seconds = portion(start + REFERENCE_SHARE * given, len(names) - i) - clock()
+        reference, floors[name] = converged(scene, rung, sampling, truth_samples, seconds)
+        images[name] = reference.mean
+        twins[name] = reference if RUNGS[rung].sampled(sampling) else twin.render(scene, rung, sampling=sampling)
+    progress("references", len(names), len(names))
 
-    def look(method: Renderer, image: Image) -> Errors:
-        own = truth_of(method)
-        if method.name not in verdicts:
-            verdicts[method.name] = judge(method, image, twins[own], scene, tolerance)
-        return {name: measure(image.mean, images[name]) for name in names if name == own or comparable(name)}
+    def look(run: _Run, image: Image) -> None:
+        own = reference_of(run.method)
+        for name in dict.fromkeys((own, WHOLE)):
+            found = [METRICS[metric].function(image.mean, images[name]) for metric in ERRORS]
+            run.errors.setdefault(name, []).append([math.nan if value is None else value for value in found])
+        if run.judged is None:
+            if run.method.noisy and image.variance is None:
+                image = replace(image, batches=1)  # or one sample would count as free of noise
+            run.judged = compare_with_twin(image, twins[own], scene, tolerance)
 
-    done, left = time_methods(scene, methods, look, deadline, repeats, progress, first=subjects)
-    truths = {name: truth for name, truth in truths.items() if any(name in m.errors[0] for m in done)}
-    rows, errors = summarize(done, truths, verdicts, size)
-    found["rows"] += rows
-    found["errors"] += errors
-    found["truths"] += truths.values()
-    found["left_out"] += left
+    runs, left = first_calls(scene, methods, subjects, look, start + PREPARE_SHARE * given, progress)
+    rounds(runs, look, deadline, repeats)
+    left |= {run.method.name: f"{OUT_OF_TIME} left for a timed call" for run in runs if not run.seconds}
+    runs = sorted((run for run in runs if run.seconds), key=lambda run: methods.index(run.method))
+    size = scene.camera.image_size
+    rows = []
+    for name in names:
+        rows += measurements([r for r in runs if reference_of(r.method) == name], name, floors[name], size)
+    return rows, measurements(runs, WHOLE, floors[WHOLE], size), left
 
 
-def comparable(truth: str) -> bool:
-    """Return whether every method may be compared with this reference: those over the whole pixel."""
-    return truth.endswith("-area")
+def first_calls(
+    scene: Scene, methods: Sequence[Renderer], first: Collection[str], look: Look, until: float, progress: Progress
+) -> tuple[list[_Run], dict[str, str]]:
+    """Prepare each method and call it once, as long as there is time; return these, and why the others are not there.
 
-
-def time_methods(
-    scene: Scene,
-    methods: Sequence[Renderer],
-    look: Look,
-    deadline: float,
-    repeats: int,
-    progress: Progress,
-    clock: Clock = time.perf_counter,
-    first: Collection[str] = (),
-) -> tuple[list[Measured], list[LeftOut]]:
-    """Prepare each method and call it once, then time them in turn; return those timed, and why the others are not.
-
-    Those named in `first` come first. One of each family comes before the second of any, those of few samples first, so
-    that time that is too short leaves some of every kind. Two thumbnails tell what a call will take; none is prepared
-    whose calls do not fit.
+    Those named in `first` begin. Then one of each family comes before the second of any, and few samples before many,
+    so that a short time leaves some of every kind. The family's latest one tells what the next will take.
     """
-    size, start = scene.camera.image_size, clock()
-    until = start + PREPARE_SHARE * (deadline - start)
-    cheapest_first = sorted(methods, key=lambda m: m.samples)
-    families = [m.family for m in cheapest_first]
-    in_turn = sorted(
-        cheapest_first, key=lambda m: (m.name not in first, families[: cheapest_first.index(m)].count(m.family))
-    )
-    ready: list[Measured] = []
-    reasons: dict[str, str] = {}
+    by_samples = sorted(methods, key=lambda m: m.samples)
+    families = [m.family for m in by_samples]
+    place = {m.name: families[:i].count(m.family) for i, m in enumerate(by_samples)}
+    runs: list[_Run] = []
+    left: dict[str, str] = {}
     absent: dict[str, str] = {}
-    owed = 0.0
-    for i, method in enumerate(in_turn):
+    latest: dict[str, tuple[int, float]] = {}
+    for i, method in enumerate(sorted(by_samples, key=lambda m: (m.name not in first, place[m.name]))):
         progress("prepare", i, len(methods))
         if method.library in absent:
-            reasons[method.name] = absent[method.library]
+            left[method.name] = absent[method.library]
             continue
-        if i > 0 and clock() > until:
-            reasons[method.name] = f"{OUT_OF_TIME} to prepare it"
+        samples, taken = latest.get(method.family, (1, 0.0))
+        expected = taken * method.samples / samples
+        begun = clock()
+        if begun + expected > until:
+            about = f": a call would take about {expected:.2g} s" if expected else " to prepare it"
+            left[method.name] = OUT_OF_TIME + about
             continue
         try:
-            expected, compiling = expected_seconds(method, scene, clock)
-            if clock() + owed + CALLS * expected > deadline:
-                reasons[method.name] = f"{OUT_OF_TIME}: a call would take about {expected:.2g} s"
-                continue
-            one = Measured(method, method.prepare(scene), expected, compiling)
-            warm(one, look, clock)
+            run = _Run(method, method.prepare(scene))
+            image = run.call(0)
+            run.first = clock() - begun
+            look(run, image)
         except InputError as error:
-            reasons[method.name] = str(error)
+            left[method.name] = str(error)
             if "cuda" in method.library:
                 absent[method.library] = str(error)  # each try would start a child process
             continue
-        ready.append(one)
-        owed += (CALLS - 1) * one.guess
+        run.turn = clock() - begun
+        latest[method.family] = method.samples, run.turn
+        runs.append(run)
     progress("prepare", len(methods), len(methods))
-    known = {m.method.family for m in ready}
-    late = {m.family for m in methods if m.family not in known and reasons[m.name].startswith(OUT_OF_TIME)}
-    if ready and late:
+    known = {run.method.family for run in runs}
+    late = {m.family for m in methods if m.family not in known and left[m.name].startswith(OUT_OF_TIME)}
+    if runs and late:
         warnings.warn(f"--budget leaves out {', '.join(sorted(late))}", stacklevel=2)
-    repeat(ready, look, deadline, repeats, clock)
-    reasons |= {m.method.name: f"{OUT_OF_TIME} left for a timed call" for m in ready if not m.seconds}
-    left = [LeftOut(m.name, *size, reasons[m.name]) for m in methods if m.name in reasons]
-    return sorted((m for m in ready if m.seconds), key=lambda m: methods.index(m.method)), left
+    return runs, left
 
 
-def expected_seconds(method: Renderer, scene: Scene, clock: Clock) -> tuple[float, float]:
-    """Return the seconds that a call will take, on the line through two thumbnails, and those of compiling."""
-    (small, large), found = (thumbnail(scene, side) for side in (24, 48)), []
-    for view in (small, large):
-        call = method.prepare(view)
-        cold, warm_one = timed(call, clock), timed(call, clock)
-        found.append((area(view), warm_one, cold))
-    seconds = guess(found[0][:2], found[1][:2], area(scene))
-    return seconds, max(0.0, found[0][2] - found[0][1])
+def rounds(runs: Sequence[_Run], look: Look, deadline: float, repeats: int) -> None:
+    """Call each method `repeats` times, all in a new random order each round, so that a drifting machine affects all.
+
+    No call begins that would end past the deadline. A noisy method is called with another seed each time, and the
+    error of each image counts: their scatter is the error's (Celarek et al., Quantifying the error of light transport
+    algorithms, EGSR 2019).
+    """
+    rng = np.random.default_rng(0)
+    for number in range(1, repeats + 1):
+        for i in rng.permutation(len(runs)):
+            run, begun = runs[i], clock()
+            if begun + run.turn > deadline:
+                continue
+            gc.disable()
+            image = run.call(number)
+            run.seconds.append(clock() - begun)
+            gc.enable()
+            if run.method.noisy:
+                look(run, image)
+            run.turn = clock() - begun
 
 
-def summarize(
-    done: list[Measured], truths: dict[str, Converged], verdicts: dict[str, Comparison], size: tuple[int, int]
-) -> tuple[list[Measurement], list[Deviation]]:
-    """Rows against each method's own truth, and the errors against every truth, each with its frontier."""
-    times = {m.method.name: median_iqr(m.seconds) for m in done}
-    errors: dict[tuple[str, str], Deviation] = {}
-    for name, truth in truths.items():
-        compared = [m for m in done if name in m.errors[0]]
-        means = [{k: mean_of([e[name][k] for e in m.errors]) for k in m.errors[0][name]} for m in compared]
-        seconds = [times[m.method.name][0] for m in compared]
-        flags = on_frontier(seconds, [number(mean["rmse"]) for mean in means], number(truth.floor["rmse"]))
-        for m, mean, flag in zip(compared, means, flags, strict=True):
-            rmse, relmse, p999_abs = (number(mean[key]) for key in ("rmse", "relmse", "p999_abs"))
-            errors[m.method.name, name] = Deviation(
-                m.method.name, *size, name, rmse, relmse, p999_abs, on_frontier=flag
-            )
+def measurements(runs: Sequence[_Run], name: str, floor: float, size: tuple[int, int]) -> list[Measurement]:
+    """A row per run, its errors against the reference `name`."""
     rows = []
-    for m in done:
-        own = truth_of(method := m.method)
-        e, judged = errors[method.name, own], verdicts[method.name]
+    for run in runs:
+        m, judged, errors = run.method, run.judged, np.array(run.errors[name])
+        assert judged is not None
+        low, median, high = np.quantile(run.seconds, (0.25, 0.5, 0.75)).tolist()
+        sigma = float(errors[:, 0].std(ddof=1) / sqrt(len(errors))) if len(errors) > 1 else None
+        rmse, relmse, p999_abs = errors.mean(axis=0).tolist()
         rows.append(
             Measurement(
-                method.name, method.library, f"float{method.precision}", method.rung, method.trim, method.step,
-                method.samples, *size, *times[method.name], m.compile_seconds, m.peak_mib, e.rmse, e.relmse, e.p999_abs,
-                number(truths[own].floor["rmse"]), e.on_frontier, judged.verdict, judged.reasons[0],
+                m.name, m.library, f"float{m.precision}", m.rung, m.trim, m.step, m.samples, *size, median,
+                high - low, max(0.0, run.first - median), name, rmse, sigma, relmse, p999_abs, floor, False,
+                judged.verdict, judged.reasons[0],
             )
         )  # fmt: skip
-    return rows, list(errors.values())
-
-
-def mean_of(values: list[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(np.mean(known)) if known else None
-
-
-def number(value: float | None) -> float:
-    """An error that every image has."""
-    if value is None:
-        raise ValueError("an error that was not measured")
-    return value
+    flags = on_frontier([row.seconds_median for row in rows], [row.rmse for row in rows], floor)
+    return [msgspec.structs.replace(row, on_frontier=flag) for row, flag in zip(rows, flags, strict=True)]
 
 
 # ------------------------------------------------------------------------------------------ sizes, machine
@@ -326,20 +333,6 @@ def sized(camera: Camera, megapixels: float) -> Camera:
         return camera.resized(w // unit * steps, h // unit * steps)
     scale = sqrt(megapixels * 1e6 / (w * h))
     return camera.resized(max(1, round(w * scale)), max(1, round(h * scale)))
-
-
-def thumbnail(scene: Scene, height: int) -> Scene:
-    return scene.with_camera(sized(scene.camera, scene.camera.width / scene.camera.height * height**2 / 1e6))
-
-
-def area(scene: Scene) -> int:
-    return scene.camera.width * scene.camera.height
-
-
-def timed(call: Call, clock: Clock) -> float:
-    start = clock()
-    call(0)
-    return clock() - start
 
 
 def machine() -> dict[str, str]:

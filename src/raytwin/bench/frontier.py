@@ -1,18 +1,11 @@
-"""Statistics of the bench: quartiles, the speed-accuracy frontier, exponents of growth."""
+"""The frontier of speed and accuracy, and exponents of growth."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 NEAR_TIME, NEAR_ERROR = 1.1, 1.05
 """Times within this ratio, or errors, are a tie: another run might turn them round."""
-
-
-def median_iqr(seconds: Sequence[float]) -> tuple[float, float]:
-    """The median and the distance of the quartiles."""
-    low, middle, high = np.quantile(seconds, (0.25, 0.5, 0.75))
-    return float(middle), float(high - low)
 
 
 def on_frontier(seconds: Sequence[float], errors: Sequence[float], floor: float = 0.0) -> list[bool]:
@@ -38,25 +31,15 @@ def staircase(seconds: Sequence[float], errors: Sequence[float], floor: float = 
     return found
 
 
-class PowerLaw(NamedTuple):
-    """seconds = factor x^exponent over `used` points; `sigma`: the exponent's standard error, NaN for two points."""
+def fit_power(x: Sequence[float], seconds: Sequence[float]) -> tuple[float, float, float]:
+    """Return exponent, its standard error and factor of seconds = factor x^exponent, by least squares in log-log.
 
-    exponent: float
-    sigma: float
-    factor: float
-    used: tuple[float, ...]
-
-
-def fit_power(x: Sequence[float], seconds: Sequence[float]) -> PowerLaw | None:
-    """Least squares in log-log over the upper half of the points (at least three), where fixed costs matter least."""
-    order = np.argsort(x)
-    x, y = np.log(np.asarray(x, float)[order]), np.log(np.asarray(seconds, float)[order])
-    keep = slice(-max(3, (len(x) + 1) // 2), None)
-    x, y = x[keep], y[keep]
-    if len(x) < 2 or np.ptp(x) == 0:
-        return None
+    The upper half of the points counts, three at least, because fixed costs matter least there. The standard error is
+    NaN for two points.
+    """
     from scipy.stats import linregress
 
-    line = linregress(x, y)
-    sigma = float(line.stderr) if len(x) > 2 else float("nan")
-    return PowerLaw(float(line.slope), sigma, float(np.exp(line.intercept)), tuple(float(v) for v in np.exp(x)))
+    most = max(3, (len(x) + 1) // 2)
+    upper = np.log(sorted(zip(x, seconds, strict=True))[-most:])
+    line = linregress(upper[:, 0], upper[:, 1])
+    return float(line.slope), float(line.stderr) if len(upper) > 2 else float("nan"), float(np.exp(line.intercept))

@@ -3,9 +3,9 @@
 Reading: TOML into records, scenes, photos, EXR, any image (`read_image`). Writing: always under a temporary name first.
 """
 
-from raytwin.files.cache import Cache, cache_folder, installed, made_by, read_arrays
-from raytwin.files.exr import read_exr, read_origin, split_layer, write_exr
-from raytwin.files.images import read_image, write_image
+from raytwin.files.cache import Cache, cache_folder, installed, made_by
+from raytwin.files.exr import read_exr, split_layer, write_exr
+from raytwin.files.images import kind_of, read_image, write_image
 from raytwin.files.limits import MAX_PIXELS
 from raytwin.files.mitsuba_file import (
     ALLOW,
@@ -36,7 +36,7 @@ from raytwin.files.photo_files import (
     to_bytes,
     write_picture,
 )
-from raytwin.files.rounding import Rounding, eight_bits, half_floats, rounding_of
+from raytwin.files.rounding import DITHERED, Rounding, half_floats, rounding_of
 from raytwin.files.safe_write import check_file, replacing, replacing_files, write_text
 from raytwin.files.scene_files import (
     check_camera,

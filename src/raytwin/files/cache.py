@@ -4,18 +4,15 @@ import contextlib
 import hashlib
 import os
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.files.safe_write import replacing
-
-T = TypeVar("T")
 
 SEAL = "seal"
 """The name of the hash among a file's arrays."""
@@ -25,8 +22,8 @@ SEAL = "seal"
 class Cache:
     """The files `<cache_folder()>/<folder>/<key><ending>`; beyond `limit` bytes those used longest ago are deleted.
 
-    A file may be damaged, or written by somebody else: `load` returns only what its `read` has checked, and
-    `load_arrays` only what `store_arrays` has written under the same key.
+    A file may be damaged, or written by somebody else: `load_arrays` returns only what `store_arrays` has written under
+    the same key.
     """
 
     folder: str
@@ -36,45 +33,31 @@ class Cache:
     def path(self, key: str) -> Path:
         return cache_folder() / self.folder / f"{key}{self.ending}"
 
-    def load(self, key: str, read: Callable[[Path], T | None]) -> T | None:
-        """Return `read(path)`, or None where there is no file or `read` fails in whatever way."""
+    def load_arrays(self, key: str) -> dict[str, np.ndarray] | None:
+        """Return the arrays stored under this key by their names; None where there are none, or others."""
         path = self.path(key)
         if not _is_plain(path):
             return None
         try:
-            found = read(path)
-        except (
-            Exception
-        ):  # an npz that is encrypted, cut off, of an unknown compression, ...: each has an error of its own
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+                arrays = {name: stored[name] for name in stored.files}
+            if arrays.pop(SEAL).tobytes() != _seal(key, arrays):
+                return None
+        except Exception:  # encrypted, cut off, of an unknown compression, no array, ...: each has an error of its own
             return None
-        if found is not None:
-            with contextlib.suppress(OSError):
-                os.utime(path)
-        return found
+        with contextlib.suppress(OSError):
+            os.utime(path)
+        return arrays
 
-    def store(self, key: str, write: Callable[[Path], object]) -> None:
-        """Let `write` fill the file; a cache that cannot be written is no error."""
-        path = self.path(key)
+    def store_arrays(self, key: str, arrays: Mapping[str, np.ndarray]) -> None:
+        """Store the arrays with a hash of key and content; a cache that cannot be written is no error."""
+        path, seal = self.path(key), np.frombuffer(_seal(key, arrays), np.uint8)
         if not _is_plain(path):
             return
         with contextlib.suppress(InputError, OSError):
             with replacing(path) as temporary:
-                write(temporary)
+                np.savez(temporary, allow_pickle=False, **arrays, **{SEAL: seal})
             self._drop_oldest(path.parent)
-
-    def load_arrays(self, key: str) -> dict[str, np.ndarray] | None:
-        """Return the arrays stored under this key by their names; None where there are none, or others."""
-
-        def read(path: Path) -> dict[str, np.ndarray] | None:
-            arrays = read_arrays(path)
-            return arrays if arrays.pop(SEAL).tobytes() == _seal(key, arrays) else None
-
-        return self.load(key, read)
-
-    def store_arrays(self, key: str, arrays: Mapping[str, np.ndarray]) -> None:
-        """Store the arrays with a hash of key and content."""
-        seal = np.frombuffer(_seal(key, arrays), np.uint8)
-        self.store(key, lambda to: np.savez(to, allow_pickle=False, **arrays, **{SEAL: seal}))
 
     def _drop_oldest(self, folder: Path) -> None:
         files = (f for f in folder.iterdir() if f.is_file() and not f.name.startswith("."))  # others are being written
@@ -102,15 +85,6 @@ def _seal(key: str, arrays: Mapping[str, np.ndarray]) -> bytes:
         total.update(repr((name, array.dtype.str, array.shape)).encode())
         total.update(np.ascontiguousarray(array).data)
     return total.digest()
-
-
-def read_arrays(path: Path) -> dict[str, np.ndarray]:
-    """Return the arrays of an .npz by their names; raise in whatever way where it is damaged."""
-    with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-        arrays = {name: stored[name] for name in stored.files}
-    if not all(isinstance(a, np.ndarray) for a in arrays.values()):  # a member that is no array is given as bytes
-        raise ValueError(path)
-    return arrays
 
 
 def cache_folder() -> Path:

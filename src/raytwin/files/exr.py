@@ -72,10 +72,14 @@ def _rgb(pixels: np.ndarray) -> dict[str, np.ndarray]:
     return {"RGB": np.ascontiguousarray(pixels, np.float32)}
 
 
-def read_exr(path: str | os.PathLike) -> tuple[Image, dict[str, str]]:
-    """An EXR as an Image and the text attributes under `raytwin/`.
+def read_exr(
+    path: str | os.PathLike, part: str | None = None, layer: str | None = None
+) -> tuple[Image, dict[str, str]]:
+    """Read an EXR as an Image, and the text attributes under `raytwin/`.
 
-    Reads what `write_exr` writes, and any other EXR with RGB (or one grey) channels in its first part.
+    `part` (name or number) and `layer` (`diffuse` for `diffuse.R`..., a single channel, or a part's name) choose its
+    colours. By default these are the first part's that has R, G, B or Y, with the variance and surface that
+    `write_exr` wrote; else those of the only layer, or of Blender's Combined.
     """
     with _exr(path) as parts:
         first = next(iter(parts.values()))
@@ -84,9 +88,13 @@ def read_exr(path: str | os.PathLike) -> tuple[Image, dict[str, str]]:
         # OpenEXR leaves out a part that it cannot read, and only prints a warning.
         if lost := set(header.pop("parts", "").split()) - parts.keys():
             raise InputError(path, "an EXR file", f"a damaged one (without its part {', '.join(sorted(lost))})")
-        mean, alpha = _colours(path, parts)
-        variance = _variance(path, parts)
-        surface = None
+        name, channels, alpha = _chosen(path, parts, part, layer)
+        mean = stack(channels)
+        origin, display = (parts[name].header[key][0].tolist() for key in ("dataWindow", "displayWindow"))
+        begins = origin[0] - display[0], origin[1] - display[1]
+        if part is not None or layer is not None:
+            return Image(mean, samples=0, alpha=alpha, begins=begins), header
+        variance, surface = _variance(path, parts), None
         if {"depth", "normal", "id"} <= parts.keys():
             normal, depth, ids = (parts[name].channels for name in ("normal", "depth", "id"))
             surface = Surface(
@@ -98,7 +106,7 @@ def read_exr(path: str | os.PathLike) -> tuple[Image, dict[str, str]]:
         sizes = [layer.shape[1::-1] for layer in (mean, *layers) if layer is not None]
         if len(set(sizes)) > 1:
             raise InputError(path, "parts of one size", ", ".join(f"{w} x {h}" for w, h in sizes))
-    return Image(mean, variance, samples, surface, batches, alpha), header
+    return Image(mean, variance, samples, surface, batches, alpha, begins=begins), header
 
 
 def _samples(header: Mapping[str, Any]) -> int:
@@ -113,18 +121,9 @@ def _samples(header: Mapping[str, Any]) -> int:
 def _variance(path: str | os.PathLike, parts: Mapping[str, Any]) -> np.ndarray | None:
     """The variance of the mean: a part called `variance`, or the channels `variance.R`, .G and .B of any part."""
     if "variance" in parts:
-        return _colours(path, {"variance": parts["variance"]})[0]
-    for channels in (p.channels for p in parts.values()):
-        if found := _triple(channels, ("RGB",), "variance."):
-            return stack(c.pixels for c in found)
-    return None
-
-
-def exr_layer(path: str | os.PathLike, part: str | None = None, layer: str | None = None) -> Image:
-    """The colours of a named part (name or number), a named layer, or both."""
-    with _exr(path) as parts:
-        mean, alpha = _colours(path, parts, part, layer)
-        return Image(mean, samples=0, alpha=alpha)
+        return stack(_chosen(path, {"variance": parts["variance"]}, None, None)[1])
+    found = next((planes for one in parts.values() if (planes := _planes(one, "variance.", ("RGB",)))), None)
+    return None if found is None else stack(found)
 
 
 def split_layer(path: str | os.PathLike) -> tuple[Path, str | None]:
@@ -182,77 +181,56 @@ def _opened(path: str | os.PathLike, header_only: bool = False) -> Iterator[list
         raise InputError(path, "an EXR file", f"a damaged one ({' '.join(str(error).split())[:120]})") from None
 
 
-def _colours(
-    path: str | os.PathLike, parts: Mapping[str, Any], part: str | None = None, layer: str | None = None
-) -> tuple[np.ndarray, np.ndarray | None]:
-    """(H, W, 3) float32 and alpha (H, W) of the first part with colours; of a named part and layer where asked for.
-
-    A part may be named as a layer, too: some programs write each of their layers as a part.
-    """
-    parts, part, layer = _chosen(path, parts, part, layer)
-    for channels in (p.channels for p in parts.values()):
+def _chosen(
+    path: str | os.PathLike, parts: Mapping[str, Any], part: str | None, layer: str | None
+) -> tuple[str, list[np.ndarray], np.ndarray | None]:
+    """Return the name of the part that has the colours asked for, three planes (H, W), and alpha."""
+    if part is None and layer in parts and layer not in _layers(parts):  # some programs write each layer as a part
+        part, layer = layer, None
+    if part is not None:
+        numbers = dict(zip(map(str, range(len(parts))), parts, strict=True))
+        if (known := part if part in parts else numbers.get(part)) is None:
+            raise InputError(f"{path}: part", f"one of {', '.join(parts)}", part)
+        parts = {known: parts[known]}
+    for name, one in parts.items():
+        channels = one.channels
         if layer is None and "R" not in channels:
             if {"RY", "BY"} & channels.keys():
                 raise InputError(path, "channels R, G, B", "luminance and chroma: Y, RY, BY")
             if part is None and {"X", "Y", "Z"} <= channels.keys():  # a named part may be a normal
                 raise InputError(path, "channels R, G, B", "CIE X, Y, Z")
         prefix = "" if layer is None else f"{layer}."
-        found = _triple(channels, ("RGB", "XYZ", "Y"), prefix)
-        if found is None and layer in channels:
-            found = [channels[layer]]
+        found = _planes(one, prefix, ("RGB", "XYZ", "Y"))
+        if not found and (layer in channels or (layer is None and part is not None and len(channels) == 1)):
+            found = [channels[layer or next(iter(channels))].pixels]
         if found:
             alpha = channels[f"{prefix}A"].pixels.astype(np.float32) if f"{prefix}A" in channels else None
-            return stack((found * 3)[:3][i].pixels for i in range(3)), alpha
+            return name, (found * 3)[:3], alpha
     layers = _layers(parts)
     if layer is not None:
         raise InputError(f"{path}: layer", f"one of {', '.join(layers) or 'none'}", layer)
     combined = [name for name in layers if name.rpartition(".")[2] == "Combined"]  # Blender's whole image
     if len(only := combined or layers) == 1:
-        return _colours(path, parts, None, only[0])
-    if part is not None and len(channels) == 1:
-        return _colours(path, parts, None, next(iter(channels)))
-    names = [c for p in parts.values() for c in p.channels]
+        return _chosen(path, parts, None, only[0])
+    names = [channel for one in parts.values() for channel in one.channels]
     choose = f"; choose one of the layers {', '.join(layers)}, as {Path(path).name}:{layers[0]}" if layers else ""
     raise InputError(path, "channels R, G, B (or Y)", (", ".join(names) or "none") + choose)
 
 
-def _chosen(
-    path: str | os.PathLike, parts: Mapping[str, Any], part: str | None, layer: str | None
-) -> tuple[Mapping[str, Any], str | None, str | None]:
-    """The parts to look in, and what of part and layer is named."""
-    if part is None and layer in parts and layer not in _layers(parts):
-        part, layer = layer, None
-    if part is None:
-        return parts, None, layer
-    chosen = parts.get(part) or dict(zip(map(str, range(len(parts))), parts.values(), strict=True)).get(part)
-    if chosen is None:
-        raise InputError(f"{path}: part", f"one of {', '.join(parts)}", part)
-    return {part: chosen}, part, layer
-
-
-def _triple(channels: Mapping[str, Any], kinds: tuple[str, ...], prefix: str = "") -> list[Any] | None:
-    named = ([f"{prefix}{c}" for c in kind] for kind in kinds)
-    return next(([channels[c] for c in names] for names in named if all(c in channels for c in names)), None)
-
-
 def _layers(parts: Mapping[str, Any]) -> list[str]:
     """Names before `.R`, `.G`, `.B`, as in `diffuse.R`."""
-    names = {c for p in parts.values() for c in p.channels}
-    return sorted(n[:-2] for n in names if n.endswith(".R") and {n[:-1] + "G", n[:-1] + "B"} <= names)
+    names = ((one, name) for one in parts.values() for name in one.channels if name.endswith(".R"))
+    return sorted({name[:-2] for one, name in names if _planes(one, name[:-1], ("RGB",))})
+
+
+def _planes(part: Any, prefix: str, kinds: tuple[str, ...]) -> list[np.ndarray]:
+    """Return the planes of the first of the kinds whose channels the part has under this prefix; none of none."""
+    for kind in kinds:
+        if all(prefix + c in part.channels for c in kind):
+            return [part.channels[prefix + c].pixels for c in kind]
+    return []
 
 
 def stack(planes: Iterable[np.ndarray]) -> np.ndarray:
     """Three planes (H, W) as float32 (H, W, 3)."""
     return np.stack(list(planes), axis=-1, dtype=np.float32, casting="unsafe")
-
-
-def read_origin(path: str | os.PathLike, part: str | None = None) -> tuple[int, int]:
-    """Where on the display an EXR's first (or named) part begins, (x, y) in pixels; (0, 0) for any other image."""
-    path = Path(path)
-    with path.open("rb") as file:
-        if file.read(4) != EXR_MAGIC:
-            return 0, 0
-    with _opened(path, header_only=True) as parts:
-        header = next((p for i, p in enumerate(parts) if part in (p.name(), str(i))), parts[0]).header
-        (x0, y0), (display_x0, display_y0) = header["dataWindow"][0].tolist(), header["displayWindow"][0].tolist()
-    return x0 - display_x0, y0 - display_y0

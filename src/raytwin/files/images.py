@@ -1,10 +1,11 @@
 """Read any image: its first bytes say which format it is. EXR and PFM are linear, pictures of 8 bits are sRGB."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 from raytwin.errors import InputError
-from raytwin.files.exr import EXR_MAGIC, exr_layer, read_exr, split_layer, stack, write_exr
+from raytwin.files.exr import EXR_MAGIC, read_exr, split_layer, stack, write_exr
 from raytwin.files.pfm import pfm_bytes, read_pfm
 from raytwin.files.photo_files import from_bytes, read_picture, to_bytes, write_picture
 from raytwin.files.safe_write import check_file, replacing
@@ -39,9 +40,7 @@ def read_image(path: str | os.PathLike, part: str | None = None, layer: str | No
         if kind != "EXR" and (part is not None or layer is not None):
             raise InputError(path, "an EXR, which has parts and layers", kind)
         if kind == "EXR":
-            if part is None and layer is None:
-                return read_exr(path)[0]
-            return exr_layer(path, part, layer)
+            return replace(read_exr(path, part, layer)[0], format=kind)
         if kind == "PFM":
             pixels, alpha = read_pfm(path), None
         else:
@@ -49,7 +48,7 @@ def read_image(path: str | os.PathLike, part: str | None = None, layer: str | No
             pixels = from_bytes(codes)
     except OSError as error:
         raise InputError(path, "an image file", error.strerror or error) from None
-    return Image(pixels if pixels.ndim == 3 else stack([pixels] * 3), samples=0, alpha=alpha)
+    return Image(pixels if pixels.ndim == 3 else stack([pixels] * 3), samples=0, alpha=alpha, format=kind)
 
 
 def kind_of(start: bytes) -> str | None:

@@ -1,12 +1,15 @@
 """What a format rounds off: half a step between two values that it can hold, at every value of an image."""
 
-from pathlib import Path
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.files.images import kind_of
 from raytwin.files.photo_files import srgb_decode, srgb_encode
+from raytwin.image import Image
+
+DITHERED = "8 bits, dithered"
+"""The format of an image whose values were rounded to either of the two nearest codes of sRGB."""
 
 
 class Rounding(NamedTuple):
@@ -16,16 +19,20 @@ class Rounding(NamedTuple):
     clipped: bool = False
     note: str = ""
 
+    def shown(self, image: Image) -> Image:
+        """Return another image as this format could have shown it."""
+        return replace(image, mean=np.clip(image.mean, 0, 1)) if self.clipped else image
 
-def rounding_of(path: Path, mean: np.ndarray) -> Rounding:
-    """Return what an image file's format rounds off; `mean` is the radiance (H, W, 3) read from it."""
-    with path.open("rb") as file:
-        kind = kind_of(file.read(4))
-    if kind not in ("EXR", "PFM", None):
-        return eight_bits(mean)
+
+def rounding_of(image: Image) -> Rounding:
+    """Return what the format of the image's file has rounded off."""
+    if image.format not in ("", "EXR", "PFM"):
+        return eight_bits(image.mean, image.format == DITHERED)
     with np.errstate(over="ignore", invalid="ignore"):
-        is_half = np.array_equal(mean.astype(np.float16).astype(np.float32), mean, equal_nan=True)
-    return half_floats(mean) if is_half else Rounding()
+        is_half = image.format and np.array_equal(
+            image.mean.astype(np.float16).astype(np.float32), image.mean, equal_nan=True
+        )
+    return half_floats(image.mean) if is_half else Rounding()
 
 
 def eight_bits(mean: np.ndarray, dithered: bool = False) -> Rounding:

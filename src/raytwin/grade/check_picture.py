@@ -1,8 +1,6 @@
 """One picture compared with what it should be: passed or not, its error, the share of wrong pixels."""
 
 from dataclasses import dataclass
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import msgspec
 import numpy as np
@@ -64,10 +62,8 @@ def _radiance_of(answer: Answer) -> tuple[np.ndarray, np.ndarray | None, bool]:
     got = np.asarray(answer.arrays[0], np.float64)
     if len(answer.arrays) != 2 or answer.arrays[1].dtype != np.uint8:
         return got, None, False
-    with TemporaryDirectory() as folder:
-        start = Path(folder, "start")
-        start.write_bytes(answer.arrays[1].tobytes())
-        rounding = files.rounding_of(start, got.astype(np.float32))
+    kind = files.kind_of(answer.arrays[1].tobytes()) or ""
+    rounding = files.rounding_of(Image(got.astype(np.float32), format=kind))
     return got, rounding.half, rounding.clipped
 
 

@@ -69,7 +69,7 @@ class UserRenderer(Renderer):
                 raise InputError(self.name, wanted, f"{taken.mean.dtype} {taken.shape}")
             if taken.variance is not None or (isinstance(made, Image) and not self.samples):
                 return taken
-            alone = Image(taken.mean.astype(np.float32), surface=taken.surface, alpha=taken.alpha)
+            alone = replace(taken, mean=taken.mean.astype(np.float32), samples=1, batches=None)
             return replace(alone, samples=self.samples, batches=1) if self.samples else alone
 
         return call

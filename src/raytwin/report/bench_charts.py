@@ -7,13 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from raytwin.bench import RENDERERS, Bench, Measurement, fit_power, on_frontier, staircase
-from raytwin.compare import METRICS
 from raytwin.report.charts.chart import Chart, Line, Point, by_family, family_chart
 from raytwin.report.charts.svg import INK, SOFT, Range
 from raytwin.report.numbers import seconds, short, shown
-
-AXES = {m.name: f"{m.title}, {m.unit or m.formula}" for m in (METRICS[n] for n in ("relmse", "rmse", "p999_abs"))}
-"""A metric -> what its chart's axis says: a chart each, in this order."""
 
 TRUTHS = {
     "lambert-center": "lambert, through pixel centres",
@@ -40,6 +36,8 @@ PALETTE = "#0f8b8d", "#e07b00", "#8e44ad", "#c02f4a", "#3b82c4", "#a16207", "#2e
 MARKERS = {"lambert": "square", "shadow": "circle", "sky": "triangle", "path": "diamond"}
 
 GUIDE = "#b9c0ca"
+SLOPE = -0.5
+"""Of Monte Carlo's RMSE against seconds, both logarithmic."""
 
 
 def family_of(method: str) -> str:
@@ -52,10 +50,6 @@ def colour_of(method: str) -> str:
     return next((c for start, c in COLOURS.items() if RENDERERS[method].family.startswith(start)), SOFT)
 
 
-def sizes_of(bench: Bench) -> list[tuple[int, int]]:
-    return list(dict.fromkeys((t.width, t.height) for t in bench.truths))
-
-
 def megapixels(size: tuple[int, int]) -> str:
     return f"{size[0] * size[1] / 1e6:.2g} MP"
 
@@ -63,15 +57,14 @@ def megapixels(size: tuple[int, int]) -> str:
 # ------------------------------------------------------------------------------------------ error against seconds
 
 
-def error_chart(bench: Bench, size: tuple[int, int], truth: str, metric: str) -> Chart | None:
-    """Return every method's error against its seconds; None where nothing was measured."""
-    found = measured(bench, size, truth, metric)
+def error_chart(bench: Bench, size: tuple[int, int], truth: str) -> Chart | None:
+    """Return every method's RMSE against its seconds, with the standard errors; None where nothing was measured."""
+    found = measured(bench, size, truth)
     if not found:
         return None
-    floor = next(t for t in bench.truths if (t.width, t.height, t.name) == (*size, truth)).floor.get(metric) or 0.0
-    times, errors = [r.seconds_median for r, _ in found], [value for _, value in found]
+    floor = found[0].truth_floor
+    times, errors = [r.seconds_median for r in found], [r.rmse for r in found]
     order = {name: i for i, name in enumerate(RENDERERS)}
-    rows = zip(found, raised(errors, floor), on_frontier(times, errors, floor), strict=True)
     points = [
         Point(
             r.seconds_median,
@@ -80,28 +73,36 @@ def error_chart(bench: Bench, size: tuple[int, int], truth: str, metric: str) ->
             family_of(r.method),
             colour_of(r.method),
             MARKERS.get(r.rung, "circle"),
-            value <= floor,
-            strong,
+            r.rmse <= floor,
+            r.on_frontier,
             row_tip(r),
-            r.method if strong or r.method in bench.subjects else "",
-            strong,
+            r.method if r.on_frontier or r.method in bench.subjects else "",
+            r.on_frontier,
         )
-        for (r, value), y, strong in rows
+        for r, y in zip(found, raised(errors, floor), strict=True)
     ]
     groups = by_family(sorted(points, key=lambda p: (p.family, order.get(p.name, 0))))
     named = [p for group in groups for p in (*group[:-1], group[-1] if group[-1].label else rest_of(group))]
     drawn = family_chart(
-        f"{size[0]}x{size[1]}/{truth}/{metric}",
+        f"{size[0]}x{size[1]}/{truth}",
         f"{bench.scene}, {megapixels(size)}, against {TRUTHS.get(truth, truth)}",
         "seconds a frame (median)",
-        AXES[metric],
+        "RMSE",
         named,
         floor or None,
     )
-    slope, in_words = (-1.0, "−1") if metric == "relmse" else (-0.5, "−1/2")
     stairs = steps([points[i] for i in staircase(times, errors, floor)], drawn.x_range[1])
-    lines = *drawn.lines, *guides(drawn.x_range, drawn.y_range, slope), stairs
-    return replace(drawn, lines=lines, notes=(f"thin grey lines: slope {in_words}, Monte Carlo's",))
+    bars = [error_bar(r, p.colour, drawn.y_range) for r, p in zip(found, points, strict=True) if r.rmse_sigma]
+    lines = *drawn.lines, *guides(drawn.x_range, drawn.y_range), *bars, stairs
+    notes = "thin grey lines: slope −1/2, Monte Carlo's", "upright: two standard errors either way"
+    return replace(drawn, lines=lines, notes=notes)
+
+
+def error_bar(r: Measurement, colour: str, y_range: Range) -> Line:
+    """Return the upright of two standard errors either way, as far as it lies within the chart."""
+    reach = 2 * (r.rmse_sigma or 0.0)
+    ends = max(r.rmse - reach, y_range[0]), min(max(r.rmse + reach, y_range[0]), y_range[1])
+    return Line((r.seconds_median,) * 2, ends, colour)
 
 
 def rest_of(family: Sequence[Point]) -> Point:
@@ -109,11 +110,10 @@ def rest_of(family: Sequence[Point]) -> Point:
     return replace(family[-1], label=family[-1].family if len(family) > 1 else family[-1].name)
 
 
-def measured(bench: Bench, size: tuple[int, int], truth: str, metric: str) -> list[tuple[Measurement, float]]:
-    """Return each row that was compared with the reference `truth`, with its error."""
-    row_of = {r.method: r for r in bench.rows if (r.width, r.height) == size}
-    errors = (e for e in bench.errors if (e.width, e.height, e.truth) == (*size, truth))
-    return [(row_of[e.method], value) for e in errors if (value := getattr(e, metric)) is not None]
+def measured(bench: Bench, size: tuple[int, int], truth: str) -> list[Measurement]:
+    """Return each measurement at this size against the reference `truth`: of all methods, if it has all light."""
+    of_all = [e for e in bench.errors if (e.width, e.height, e.truth) == (*size, truth)]
+    return of_all or [r for r in bench.rows if (r.width, r.height, r.truth) == (*size, truth)]
 
 
 def raised(errors: Sequence[float], floor: float) -> list[float]:
@@ -129,12 +129,16 @@ def row_tip(r: Measurement) -> str:
             r.method,
             f"{seconds(r.seconds_median)}, quartiles {seconds(r.seconds_iqr)} apart",
             f"first calls {seconds(r.compile_seconds)} more",
-            f"memory {shown(r.peak_mib)} MiB",
             f"{r.samples} sample{'s' * (r.samples != 1)} a pixel",
             f"{r.verdict} beside the twin",
-            f"RMSE {shown(r.rmse)}, relMSE {shown(r.relmse)}, 99.9 % {shown(r.p999_abs)}",
+            f"RMSE {with_sigma(r)}, relMSE {shown(r.relmse)}, 99.9 % {shown(r.p999_abs)}",
         )
     )
+
+
+def with_sigma(r: Measurement) -> str:
+    """Return the RMSE with its standard error, where it is known."""
+    return shown(r.rmse) + ("" if r.rmse_sigma is None else f" ± {shown(r.rmse_sigma, 2)}")
 
 
 def steps(stairs: Sequence[Point], end: float) -> Line:
@@ -144,15 +148,15 @@ def steps(stairs: Sequence[Point], end: float) -> Line:
     return Line(xs, tuple(p.y for p in stairs for _ in range(2)), INK, 2.5, strength=0.35)
 
 
-def guides(x_range: Range, y_range: Range, slope: float) -> list[Line]:
-    """Lines of one slope, some decades apart, through the frame."""
+def guides(x_range: Range, y_range: Range) -> list[Line]:
+    """Return lines of the slope of Monte Carlo's RMSE, some decades apart, through the frame."""
     (x0, x1), (y0, y1) = np.log10(x_range), np.log10(y_range)
-    apart = max(1.0, (y1 - y0 - slope * (x1 - x0)) / 6)
+    apart = max(1.0, (y1 - y0 - SLOPE * (x1 - x0)) / 6)
     lines, height = [], y0 + apart / 2
-    while height + slope * (x1 - x0) < y1:
-        start, end = max(x0, x0 + (height - y1) / -slope), min(x1, x0 + (height - y0) / -slope)
+    while height + SLOPE * (x1 - x0) < y1:
+        start, end = max(x0, x0 + (height - y1) / -SLOPE), min(x1, x0 + (height - y0) / -SLOPE)
         if end > start:
-            ys = tuple(10 ** float(height + slope * (x - x0)) for x in (start, end))
+            ys = tuple(10 ** float(height + SLOPE * (x - x0)) for x in (start, end))
             lines.append(Line((10 ** float(start), 10 ** float(end)), ys, GUIDE, 1.0, "dotted", 1.0))
         height += apart
     return lines
@@ -168,7 +172,7 @@ FEWEST_SIZES = 3
 
 def pixels_chart(bench: Bench) -> Chart | None:
     """Return seconds against pixels with each method's fitted exponent; None below FEWEST_SIZES sizes."""
-    if len(sizes_of(bench)) < FEWEST_SIZES:
+    if len(bench.sizes) < FEWEST_SIZES:
         return None
     series: dict[str, list[tuple[float, float]]] = {}
     for r in bench.rows:
@@ -179,10 +183,10 @@ def pixels_chart(bench: Bench) -> Chart | None:
         if len(found) < 2:
             continue
         label = name
-        if fit := fit_power(*zip(*found, strict=True)):
-            label += f": {fit.exponent:.2f}" + ("" if math.isnan(fit.sigma) else f" ± {fit.sigma:.2f}")
-            ends = fit.used[0], fit.used[-1]
-            lines.append(Line(ends, tuple(fit.factor * x**fit.exponent for x in ends), colour, 1.2, "dashed"))
+        exponent, sigma, factor = fit_power(*zip(*found, strict=True))
+        label += f": {exponent:.2f}" + ("" if math.isnan(sigma) else f" ± {sigma:.2f}")
+        ends = min(found)[0], max(found)[0]
+        lines.append(Line(ends, tuple(factor * x**exponent for x in ends), colour, 1.2, "dashed"))
         points += [
             Point(x, s, name, name, colour, tip=f"{name}\n{short(x)} megapixels, {seconds(s)}")
             for x, s in sorted(found)

@@ -5,24 +5,23 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from raytwin.bench import RENDERERS, Bench, Converged, Measurement, write_bench
+from raytwin.bench import RENDERERS, Bench, Measurement, write_bench
 from raytwin.errors import InputError
 from raytwin.report.bench_charts import (
-    AXES,
     COLOURS,
     OWN_COLOUR,
     TRUTHS,
     error_chart,
+    measured,
     megapixels,
     pixels_chart,
-    sizes_of,
 )
 from raytwin.report.charts.chart import Chart, chart_html, write_charts
 from raytwin.report.numbers import seconds, shown
 from raytwin.report.page import write_page
 
-FIRST_TRUTH, FIRST_METRIC = "path-area", "relmse"
-"""What a chart shows when the page opens; with subjects, the truth of the first one's light level."""
+FIRST_TRUTH = "path-area"
+"""The reference of the chart shown when the page opens; with subjects, that of the first one's light level."""
 
 IN_TERMINAL = ("shadow-center", "path-area")
 """The frontiers that the terminal shows; the page has all."""
@@ -31,7 +30,7 @@ SIGNS = {"pass": "✓", "differs": "≈", "fail": "✗", "undecided": "?"}
 
 
 def write_bench_all(benches: Sequence[Bench], folder: str | os.PathLike[str]) -> None:
-    """bench.html, bench.json, and each chart as SVG: the frontiers by relMSE, and seconds against pixels.
+    """bench.html, bench.json, and each chart as SVG: the frontiers, and seconds against pixels.
 
     The charts of several scenes lie in a folder of each scene's name.
     """
@@ -39,7 +38,7 @@ def write_bench_all(benches: Sequence[Bench], folder: str | os.PathLike[str]) ->
     write_bench(benches, folder / "bench.json")
     write_bench_page(benches, folder / "bench.html")
     for bench in benches:
-        charts = [*(c for c in error_charts(bench) if c.key.endswith("/relmse")), pixels_chart(bench)]
+        charts = [*error_charts(bench), pixels_chart(bench)]
         write_charts(filter(None, charts), folder / bench.scene if len(benches) > 1 else folder)
 
 
@@ -56,7 +55,7 @@ def made_folder(folder: str | os.PathLike[str]) -> Path:
 
 
 def write_bench_page(benches: Sequence[Bench], path: str | os.PathLike[str]) -> None:
-    """One file that opens offline. Every chart of every scene, size, truth and metric lies in it, drawn."""
+    """One file that opens offline. Every chart of every scene, size and reference lies in it, drawn."""
     write_page(
         path, "bench.html.j2", ("bench.css",), ("charts.js",),
         scenes=[scene_part(bench) for bench in benches],
@@ -73,45 +72,37 @@ def scene_part(bench: Bench) -> dict[str, Any]:
         "b": bench,
         "charts": [(c, chart_html(c), frontier_rows(c)) for c in charts],
         "pixels": chart_html(pixels) if (pixels := pixels_chart(bench)) else "",
-        "sizes": [(f"{w}x{h}", f"{w} × {h}, {megapixels((w, h))}") for w, h in sizes_of(bench)],
-        "truths": [(t, TRUTHS.get(t, t)) for t in dict.fromkeys(t.name for t in bench.truths)],
-        "metrics": [(m, words) for m, words in AXES.items() if any(c.key.endswith(f"/{m}") for c in charts)],
+        "sizes": [(f"{w}x{h}", f"{w} × {h}, {megapixels((w, h))}") for w, h in bench.sizes],
+        "truths": [(t, TRUTHS.get(t, t)) for t in truths_of(bench)],
         "first": first_shown(bench, charts),
         "kinds": kinds(bench),
         "never": never(bench),
     }
 
 
+def truths_of(bench: Bench) -> list[str]:
+    """Return the names of the references that methods were compared with."""
+    return list(dict.fromkeys(row.truth for row in (*bench.rows, *bench.errors)))
+
+
 def first_shown(bench: Bench, charts: Sequence[Chart]) -> list[str]:
-    """Size, truth and metric of the chart that is shown when the page opens."""
-    truths = [FIRST_TRUTH]
-    if row := next((row for row in bench.rows if row.method in bench.subjects), None):
-        of_subject = {e.truth for e in bench.errors if e.method == row.method}
-        own = [name for name in (f"{row.rung}-center", f"{row.rung}-area") if name in of_subject]
-        truths = [*own, FIRST_TRUTH]
-    ends = [f"/{truth}/{FIRST_METRIC}" for truth in truths]
-    found = next((c.key for end in ends for c in charts if c.key.endswith(end)), charts[0].key if charts else "//")
-    return found.split("/")
+    """Size and reference of the chart that is shown when the page opens."""
+    truths = [*(row.truth for row in bench.rows if row.method in bench.subjects), FIRST_TRUTH]
+    found = next((c.key for truth in truths for c in charts if c.key.endswith(f"/{truth}")), None)
+    return (found or (charts[0].key if charts else "/")).split("/")
 
 
 def verdict_lines(bench: Bench) -> Iterator[tuple[str, str, list[tuple[Measurement | None, str]]]]:
     """Yield (scene, size, cells) per size; a cell per subject: its row, or None and why it was not measured."""
     rows = {(r.method, r.width, r.height): r for r in bench.rows}
-    left = {(o.method, o.width, o.height): o.why for o in bench.left_out}
-    sizes = [(r.width, r.height) for r in bench.rows] + [(o.width, o.height) for o in bench.left_out]
-    for w, h in dict.fromkeys(sizes):
-        cells = [(rows.get((s, w, h)), left.get((s, w, h), "")) for s in bench.subjects]
+    for w, h in bench.sizes:
+        cells = [(rows.get((s, w, h)), bench.left_out.get(s, "")) for s in bench.subjects]
         yield bench.scene, f"{w} × {h}", cells
 
 
 def error_charts(bench: Bench) -> list[Chart]:
-    return [
-        chart
-        for size in sizes_of(bench)
-        for truth in dict.fromkeys(t.name for t in bench.truths if (t.width, t.height) == size)
-        for metric in AXES
-        if (chart := error_chart(bench, size, truth, metric)) is not None
-    ]
+    charts = (error_chart(bench, size, truth) for size in bench.sizes for truth in truths_of(bench))
+    return [chart for chart in charts if chart is not None]
 
 
 def frontier_rows(chart: Chart) -> list[tuple[str, str, str]]:
@@ -121,8 +112,8 @@ def frontier_rows(chart: Chart) -> list[tuple[str, str, str]]:
 
 
 def never(bench: Bench) -> list[str]:
-    """The methods that were measured and are on no frontier, at no size and against no truth."""
-    on = {e.method for e in bench.errors if e.on_frontier}
+    """The methods that were measured and are on no frontier, at no size and against no reference."""
+    on = {row.method for row in (*bench.rows, *bench.errors) if row.on_frontier}
     return [m for m in dict.fromkeys(r.method for r in bench.rows) if m not in on]
 
 
@@ -140,8 +131,9 @@ def kinds(bench: Bench) -> list[tuple[str, str]]:
 def bench_summary(bench: Bench) -> str:
     """The subjects' verdicts, what is on each frontier, and what was left out."""
     lines = [f"{bench.scene}: {len(bench.rows)} measurements in {seconds(bench.seconds)}", *subject_lines(bench)]
-    for truth in (t for t in bench.truths if t.name in IN_TERMINAL):
-        lines += frontier_lines(bench, truth)
+    for size in bench.sizes:
+        for truth in IN_TERMINAL:
+            lines += frontier_lines(bench, size, truth)
     if bench.left_out:
         lines.append(f"  left out: {len(bench.left_out)}, named with their reasons in bench.html")
     return "\n".join(lines)
@@ -159,11 +151,10 @@ def subject_lines(bench: Bench) -> Iterator[str]:
                 yield f"{row.verdict.upper()}  {where}: {seconds(row.seconds_median)}, rmse {shown(row.rmse)}{said}"
 
 
-def frontier_lines(bench: Bench, truth: Converged) -> Iterator[str]:
-    size, floor = (truth.width, truth.height), truth.floor["rmse"] or 0.0
-    time_of = {r.method: r.seconds_median for r in bench.rows if (r.width, r.height) == size}
-    on = [e for e in bench.errors if e.on_frontier and (e.truth, e.width, e.height) == (truth.name, *size)]
-    yield f"  frontier against {truth.name}, {truth.width} x {truth.height}:"
-    for e in sorted(on, key=lambda e: time_of[e.method]):
-        value = ("<= " if e.rmse <= floor else "   ") + shown(max(e.rmse, floor))
-        yield f"    {e.method:<30} {seconds(time_of[e.method]):>10}   rmse {value}"
+def frontier_lines(bench: Bench, size: tuple[int, int], truth: str) -> Iterator[str]:
+    on = [row for row in measured(bench, size, truth) if row.on_frontier]
+    if on:
+        yield f"  frontier against {truth}, {size[0]} x {size[1]}:"
+    for row in sorted(on, key=lambda row: row.seconds_median):
+        error = ("<= " if row.rmse <= row.truth_floor else "   ") + shown(max(row.rmse, row.truth_floor))
+        yield f"    {row.method:<30} {seconds(row.seconds_median):>10}   rmse {error}"

@@ -232,7 +232,7 @@ def find_causes(made: Image, reference: Image, scene: Scene, rung: str, sampling
     """Return in words why `made` is not its reference, on the same rung; `engine`: follows light for the split."""
     rounded = rounding_cause(made, reference, scene, rung)
     return rounded or explain(
-        made, reference, scene, rung, sampled=sampled_parts(scene, rung, engine, sampling)
+        made, reference, scene, rung, files.rounding_of(made), sampled=sampled_parts(scene, rung, engine, sampling)
     )  # fmt: skip
 
 

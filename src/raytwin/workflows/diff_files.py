@@ -15,7 +15,7 @@ from raytwin.compare.finding import at
 from raytwin.diagnose.diagnosis import explain
 from raytwin.errors import InputError
 from raytwin.image import Image
-from raytwin.image_input import ENDINGS, LoadedImage, as_image, read_side, renders_at
+from raytwin.image_input import ENDINGS, LoadedImage, as_image, read_side
 from raytwin.references import Reference
 from raytwin.scene import Scene, Tolerance
 from raytwin.workflows.compared import Compared
@@ -41,11 +41,10 @@ class Diff(Compared):
 
 
 class Side(NamedTuple):
-    """One of two images: what it is called, its pixels, where they begin; its scene and rung, where these are known."""
+    """One of two images: what it is called, its pixels, its scene and rung, where these are known."""
 
     name: str
     loaded: LoadedImage
-    begins: tuple[int, int] = (0, 0)
     scene: Scene | None = None
     rung: str | None = None
     tolerance: Tolerance | None = None
@@ -100,7 +99,7 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
         scene, rung = _known_scene(chosen, reference_side, test)
         rounding, of_reference = (loaded.rounding for loaded in made_of)
         made = made.because(*explain(test, made_of[1].image, scene, rung, rounding, of_reference=of_reference))
-    made = _in_place(made, test_side.begins, reference_side.begins)
+    made = _in_place(made, test.begins, reference.begins)
     metrics = msgspec.structs.asdict(made.radiance) | {"flip_hdr": made.perceptual.flip_mean}
     metrics |= measure(test.mean, reference.mean, [n for n in METRICS if n not in metrics])
     seconds = {"read": read, "compare": made.seconds + time.perf_counter() - start}
@@ -136,8 +135,7 @@ def _side(thing: Any, name: str, chosen: DiffSettings, i: int) -> Side:
         return Side(own, as_image(thing, chosen.variances[i], chosen.renders))
     path = Path(thing)
     loaded = read_side(path, chosen.part, chosen.layer, chosen.variances[i], chosen.samples[i])
-    begins = files.read_origin(renders_at(files.split_layer(path)[0])[0], chosen.part)
-    return Side(path.name, loaded, begins, *(_scene_of(path, chosen.part) if i else ()))
+    return Side(path.name, loaded, *(_scene_of(path, chosen.part) if i else ()))
 
 
 def told_apart(a: str | Path, b: str | Path) -> tuple[str, str]:
