@@ -194,7 +194,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "metric": _opt(f"{', '.join(METRICS[:-1])} or {METRICS[-1]}.", among=METRICS),
     },
     "shrink": {
-        "scene": _arg(ANY_SCENE, among=_scenes, callback=_known_scene),
         "subject": _opt("Renderer that fails: a method, FILE.py:FUNCTION, or a command with {scene} and {out}.", "WHAT",
                         kind=str | None),
         "time_limit": _opt("Try no further step after this time.", "SECONDS"),
