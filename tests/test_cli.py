@@ -177,6 +177,18 @@ def test_every_command_has_help_that_fits_in_80_columns_under_both_names_and_an_
     assert raytwin("--version").stdout == f"raytwin {version('raytwin')}\n"
 
 
+def test_the_first_screen_of_compares_help_has_what_most_comparisons_need():
+    shown = CliRunner().invoke(app, ["compare", "--help"]).output
+    first = "\n".join(shown.splitlines()[:24])
+    for name in ("scene <path>", "--subject", "--rung", "--samples", "--size", "--out"):
+        assert name in first
+    own = shown.partition("raytwin's own tracer:")[2].partition("\n\n")[0]
+    assert re.findall(r"^  (--[a-z-]+)", own, re.MULTILINE) == [
+        "--tracer-rung", "--engine", "--solver", "--sampling", "--trim"
+    ]  # fmt: skip
+    assert not re.findall(r"\bcompare", CliRunner().invoke(app, ["reference", "--help"]).output)
+
+
 def test_a_shell_completes_scenes_and_values():
     def completed(*words: str) -> list[str]:
         told = {"_RAYTWIN_COMPLETE": "complete_bash", "COMP_WORDS": " ".join(words), "COMP_CWORD": str(len(words) - 1)}

@@ -324,8 +324,9 @@ class ReferenceCheck:
     def _fail(self, text: str) -> NoReturn:
         __tracebackhide__ = True
         from raytwin.compare import Comparison
+        from raytwin.compare.finding import notes
 
-        self._report(Comparison("fail", tuple(text.splitlines())))
+        self._report(Comparison("fail", notes(text.splitlines())))
         pytest.fail(text)
 
     def _report(self, made: "Comparison", notes: tuple[str, ...] = (), *images: Any) -> Path | None:

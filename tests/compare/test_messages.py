@@ -49,9 +49,10 @@ def test_a_pass_with_an_excused_pixel_says_so():
     c = compare(Image(t), Image(r))
     assert c.passed
     assert "1 pixel errs by more, the worst by 0.2 at (x=9, y=7)" in c.reasons[0]
-    assert agreement(1e-7, 1e-5, NoiseFree(error=9e-5)).endswith("all to 9e-05")
-    assert "3 pixels err by more, the worst by 0.5 at (x=4, y=5)" in agreement(
-        1e-7, 1e-5, NoiseFree(outliers=3, error=0.5, x=4, y=5)
+    assert agreement(1e-7, 1e-5, NoiseFree(error=9e-5)).text.endswith("all to 9e-05")
+    assert (
+        "3 pixels err by more, the worst by 0.5 at (x=4, y=5)"
+        in agreement(1e-7, 1e-5, NoiseFree(outliers=3, error=0.5, x=4, y=5)).text
     )
 
 

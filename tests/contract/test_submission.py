@@ -151,7 +151,7 @@ def test_an_image_may_be_of_a_scene_that_no_function_is_told_of_and_what_is_wron
     right = trace(small, "shadow", "numpy64")
     files.write_image(tmp_path / "mine.exr", Image(right.mean ** np.float32(1 / 2.2)))
     subject = find_subject(str(tmp_path / "mine.exr"), "shadow")
-    assert "gamma" in " ".join(explain(subject(small), right, small))
+    assert "gamma" in " ".join(f.text for f in explain(subject(small), right, small))
 
 
 def test_a_function_that_the_starter_left_unwritten_is_none(tmp_path):

@@ -7,6 +7,7 @@ from test_true_causes import SCENES, with_sun
 from raytwin import files
 from raytwin.analysis.rounding_cause import rounding_cause
 from raytwin.compare import Comparison
+from raytwin.compare.finding import Finding, notes
 from raytwin.diagnose.diagnosis import explain
 from raytwin.diagnose.noisy_values import noisy_cause
 from raytwin.diagnose.predict import RIGHT, written
@@ -35,17 +36,19 @@ def test_depths_that_are_off_by_a_formula_of_the_pixel_are_named(words):
     v, u = np.indices((60, 80), float).reshape(2, -1)
     K, dist = np.array(scene.camera.K), np.array(scene.camera.coefficients)
     stretch = 1 / written(RIGHT)["through"](K, dist, u, v)[:, 2].reshape(60, 80)
-    (said,) = explain(with_depth(right, DEPTHS[words](stretch)), right, scene)
+    (found,) = explain(with_depth(right, DEPTHS[words](stretch)), right, scene)
+    said = found.reason
     assert said.startswith("cause (likely): ")
     assert words in said
     noise = np.random.default_rng(1).uniform(0.9, 1.1, stretch.shape)
-    assert not any(said.startswith("cause (") for said in explain(with_depth(right, noise), right, scene))
+    assert not any(said.names_a_cause for said in explain(with_depth(right, noise), right, scene))
 
 
 def test_the_textbook_solver_in_single_precision_is_told_as_rounding():
     scene = files.read_scene(files.find_scene(files.SCENES / "single")).scene
     scene = scene.with_camera(scene.camera.resized(160, 120))
-    (said,) = rounding_cause(trace(scene, "shadow", "numpy32", "textbook"), trace(scene), scene, "shadow")
+    (found,) = rounding_cause(trace(scene, "shadow", "numpy32", "textbook"), trace(scene), scene, "shadow")
+    said = found.reason
     assert said.startswith("cause (likely): rounding: ")
     assert "textbook" in said
     assert "float32" in said
@@ -81,7 +84,7 @@ def test_what_changes_values_or_order_is_named_under_noise(name):
     said = noisy_cause(noisy(change(RIGHT_IMAGE), 1), noisy(RIGHT_IMAGE, 2), variance, variance)
     assert words in said
     images = [Image(noisy(x, k), variance=variance) for k, x in ((1, change(RIGHT_IMAGE)), (2, RIGHT_IMAGE))]
-    assert words in explain(*images)[0]
+    assert words in explain(*images)[0].reason
 
 
 def test_nothing_is_named_of_images_that_differ_by_noise_alone_or_in_one_place():
@@ -96,11 +99,11 @@ def test_nothing_is_named_of_images_that_differ_by_noise_alone_or_in_one_place()
 
 
 def test_a_cause_stands_first_and_ends_the_first_line_and_what_is_unknown_stands_last():
-    failed = Comparison("fail", ("5 % of values are off",))
-    named = failed.because("cause (proved): the sun is π times too bright", "this explains 100 %")
+    failed = Comparison("fail", notes(["5 % of values are off"]))
+    named = failed.because(Finding("proved", "the sun is π times too bright"), *notes(["this explains 100 %"]))
     assert named.reasons == ("cause (proved): the sun is π times too bright", "this explains 100 %", *failed.reasons)
     assert named.cause == "the sun is π times too bright"
     assert because(named) == ": the sun is π times too bright"
-    unknown = failed.because("cause unknown: wrong everywhere")
+    unknown = failed.because(Finding("unknown", "wrong everywhere"))
     assert unknown.reasons == (*failed.reasons, "cause unknown: wrong everywhere")
     assert (unknown.cause, because(unknown), because(failed.because())) == ("", "", "")

@@ -95,7 +95,7 @@ def test_a_fault_that_is_planted_alone_is_proved(name):
     assert names(made) == [name]
     assert made.sureness == "proved"
     assert made.held_out > 0.99
-    assert fault(name).sentence in made.words[0]
+    assert fault(name).sentence in made.findings[0].reason
 
 
 CHOSEN = [m for m in MISTAKES if m[0][0] in ("radius-scaled", "acne")]
@@ -126,14 +126,14 @@ def test_of_two_faults_the_one_that_explains_most_is_named_and_that_something_el
     made = diagnose(views([planted((*both[0], *both[1]), scene) for scene in SCENES[:2]]))
     assert names(made) == ["pi-missing"]
     assert made.sureness == "likely"
-    assert "something else is wrong, too: wrong only in the background" in made.words[-1]
+    assert "something else is wrong, too: wrong only in the background" in made.findings[-1].reason
 
 
 def test_faults_that_give_the_same_pictures_are_both_named():
     scene = SCENES[1]  # here the plane is the last object tested
     made = diagnose([SubmittedImage(scene, planted(fault("last-wins").ways[0], scene))])
     assert {made.cause.name, *(cause.name for cause in made.alternatives)} == {"last-wins", "planes-on-top"}
-    assert made.words[1].startswith("or, with the same effect here: ")
+    assert made.findings[1].reason.startswith("or, with the same effect here: ")
 
 
 @pytest.mark.parametrize("composed", [True, False])
@@ -164,7 +164,7 @@ def test_a_second_fault_that_few_pixels_show_makes_the_first_unsure_and_it_is_to
     made = diagnose([SubmittedImage(scene, planted((*one, *other), scene)) for scene in SCENES[1:]])
     assert names(made) == ["bgr"]
     assert made.sureness == "likely"
-    assert "something else is wrong, too: wrong in single pixels" in made.words[-1]
+    assert "something else is wrong, too: wrong in single pixels" in made.findings[-1].reason
 
 
 def test_of_few_wrong_pixels_it_is_said_where_they_are():
@@ -202,7 +202,7 @@ def test_a_region_that_stays_wrong_is_told_and_makes_nothing_sure():
     made = diagnose(views(pictures))
     assert names(made) == ["pi-missing"]
     assert made.sureness == "likely"
-    assert "something else is wrong, too: wrong" in made.words[-1]
+    assert "something else is wrong, too: wrong" in made.findings[-1].reason
 
 
 def test_the_mean_of_several_rays_a_pixel_is_proved():
@@ -233,8 +233,8 @@ def test_where_nothing_explains_it_is_said_where_it_is_wrong():
     pictures[0][on] *= rng.uniform(0.5, 1.5, (on.sum(), 1)).astype(np.float32)
     made = diagnose(views(pictures))
     assert not made.cause
-    assert made.words[0].startswith("cause unknown: wrong only on spheres, right elsewhere")
-    assert "all of overlap is right" in made.words[0]
+    assert made.findings[0].reason.startswith("cause unknown: wrong only on spheres, right elsewhere")
+    assert "all of overlap is right" in made.findings[0].reason
 
 
 def test_points_are_told_from_the_points_that_a_fault_would_give():
@@ -272,7 +272,7 @@ APPEARANCE = {
 
 @pytest.mark.parametrize("name", APPEARANCE)
 def test_of_an_unknown_scene_what_a_writer_of_pictures_does_wrong_is_named(name):
-    said, *_ = explain(Image(np.ascontiguousarray(APPEARANCE[name])), Image(P))
+    said = explain(Image(np.ascontiguousarray(APPEARANCE[name])), Image(P))[0].reason
     assert name in said
 
 

@@ -43,7 +43,7 @@ def turned_sun(scene, degrees):
 
 def test_a_sun_that_is_turned_is_reported_with_the_angle_between_both_directions():
     scene = SCENES["distorted"]
-    said, *_ = explain(trace(turned_sun(scene, 3)), trace(scene), scene)
+    said = explain(trace(turned_sun(scene, 3)), trace(scene), scene)[0].reason
     assert "the sun's direction is off by 3 degrees" in said
 
 
@@ -62,7 +62,7 @@ def test_an_image_of_one_value_is_said_to_be_one_and_no_power_is_fitted(known, v
     scene = SCENES["overlap"]
     right = trace(scene)
     flat = Image(mean=np.full(right.mean.shape, value, np.float32))
-    said, *_ = explain(flat, right, scene if known else None)
+    said = explain(flat, right, scene if known else None)[0].reason
     assert f"every pixel has the same value, {value:.4g}" in said
     assert "power" not in said
 
@@ -70,7 +70,7 @@ def test_an_image_of_one_value_is_said_to_be_one_and_no_power_is_fitted(known, v
 def test_a_rounded_pi_is_said_in_percent_and_nothing_wrong_is_called_right():
     scene = SCENES["overlap"]
     sun = with_sun(scene, irradiance=tuple(x * np.pi / 3.14 for x in scene.sun.irradiance))
-    said, *_ = explain(trace(sun), trace(scene), scene)
+    said = explain(trace(sun), trace(scene), scene)[0].reason
     assert "the sun's part is 0.051 % too bright (π written as 3.14)" in said
     assert "right" not in [bright(1 + k) for k in (1e-6, 1e-4, 1e-3, -1e-3)]
     both = next(f for f in FAMILIES if f.name == "sun-and-sky-scaled")
@@ -85,7 +85,7 @@ def test_where_a_few_scattered_values_are_off_nothing_is_named(name, count):
     shown = right.mean.copy()
     shown.reshape(-1, 3)[rng.choice(80 * 60, count, replace=False)] += rng.normal(0, 0.05, (count, 3))
     for known in (scene, None):
-        assert not any(said.startswith("cause (") for said in explain(Image(shown), right, known))
+        assert not any(said.names_a_cause for said in explain(Image(shown), right, known))
 
 
 def test_a_cause_under_noise_has_to_bring_the_noisy_pixels_nearer():
@@ -110,7 +110,7 @@ def test_numbers_whose_effect_is_below_the_tolerance_are_never_named(start):
     assert not shows(samples, near)
     shown[np.random.default_rng(1).choice(4800, 12, replace=False)] += 0.05
     said = explain(Image(shown.reshape(60, 80, 3).astype(np.float32)), trace(scene), scene)
-    assert not any(words.startswith("cause (") for words in said)
+    assert not any(finding.names_a_cause for finding in said)
 
 
 CONSTANTS = {"background-constant", "shadow-dims", "shadow-start", "shadow-reach"}
@@ -124,7 +124,7 @@ def test_rounding_that_exceeds_the_tolerance_a_little_has_no_cause(name, known):
     right = trace(scene)
     noise = np.random.default_rng(1).uniform(-8e-6, 8e-6, right.mean.shape) * right.mean.max()
     said = explain(Image((right.mean + noise).astype(np.float32)), right, scene if known else None)
-    assert not any(words.startswith("cause (") for words in said)
+    assert not any(finding.names_a_cause for finding in said)
 
 
 def test_a_fitted_number_is_proved_by_two_scenes_that_it_leaves_nothing_of_but_rounding():
@@ -150,14 +150,14 @@ def test_a_radius_that_is_a_little_off_is_not_taken_for_several_rays_a_pixel(nam
     scene = SCENES[name]
     index = next(i for i, thing in enumerate(scene.objects) if isinstance(thing, Sphere))
     made = trace(with_radius(scene, index, 1e-3))
-    assert "rays a pixel" not in "".join(explain(made, trace(scene), scene))
+    assert "rays a pixel" not in "".join(f.text for f in explain(made, trace(scene), scene))
 
 
 @pytest.mark.parametrize(("index", "more"), [(0, 1e-3), (1, -1e-3)])
 def test_a_radius_that_is_a_millimetre_off_is_named_with_its_sphere(index, more):
     scene = SCENES["overlap"]
     made = trace(with_radius(scene, index, more))
-    said, *_ = explain(made, trace(scene), scene)
+    said = explain(made, trace(scene), scene)[0].reason
     assert f"the radius of {scene.names[index]} is 1 mm too {'large' if more > 0 else 'small'}" in said
 
 
@@ -178,7 +178,7 @@ def test_a_search_that_runs_out_of_time_names_what_it_has_found_and_what_is_left
     samples = [look(SubmittedImage(scene, planted(scene, sky.ways[0])))]
     made = _search(samples, "", FAULTS, (), budget)
     assert made.untried
-    assert made.cause or "unknown" in made.words[0]
+    assert made.cause or "unknown" in made.findings[0].reason
 
 
 @pytest.mark.parametrize("kind", ["waves", "blurred", "shadowless"])

@@ -43,9 +43,9 @@ def named(case: Case, counts: tuple[int, ...] = SPOILT) -> Iterator[tuple[int, s
     engine = fast_engine(twin.activate().variant)
     for count in counts:
         made = spoilt(right, count, case.seed)
-        for words in find_causes(made, reference, case.scene, case.level, case.sampling, engine):
-            if words.startswith("cause ("):
-                yield count, words
+        for found in find_causes(made, reference, case.scene, case.level, case.sampling, engine):
+            if found.names_a_cause:
+                yield count, found.reason
 
 
 def cases(names: tuple[str, ...], seeds: int) -> Iterator[Case]:

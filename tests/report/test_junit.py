@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from raytwin.compare import Comparison, Report, compare
+from raytwin.compare.finding import notes
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.report.junit import Case, write_junit
@@ -16,7 +17,7 @@ ONES = np.ones((4, 5, 3), np.float32)
 @pytest.fixture
 def written(tmp_path):
     passed, failed = (Report("s", "", compare(Image(k * ONES), Image(ONES))) for k in (1, 2))
-    differs, undecided = (Report("s", "", Comparison(verdict, ("why",))) for verdict in ("differs", "undecided"))
+    differs, undecided = (Report("s", "", Comparison(verdict, notes(["why"]))) for verdict in ("differs", "undecided"))
     cases = [
         Case("good", "g", passed, "text"),
         Case("bad", "g", failed),
@@ -47,7 +48,7 @@ def test_passes_failures_and_errors_are_counted_and_told_apart(written):
 
 def test_names_that_xml_cannot_hold_are_replaced(tmp_path):
     name = "a\x00\x08\x1b<>&\"'é\ud800\ufffe\U0001f600\n"
-    failed = Report("s", "", Comparison("fail", (name,)))
+    failed = Report("s", "", Comparison("fail", notes([name])))
     write_junit([Case(name, name, failed, name)], tmp_path / "x.xml")
     case = ET.parse(tmp_path / "x.xml").getroot().find("testsuite/testcase")
     expected = "a\ufffd\ufffd\ufffd<>&\"'é\ufffd\ufffd\U0001f600"

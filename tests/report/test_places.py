@@ -1,8 +1,9 @@
-"""Where a reason is: read from its words, as compare writes them."""
+"""Where a finding is."""
 
 import numpy as np
 
 from raytwin.compare import compare
+from raytwin.compare.finding import Finding, Place
 from raytwin.image import Image
 from raytwin.report.locations import linked
 
@@ -15,9 +16,9 @@ def test_every_place_that_a_comparison_names_is_found():
     mean = (0.5 + 0.01 * rng.normal(size=variance.shape)).astype(np.float32)
     mean[32:48, 64:80] += 0.02
     mean[5, 7] += 0.3
-    reasons = compare(Image(mean, variance, 64), reference).reasons
-    found, places = linked(reasons, mean.shape)
-    assert [text for text, _ in found] == list(reasons)
+    made = compare(Image(mean, variance, 64), reference)
+    found, places = linked(made.findings, mean.shape)
+    assert tuple(text for text, _ in found) == made.reasons
     assert all(address for text, address in found if "(x=" in text or text.startswith("the whole image"))
     tile = next(p for p in places if p["width"] > 1)
     assert abs(tile["x"] + tile["width"] / 2 - 72) <= 8
@@ -28,6 +29,7 @@ def test_every_place_that_a_comparison_names_is_found():
 
 
 def test_a_place_outside_the_picture_is_no_link():
-    found, places = linked(["first at (x=9, y=0)", "equal", "the whole image is 2 % too dark"], (5, 9, 3))
+    told = Finding("value", "first", Place(9, 0)), Finding("note", "equal"), Finding("image", "2 % too dark")
+    found, places = linked(told, (5, 9, 3))
     assert [address for _, address in found] == [None, None, "#whole"]
     assert places == []

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from raytwin.compare.finding import Finding
 from raytwin.diagnose.pixel_sample import GRID
 from raytwin.errors import MachineError
 from raytwin.image import Image
@@ -10,8 +11,6 @@ from raytwin.scene import Scene
 from raytwin.speed import trace
 from raytwin.tracer import RADIANCE
 
-ROUNDING = "rounding: "
-"""How such a cause begins."""
 EXPLAINED = 0.9
 """Share of the squared error that the same rounding has to explain."""
 HOW = {
@@ -24,7 +23,7 @@ HOW = {
 """Engine and solver, in the order of trial."""
 
 
-def rounding_cause(test: Image, reference: Image, scene: Scene, rung: str) -> tuple[str, ...]:
+def rounding_cause(test: Image, reference: Image, scene: Scene, rung: str) -> tuple[Finding, ...]:
     """Which rounding has made the errors of the test; nothing where none explains them."""
     if rung not in RADIANCE or not RUNGS[rung].lit or reference.variance is not None or not scene.objects:
         return ()
@@ -43,5 +42,5 @@ def rounding_cause(test: Image, reference: Image, scene: Scene, rung: str) -> tu
         except MachineError:
             continue
         if np.square(off - (rounded.astype(float) - exact)).sum() < (1 - EXPLAINED) * before:
-            return (f"cause (likely): {ROUNDING}{how}; float64 and the robust solver keep the digits",)
+            return (Finding("rounding", f"rounding: {how}; float64 and the robust solver keep the digits"),)
     return ()

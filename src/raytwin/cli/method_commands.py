@@ -62,13 +62,12 @@ def needs_command(
 
 
 def shrink_command(
-    scene: Path, settings: CompareSettings, time_limit: float = 300, json: Path | None = None,
-    out: Path | None = None, allow: list[str] | None = None,
-) -> None:  # fmt: skip
+    scene: Path, settings: CompareSettings, time_limit: float = 300, json: Path | None = None, out: Path | None = None
+) -> None:
     """Find the smallest scene in which a renderer still fails.
 
-    It fails as on this scene, and is written for a bug report. Each step keeps the reason, and the cause if one was
-    named. Exit code 2 means that it does not fail.
+    It fails as on this scene, and is written for a bug report. Each step keeps the kind of failure. Exit code 2 means
+    that it does not fail.
     """
     from raytwin import files
     from raytwin.workflows.shrink import shrink
@@ -78,18 +77,19 @@ def shrink_command(
         found = shrink(scene, settings, time_limit=time_limit, progress=progress)
     name, small = found.before.name, found.after
     folder = out or Path("out") / f"shrink-{name}"
-    file = folder / small.file_name
-    rung = f" --rung {small.rung}" if small.rung else ""
+    file = folder / "scene.toml"
     samples = f" --samples {settings.samples}" if settings.samples else ""
-    shown = f"raytwin compare {shlex.quote(str(file))} --subject {shlex.quote(str(settings.subject))}{rung}{samples}"
+    subject = f"--subject {shlex.quote(str(settings.subject))} --rung {found.rung}{samples}"
+    shown = f"raytwin compare {shlex.quote(str(file))} {subject}"
     said = (f"{name}, reduced by raytwin shrink.", *found.sentences)
-    small.write(folder, "\n".join((*said, "bug.md has the command that reproduces it.")))
+    files.write_scene(file, small, "\n".join((*said, "bug.md has the command that reproduces it.")))
     files.write_text(folder / "bug.md", "\n\n".join((*said, f"To reproduce: `{shown}`\n")))
     if json:
         files.write_json(json, found.numbers() | {"scene": str(file), "command": shown})
     for line in (*found.sentences, f"To reproduce: {shown}"):
         say(line)
-    say(f"{found.before.count} objects to {found.after.count}, {found.evaluations} comparisons, {found.seconds:.1f} s")
+    count = [len(scene.scene.objects) for scene in (found.before, small)]
+    say(f"{count[0]} objects to {count[1]}, {found.evaluations} comparisons, {found.seconds:.1f} s")
     say(f"scene: {file}")
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from raytwin.cli.examples import EXAMPLES
 from raytwin.cli.option_values import parse_size
@@ -74,6 +74,11 @@ def _opt(text: str, metavar: str | None = None, *names: str, among: Any = None, 
     return info if kind is None else Annotated[kind, info]
 
 
+def _info(row: Any) -> Any:
+    """Return what typer knows of an option, with its type or without."""
+    return row.__metadata__[0] if hasattr(row, "__metadata__") else row
+
+
 def _arg(text: str, metavar: str | None = None, among: Any = None, **more: Any) -> Any:
     return typer.Argument(metavar=metavar, help=text, autocompletion=_among(among), **more)
 
@@ -82,30 +87,28 @@ OUT = "--out", "-o"
 LEVELS = "surface", "lambert", "shadow", "sky", "path"
 ENGINES = "numpy64", "numpy32", "drjit32", "drjit64", "cuda32", "cuda64"
 SOLVERS = "robust", "stable", "paper", "textbook"
+TRIMS = "conic", "corners", "none"
 MODELS = "auto", "none", "k1", "k1k2", "k1k2p1p2", "k1k2k3", "full5"
 ANY_SCENE = "A scene's folder, its scene.toml or its name; or a Mitsuba file (XML)."
 METRICS = "rmse", "relmse", "mae", "max_abs", "p999_abs", "p999_rel"
 OF_SHRINK = "subject", "rung", "samples", "seed", "size", "light"
 """Settings of `compare` that `shrink` has, too."""
 
-OPTIONS: dict[str, dict[str, Any]] = {
+TRACER, CERTAINTY, PLACE, FILES = "raytwin's own tracer", "How certain a verdict is", "Camera and light", "Files"
+COMMON: dict[str, dict[str, Any]] = {
     "": {
         "scene": _arg("A scene's folder, its scene.toml, or its name.", among=_scenes, callback=_known_scene),
-        "rung": _opt("Light level of the twin: surface, lambert, shadow, sky or path.", among=LEVELS, kind=str),
-        "tracer_rung": _opt(
-            "Light level of the tracer (the highest up to --rung that needs no sampling).", "RUNG", among=LEVELS,
-            kind=str | None,
-        ),
         "subject": _opt(
             "Renderer to compare: a method (`raytwin bench list`), FILE.py:FUNCTION, an image, a folder of images, or a"
-            " command with {scene} and {out}. Default: raytwin's own tracer.", "WHAT", kind=str | None,
+            " command with {scene} and {out} (raytwin's own tracer).", "WHAT", kind=str | None,
         ),
-        "engine": _opt(f"Tracer's engine: {', '.join(ENGINES)}.", among=ENGINES, kind=str),
-        "solver": _opt("Sphere solver: robust, stable, paper or textbook.", among=SOLVERS, kind=str),
-        "sampling": _opt(
-            "Rays through the pixel's center, or spread over its area.", "center|area", among=SAMPLINGS, kind=str
-        ),
-        "samples": _opt("Samples per pixel of both sides (default: until the verdict is certain).", kind=int | None),
+        "rung": _opt("Light level of the twin: surface, lambert, shadow, sky or path.", among=LEVELS, kind=str),
+        "samples": _opt("Samples per pixel (until the verdict is certain).", kind=int | None),
+        "size": _opt("Render at another size than the camera's.", "WxH", callback=_size, kind=str | None),
+        "jobs": _opt("Number of local processes.", "N", "--jobs", "-j"),
+        "dask": _opt("Dask scheduler (extra `cluster`); its workers share the disk.", "ADDRESS"),
+    },
+    CERTAINTY: {
         "budget": _opt(
             "Samples per pixel (1024) or time (30s) after which the verdict is undecided.", "N|TIME", kind=str | None
         ),
@@ -118,22 +121,44 @@ OPTIONS: dict[str, dict[str, Any]] = {
             kind=float | None,
         ),
         "seed": _opt("Seed of the twin's samples.", kind=int),
-        "photo": _opt("Photo whose camera pose is used.", "NAME", kind=str | None),
-        "size": _opt("Render at another size than the camera's.", "WxH", callback=_size, kind=str | None),
-        "cache": _opt("Reuse stored renders.", kind=bool),
         "flip": _opt(
             "Add the perceptual metric FLIP (slow; extra `flip`).", None, "--flip", callback=_flip, kind=bool
         ),
+    },
+    TRACER: {
+        "tracer_rung": _opt(
+            "Light level of the tracer (the highest up to --rung that needs no sampling).", "RUNG", among=LEVELS,
+            kind=str | None,
+        ),
+        "engine": _opt(f"Tracer's engine: {', '.join(ENGINES)}.", among=ENGINES, kind=str),
+        "solver": _opt("Sphere solver: robust, stable, paper or textbook.", among=SOLVERS, kind=str),
+        "sampling": _opt(
+            "Rays through the pixel's center, or spread over its area.", "center|area", among=SAMPLINGS, kind=str
+        ),
+        "trim": _opt("Trim boxes: conic, corners or none.", among=TRIMS, kind=str),
+    },
+    PLACE: {
+        "photo": _opt("Photo whose camera pose is used.", "NAME", kind=str | None),
         "light": _opt("light.toml to use instead of the scene's sun and sky.", "FILE", kind=Path | None),
+    },
+    FILES: {
+        "json": _opt("Write the numbers as JSON.", "FILE", "--json"),
+        "junit": _opt("Write the verdict as JUnit XML.", "FILE"),
+        "cache": _opt("Reuse stored renders.", kind=bool),
         "allow": _opt(
             "Plugin, or file outside the folder, that a Mitsuba file may use; repeatable.", "NAME",
             callback=_allow, is_eager=True,
         ),
-        "json": _opt("Write the numbers as JSON.", "FILE", "--json"),
-        "junit": _opt("Write the verdict as JUnit XML.", "FILE"),
-        "jobs": _opt("Number of local processes.", "N", "--jobs", "-j"),
-        "dask": _opt("Dask scheduler (extra `cluster`); its workers share the disk.", "ADDRESS"),
     },
+}  # fmt: skip
+"""Heading in `--help` ("": Options) -> parameter -> the option that commands share."""
+ORDER = [name for rows in COMMON.values() for name in rows]
+"""Of parameters in `--help`; those of one command alone stand beside `size`."""
+for heading, shared in COMMON.items():
+    for name in shared:
+        _info(shared[name]).rich_help_panel = heading
+
+OPTIONS: dict[str, dict[str, Any]] = {
     "compare": {
         "scene": _arg(ANY_SCENE, among=_scenes, callback=_known_scene),
         "out": _opt("Folder for the report (out/SCENE).", "DIR", *OUT),
@@ -169,7 +194,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "metric": _opt(f"{', '.join(METRICS[:-1])} or {METRICS[-1]}.", among=METRICS),
     },
     "shrink": {
-        "scene": _arg(ANY_SCENE, among=_scenes, callback=_known_scene),
         "subject": _opt("Renderer that fails: a method, FILE.py:FUNCTION, or a command with {scene} and {out}.", "WHAT",
                         kind=str | None),
         "time_limit": _opt("Try no further step after this time.", "SECONDS"),
@@ -309,13 +333,13 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "out": _opt("Folder for page and charts (out/stability).", "DIR", *OUT),
     },
 }  # fmt: skip
-"""Command ("" for all) -> parameter -> its option. A command within a group has its own row, then the group's."""
+"""Command -> parameter -> its own option, or None. A command within a group has its own row, then the group's."""
 
 
 def option(command: str, name: str) -> Any:
     """Return the option of a command's parameter: its own, its group's, or the common one; None without one."""
-    scopes = dict.fromkeys((command, command.partition(".")[0], ""))
-    return next((OPTIONS[scope][name] for scope in scopes if name in OPTIONS.get(scope, {})), None)
+    own = OPTIONS.get(command, {}), OPTIONS.get(command.partition(".")[0], {})
+    return next((rows[name] for rows in (*own, *COMMON.values()) if name in rows), None)
 
 
 def with_options(command: Callable[..., None], name: str) -> Callable[..., None]:
@@ -332,6 +356,8 @@ def with_options(command: Callable[..., None], name: str) -> Callable[..., None]
             parameters += [_parameter(name, f.name, f.type, f.default) for f in fields]
         else:
             parameters.append(_parameter(name, p.name, p.annotation, p.default))
+
+    parameters.sort(key=lambda p: ORDER.index(p.name if p.name in ORDER else "size"))
 
     def run(**given: Any) -> None:
         for record, (kind, names) in records.items():
@@ -362,11 +388,26 @@ def group(default: str, folder: bool = False) -> typer.Typer:
     return typer.Typer(cls=OrDefault, no_args_is_help=True)
 
 
+class UnderHeadings(TyperCommand):
+    """A command whose options stand under headings in `--help`."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        rows: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": [], **{h: [] for h in COMMON if h}}
+        for param in self.get_params(ctx):
+            if record := param.get_help_record(ctx):
+                argument = param.param_type_name == "argument"
+                rows["Arguments" if argument else getattr(param, "rich_help_panel", "") or "Options"].append(record)
+        for title, shown in rows.items():
+            if shown:
+                with formatter.section(title):
+                    formatter.write_dl(shown)
+
+
 def register(app: typer.Typer, commands: Mapping[str, Callable[..., None]], *, within: str = "") -> None:
     """Add each command to `app`, with its options and its example; `within`: the group's name."""
     for name, command in commands.items():
         full = f"{within}.{name}" if within else name
-        app.command(name, epilog=f"Example: {EXAMPLES[full]}")(with_options(command, full))
+        app.command(name, cls=UnderHeadings, epilog=f"Example: {EXAMPLES[full]}")(with_options(command, full))
 
 
 def _is_option(command: str, field: "dataclasses.Field[Any]") -> bool:

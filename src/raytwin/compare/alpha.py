@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from raytwin.compare.blocks import Pixels
-from raytwin.compare.finding import SILHOUETTE, Finding, at, plural
+from raytwin.compare.finding import Finding, Place, at, plural
 from raytwin.image import Image
 
 EIGHT_BITS = 0.5001 / 255
@@ -31,7 +31,7 @@ def alpha_findings(
             return [], ()
         return [], (f"alpha was not compared: only the {'reference' if a is None else 'test image'} has it",)
     if a.shape != b.shape:
-        return [Finding(SILHOUETTE, f"the alpha has the shape {a.shape}, the reference's {b.shape}")], ()
+        return [Finding("silhouettes", f"the alpha has the shape {a.shape}, the reference's {b.shape}")], ()
     allowed = tolerance + EIGHT_BITS * sum(half is not None for half in half_steps)
     size = 1
     if test.variance is not None or reference.variance is not None:
@@ -46,7 +46,7 @@ def alpha_findings(
     y, x = np.argwhere(off)[0].tolist()
     of = plural(int(off.sum()), "pixel" if size == 1 else f"block of {size} x {size} pixels")
     first = f"the first at {at(size * x, size * y)}: {a[y, x]:.3g}, and {b[y, x]:.3g} in the reference"
-    return [Finding(SILHOUETTE, f"alpha differs in {of}, {first}")], ()
+    return [Finding("silhouettes", f"alpha differs in {of}, {first}", Place(size * x, size * y, size, size))], ()
 
 
 def _means(alpha: np.ndarray, size: int) -> np.ndarray:

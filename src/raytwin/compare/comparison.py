@@ -1,10 +1,10 @@
 """What came of two images: the verdict, its reasons in words, and every number behind it. Knows no renderer."""
 
-import re
 from typing import Literal
 
 import msgspec
 
+from raytwin.compare.finding import Finding, notes
 from raytwin.scene import Record
 
 
@@ -64,29 +64,17 @@ Verdict = Literal["pass", "differs", "fail", "undecided"]
 """`differs`: as expected, since one side models less light on purpose. `undecided`: too little is known to decide."""
 
 
-CAUSE = re.compile(r"cause (?:\((?P<sureness>proved|likely)\)|unknown): ")
-"""How a reason begins that says why an image is wrong; without `sureness` it names only the place."""
-
-EXPECTED = "Expected difference: "
-"""How the first reason of the verdict `differs` begins."""
-
-
-def _named(reason: str) -> "re.Match[str] | None":
-    found = CAUSE.match(reason)
-    return found if found and found["sureness"] else None
-
-
 class Comparison(Record, frozen=True):
-    """The verdict on two images and every number behind it; `reasons` are in words, worst first.
+    """The verdict on two images and every number behind it; `findings` say why, the worst first.
 
-    A pass has reasons too: what it could have seen. `seconds` is what the comparison itself took. `failing`: (x, y,
+    A pass has findings too: what it could have seen. `seconds` is what the comparison itself took. `failing`: (x, y,
     width, height) of the tiles that fail, and of blocks with values that do; for pictures, not in comparison.json.
     `excluded_bias`: the data speak ten to one against any larger bias of the whole image (Wald), relative to its mean;
     not in comparison.json either.
     """
 
     verdict: Verdict
-    reasons: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     geometry: Geometry = Geometry()
     radiance: Radiance = Radiance()
     statistics: Statistics = Statistics()
@@ -95,20 +83,29 @@ class Comparison(Record, frozen=True):
     failing: tuple[tuple[int, int, int, int], ...] = ()
     excluded_bias: float | None = None
 
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """The findings in words."""
+        return tuple(finding.reason for finding in self.findings)
+
+    def judged(self, verdict: Verdict, *findings: Finding) -> "Comparison":
+        """The same numbers with another verdict, for these reasons."""
+        return msgspec.structs.replace(self, verdict=verdict, findings=findings)
+
     def saying(self, *further: str) -> "Comparison":
         """The same with further reasons, behind the others."""
-        return msgspec.structs.replace(self, reasons=(*self.reasons, *further))
+        return self.judged(self.verdict, *self.findings, *notes(further))
 
-    def because(self, *causes: str) -> "Comparison":
+    def because(self, *causes: Finding) -> "Comparison":
         """The same with the causes in front of the other reasons, or behind them where none is named."""
-        named = bool(causes) and bool(_named(causes[0]))
-        return msgspec.structs.replace(self, reasons=(*causes, *self.reasons)) if named else self.saying(*causes)
+        named = bool(causes) and causes[0].names_a_cause
+        return self.judged(self.verdict, *((*causes, *self.findings) if named else (*self.findings, *causes)))
 
     @property
     def cause(self) -> str:
         """The sentence of the first cause that is named; empty where none is."""
-        found = _named(self.reasons[0]) if self.reasons and not self.passed else None
-        return self.reasons[0][found.end() :] if found else ""
+        named = not self.passed and bool(self.findings) and self.findings[0].names_a_cause
+        return self.findings[0].text if named else ""
 
     @property
     def passed(self) -> bool:

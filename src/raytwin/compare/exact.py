@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from raytwin.compare.blocks import Pixels, strips
-from raytwin.compare.finding import CHANNELS, EXACT, MOST_PLACES, Finding, Place, at, blocks_of, plural
+from raytwin.compare.finding import CHANNELS, MOST_PLACES, Finding, Place, at, blocks_of, plural
 from raytwin.compare.scale import Bound
 from raytwin.scene import Tolerance
 
@@ -55,11 +55,12 @@ class NoiseFree(NamedTuple):
         if self.over > self.values // 1000 + 3 * excused:
             share = f"{100 * self.over / self.values:.3g} % of the noise-free values ({self.over} of {self.values})"
             text = f"{share} are off by more than the tolerance of {bound} (0.1 % may be)"
-            findings.append(Finding(EXACT, f"{text}; {worst}"))
+            findings.append(Finding("exact", f"{text}; {worst}", Place(self.x, self.y)))
         if self.outliers > int(tolerance.outlier_fraction * pixels) + excused:
             share = f"{plural(self.outliers, 'pixel')} of {pixels} {'is' if self.outliers == 1 else 'are'}"
             text = f"{share} off by more than {OUTLIER:g} times the tolerance of {bound}"
-            findings.append(Finding(EXACT, f"{text} ({100 * tolerance.outlier_fraction:g} % may be); {worst}"))
+            allowed = f"{100 * tolerance.outlier_fraction:g} % may be"
+            findings.append(Finding("exact", f"{text} ({allowed}); {worst}", Place(self.x, self.y)))
         return findings
 
 

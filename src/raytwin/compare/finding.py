@@ -1,20 +1,48 @@
-"""A thing that is wrong with an image, in words, and how it ranks among others."""
+"""What a comparison found, as a record: its kind, a sentence, and where in the image."""
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 CHANNELS = ("red", "green", "blue")
 
-# Worst first: what is no image at all, then where things are, then how bright.
-HARD, SILHOUETTE, SHIFT, DEPTH, NORMAL, IMAGE, TILE, VALUE, EXACT = range(9)
+
+class Kind(NamedTuple):
+    """A kind of finding: its `rank`, worst first; what sort of `failure` it is; the `prefix` of its sentence."""
+
+    rank: int = 0
+    failure: str = "radiance"
+    prefix: str = ""
 
 
-class Finding(NamedTuple):
-    """`rank` is one of the constants above; `text` a sentence with pixel coordinates (x, y), x to the right."""
+HARD = 0
+KINDS = {
+    "shape": Kind(HARD, "no such image"),
+    "NaN": Kind(HARD, "not a number"),
+    "infinite": Kind(HARD, "infinite values"),
+    "negative": Kind(HARD, "negative values"),
+    "black": Kind(HARD, "all black"),
+    "silhouettes": Kind(1, "other objects are seen"),
+    "shift": Kind(2),
+    "depth": Kind(3, "depth"),
+    "normals": Kind(4, "normals"),
+    "image": Kind(5),
+    "tile": Kind(6),
+    "value": Kind(7),
+    "exact": Kind(8),
+    "proved": Kind(prefix="cause (proved): "),
+    "likely": Kind(prefix="cause (likely): "),
+    "rounding": Kind(prefix="cause (likely): "),
+    "unknown": Kind(prefix="cause unknown: "),
+    "expected": Kind(prefix="Expected difference: "),
+    "note": Kind(),
+}
+"""What is no image at all, then where things are, then how bright; below them why, and what else is said."""
 
-    rank: int
-    text: str
+
+CAUSES = "proved", "likely", "rounding", "unknown"
+"""Kinds that say why an image is wrong; the last of them says only where."""
 
 
 class Place(NamedTuple):
@@ -22,12 +50,38 @@ class Place(NamedTuple):
 
     x: int
     y: int
-    width: int
-    height: int
+    width: int = 1
+    height: int = 1
 
     def above(self, edge: int) -> "Place":
         """Itself, cut at the image's lower edge."""
         return self._replace(height=min(self.height, edge - self.y))
+
+
+class Finding(NamedTuple):
+    """`kind`: a row of KINDS; `text`: a sentence with pixel coordinates (x, y), x to the right; `place`: of what."""
+
+    kind: str
+    text: str
+    place: Place | None = None
+
+    @property
+    def rank(self) -> int:
+        return KINDS[self.kind].rank
+
+    @property
+    def names_a_cause(self) -> bool:
+        """It says why the image is wrong, and not only where."""
+        return self.kind in CAUSES[:-1]
+
+    @property
+    def reason(self) -> str:
+        """The sentence as a person reads it."""
+        return f"{KINDS[self.kind].prefix}{self.text}"
+
+
+def notes(texts: Iterable[str]) -> tuple[Finding, ...]:
+    return tuple(Finding("note", text) for text in texts)
 
 
 BLOCK, MOST_PLACES = 16, 400

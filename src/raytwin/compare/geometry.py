@@ -6,7 +6,7 @@ import numpy as np
 
 from raytwin.array_types import Bool, Float32
 from raytwin.compare.comparison import Geometry
-from raytwin.compare.finding import DEPTH, HARD, NORMAL, SILHOUETTE, Finding, at, plural
+from raytwin.compare.finding import Finding, Place, at, plural
 from raytwin.compare.metrics import all_finite, nth_largest
 from raytwin.image import BACKGROUND, Image, Surface
 from raytwin.scene import Tolerance
@@ -35,9 +35,10 @@ def geometry_findings(test: Image, reference: Image, tolerance: Tolerance) -> tu
         seen = f"the test sees {_named(int(t.ids[y, x]))}, the reference {_named(int(r.ids[y, x]))}"
         findings.append(
             Finding(
-                SILHOUETTE,
+                "silhouettes",
                 f"{plural(mismatch, 'pixel')} see another object (allowed {tolerance.mask_pixels}): "
                 f"first at {at(x, y)}, where {seen}",
+                Place(x, y),
             )
         )
     same = ~differ & (r.ids != BACKGROUND)
@@ -46,9 +47,9 @@ def geometry_findings(test: Image, reference: Image, tolerance: Tolerance) -> tu
     depth, chord = _errors(t, r, same)
     above = int(np.count_nonzero(same)) // 1000
     largest = {}
-    for rank, what, error, bound, unit in (
-        (DEPTH, "depth", depth, DEPTH_REL, ""),
-        (NORMAL, "normal", chord, NORMAL_DEG, " degrees"),
+    for kind, what, error, bound, unit in (
+        ("depth", "depth", depth, DEPTH_REL, ""),
+        ("normals", "normal", chord, NORMAL_DEG, " degrees"),
     ):
         in_units = _degrees if what == "normal" else float
         if not all_finite(error):
@@ -56,18 +57,20 @@ def geometry_findings(test: Image, reference: Image, tolerance: Tolerance) -> tu
             largest[what] = in_units(float(error[finite].max())) if (finite & same).any() else None
             y, x = (int(i) for i in np.argwhere(~finite)[0])
             count = plural(int((~finite).sum()), "pixel")
-            findings.append(Finding(HARD, f"the {what} of {count} is not a number, first at {at(x, y)}"))
+            text = f"the {what} of {count} is not a number, first at {at(x, y)}"
+            findings.append(Finding("NaN", text, Place(x, y)))
             continue
         y, x = (int(i) for i in np.unravel_index(int(error.argmax()), error.shape))
         largest[what] = in_units(float(error[y, x]))
         p999 = in_units(nth_largest(above, np.asarray, error))
         if p999 > bound:
-            kind = "relative error" if what == "depth" else "angle"
+            measured = "relative error" if what == "depth" else "angle"
             findings.append(
                 Finding(
-                    rank,
-                    f"{what}: the 99.9 % quantile of the {kind} is {p999:.3g}{unit} (allowed {bound:g}), "
+                    kind,
+                    f"{what}: the 99.9 % quantile of the {measured} is {p999:.3g}{unit} (allowed {bound:g}), "
                     f"the largest {largest[what]:.3g}{unit} at {at(x, y)}",
+                    Place(x, y),
                 )
             )
     return Geometry(mismatch, largest["depth"], largest["normal"]), findings

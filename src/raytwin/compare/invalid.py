@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from raytwin.compare.blocks import Pixels, to_pixels
-from raytwin.compare.finding import HARD, Finding, at, plural
+from raytwin.compare.finding import Finding, Place, at, plural
 from raytwin.compare.noise import estimated, residual
 from raytwin.image import Image
 
@@ -24,20 +24,22 @@ def shape_findings(test: Image, reference: Image) -> list[Finding]:
                 continue
             whose = f"the {name} {what}" if what == "image" else f"the {name}'s {what}"
             if not isinstance(array, np.ndarray):
-                findings.append(Finding(HARD, f"{whose} is no array but {type(array).__name__}"))
+                findings.append(Finding("shape", f"{whose} is no array but {type(array).__name__}"))
             elif not np.issubdtype(array.dtype, np.floating):
-                findings.append(Finding(HARD, f"{whose} holds {array.dtype}, not floating-point radiance"))
+                findings.append(Finding("shape", f"{whose} holds {array.dtype}, not floating-point radiance"))
             elif array.ndim != 3 or array.shape[-1] != 3 or 0 in array.shape:
-                findings.append(Finding(HARD, f"{whose} has the shape {array.shape}, not (height, width, 3)"))
+                findings.append(Finding("shape", f"{whose} has the shape {array.shape}, not (height, width, 3)"))
             elif what == "variance" and array.shape != np.shape(image.mean):
-                findings.append(Finding(HARD, f"{whose} has the shape {array.shape}, its mean {np.shape(image.mean)}"))
+                own = np.shape(image.mean)
+                findings.append(Finding("shape", f"{whose} has the shape {array.shape}, its mean {own}"))
         s = image.surface
         if s is not None and np.shape(image.mean)[:2] != np.shape(s.ids):
-            findings.append(Finding(HARD, f"the {name}'s surface has the shape {np.shape(s.ids)}, not the image's"))
+            text = f"the {name}'s surface has the shape {np.shape(s.ids)}, not the image's"
+            findings.append(Finding("shape", text))
     if not findings and test.shape != reference.shape:
         (h, w), (rh, rw) = test.shape[:2], reference.shape[:2]
         turned = ": width and height are swapped" if (h, w) == (rw, rh) else ""
-        findings.append(Finding(HARD, f"the test image is {w} x {h} pixels, the reference {rw} x {rh}{turned}"))
+        findings.append(Finding("shape", f"the test image is {w} x {h} pixels, the reference {rw} x {rh}{turned}"))
     return findings
 
 
@@ -54,7 +56,7 @@ def value_findings(test: Image, reference: Image, least: float, noisy: bool = Tr
         if image.variance is not None:
             findings += bad_values(f"variance of the {name}", image.variance, 0.0)
     if not findings and not test.mean.any() and reference.mean.any():
-        findings.append(Finding(HARD, "the test image is all black"))
+        findings.append(Finding("black", "the test image is all black"))
     return findings
 
 
@@ -89,8 +91,9 @@ def bad_values(name: str, x: Pixels, least: float, noise: Callable[[], Pixels | 
     for what, bad in kinds:
         if bad.any():
             rows, columns = np.nonzero(bad.any(axis=-1))
-            first = at(int(columns[0]), int(rows[0]))
+            first = Place(int(columns[0]), int(rows[0]))
             counted = f"{plural(int(bad.sum()), f'{what} value')} in {plural(len(rows), 'pixel')}"
             lowest = f", the lowest {float(x[bad].min()):.3g}" if what == "negative" else ""
-            findings.append(Finding(HARD, f"the {name} has {counted}, the first at {first}{lowest}"))
+            text = f"the {name} has {counted}, the first at {at(first.x, first.y)}{lowest}"
+            findings.append(Finding(what, text, first))
     return findings

@@ -4,7 +4,7 @@ import math
 
 from raytwin.compare.decision import POWER, Decision, Family, Worst
 from raytwin.compare.exact import NoiseFree
-from raytwin.compare.finding import CHANNELS, IMAGE, TILE, VALUE, Finding, at, plural
+from raytwin.compare.finding import CHANNELS, Finding, Place, at, notes, plural
 from raytwin.compare.significance import quantile
 from raytwin.image import Image
 
@@ -37,7 +37,7 @@ def deviations(z: float) -> str:
 def noise_findings(made: Decision, reference: Image, unit: float) -> list[Finding]:
     """Return a finding per family that noise does not explain: how large, where, how sure. `unit`: of radiance."""
     findings = []
-    for rank, family in ((IMAGE, made.image), (TILE, made.tile), (VALUE, made.value)):
+    for kind, family in (("image", made.image), ("tile", made.tile), ("value", made.value)):
         if family.passed:
             continue
         w = family.worst
@@ -47,13 +47,14 @@ def noise_findings(made: Decision, reference: Image, unit: float) -> list[Findin
         if w.p >= CERTAIN:
             sure += f", p = {w.p:.1g} where noise may have {family.level:.1g}"
         where = {
-            IMAGE: "the whole image",
-            TILE: f"the {w.width} x {w.height} tile at {at(w.x, w.y)}",
-            VALUE: f"the pixel {at(w.x, w.y)}",
-        }[rank]
-        if rank == IMAGE and (share := shared_share(w, family.level)) < COMMON:
+            "image": "the whole image",
+            "tile": f"the {w.width} x {w.height} tile at {at(w.x, w.y)}",
+            "value": f"the pixel {at(w.x, w.y)}",
+        }[kind]
+        if kind == "image" and (share := shared_share(w, family.level)) < COMMON:
             sure += f", unless all pixels share {percent(share)} of their variance"
-        findings.append(Finding(rank, f"{where} is {off} ({sure}){_others(rank, family, made.failed_pixels)}"))
+        text = f"{where} is {off} ({sure}){_others(kind, family, made.failed_pixels)}"
+        findings.append(Finding(kind, text, Place(w.x, w.y, w.width, w.height)))
     return findings
 
 
@@ -74,10 +75,10 @@ def _amount(error: float, area: float, unit: float) -> str:
     return f"{100 * abs(error) / area:.3g} % too {'bright' if error > 0 else 'dark'}"
 
 
-def _others(rank: int, family: Family, failed_pixels: int) -> str:
-    if rank == TILE and family.failed > 1:
+def _others(kind: str, family: Family, failed_pixels: int) -> str:
+    if kind == "tile" and family.failed > 1:
         return f"; {_share(family.failed, family.tests)} tiles are beyond noise"
-    if rank == VALUE and failed_pixels > 1:
+    if kind == "value" and failed_pixels > 1:
         few = f"; so {'is' if failed_pixels == 2 else 'are'} {plural(failed_pixels - 1, 'other pixel')}"
         share = 3 * failed_pixels / family.tests
         return few if share < 0.01 else f"; {_share(3 * failed_pixels, family.tests)} pixels are beyond noise"
@@ -93,26 +94,27 @@ def _share(part: int, whole: int) -> str:
     return "all" if part >= whole else f"{share:.{0 if share >= 1 else 2}f} % of all"
 
 
-def what_could_be_seen(image: float, tile: float, inflation: float, rate: float) -> tuple[str, ...]:
+def what_could_be_seen(image: float, tile: float, inflation: float, rate: float) -> tuple[Finding, ...]:
     """Return which errors of the `image` and a `tile` a pass would have caught; a note where neighbours share noise."""
     text = (
         f"no difference beyond noise (false-alarm rate {rate:g}); would have caught, {10 * POWER:g} times in 10, a "
         f"brightness error of {percent(image)}, or of {percent(tile)} in any 24 x 24 patch"
     )
     if inflation < 1.2:
-        return (text,)
+        return notes([text])
     shared = (
         "neighbouring pixels share their noise (a reconstruction filter wider than the pixel?): means have "
         f"{inflation:.2g} times the variance of independent pixels"
     )
-    return text, shared
+    return notes([text, shared])
 
 
-def agreement(p999: float, allowed: float, noise_free: NoiseFree) -> str:
+def agreement(p999: float, allowed: float, noise_free: NoiseFree) -> Finding:
     """Return what to say of noise-free images that agree."""
     text = f"the images agree: 99.9 % of the values to {p999:.2g} (allowed {allowed:.2g})"
     if noise_free.error <= 10 * allowed or math.isinf(allowed):
-        return f"{text}, all to {noise_free.error:.2g}"
+        return Finding("note", f"{text}, all to {noise_free.error:.2g}")
     count = max(noise_free.outliers, 1)
     more = f"{plural(count, 'pixel')} {'errs' if count == 1 else 'err'} by more"
-    return f"{text}; {more}, the worst by {noise_free.error:.2g} at {at(noise_free.x, noise_free.y)}"
+    worst = f"the worst by {noise_free.error:.2g} at {at(noise_free.x, noise_free.y)}"
+    return Finding("note", f"{text}; {more}, {worst}", Place(noise_free.x, noise_free.y))

@@ -10,7 +10,7 @@ from raytwin.compare.blocks import Pixels
 from raytwin.compare.comparison import Statistics
 from raytwin.compare.decision import TESTS, Decision, Rounding, decide
 from raytwin.compare.exact import NoiseFree, count_noise_free
-from raytwin.compare.finding import EXACT, TILE, VALUE, Finding, Place
+from raytwin.compare.finding import Finding, Place, notes
 from raytwin.compare.messages import agreement, noise_findings, percent, what_could_be_seen
 from raytwin.compare.metrics import METRICS, p999_abs
 from raytwin.compare.noise import Residual, block_means, capped, estimated, rare_light, residual
@@ -75,7 +75,7 @@ class Outcome(NamedTuple):
 
     findings: list[Finding]
     statistics: Statistics
-    notes: tuple[str, ...] = ()
+    notes: tuple[Finding, ...] = ()
     doubts: tuple[str, ...] = ()
     failing: tuple[Place, ...] = ()
     excluded_bias: float | None = None
@@ -181,11 +181,11 @@ class RadianceTest:
             a = replace(a, variance=bounded)
         made = decide(a, b, self.bound, self.rate, rounding, look=self.look)
         outcome = self._answered(made, b)
-        few, sure = fewest_batches(a, b), any(f.rank == EXACT for f in outcome.findings)
+        few, sure = fewest_batches(a, b), any(f.kind == "exact" for f in outcome.findings)
         hardly = outcome.findings and few < ENOUGH_BATCHES and not sure
         if hardly and not self._answered(self._decided_by_scatter(), self.reference).findings:
             return outcome._replace(doubts=(FEW_BATCHES.format(few),))
-        local = outcome.findings and all(f.rank in (TILE, VALUE) for f in outcome.findings)
+        local = outcome.findings and all(f.kind in ("tile", "value") for f in outcome.findings)
         if local and (rare := [(s, name) for name, i in (("the test", a), ("the reference", b))
                                if (s := rare_light(i)) > MOSTLY_RARE]):  # fmt: skip
             return outcome._replace(doubts=(RARE.format(100 * max(rare)[0], max(rare)[1]),))
@@ -198,7 +198,7 @@ class RadianceTest:
         ):
             bare = replace(self, test=replace(self.test, variance=None, samples=0, batches=None))._by_stated_noise()
             if bare.findings:
-                return bare._replace(findings=[Finding(TILE, PATTERN), *bare.findings])
+                return bare._replace(findings=[Finding("tile", PATTERN), *bare.findings])
         return outcome
 
     def _decided_by_scatter(self) -> Decision:
@@ -224,7 +224,7 @@ class RadianceTest:
         if findings:
             relative = METRICS["p999_rel"].function(t, r)
             text = f"99.9 % quantile of the error: {p999:.3g} absolute, {relative:.3g} relative"
-            findings.append(Finding(EXACT, text))
+            findings.append(Finding("exact", text))
         allowed = self.tolerance.p999_abs * self.bound.scale * self.unit
         statistics = Statistics(pixel_fail_fraction=noise_free.outliers / self.pixels)
         noise_free = noise_free._replace(error=noise_free.error * self.unit)
@@ -246,7 +246,7 @@ class RadianceTest:
             minimum_detectable_bias=finite(seen),
             minimum_detectable_tile_bias=finite(made.tile.detectable),
         )
-        notes = what_could_be_seen(made.image.detectable, made.tile.detectable, made.inflation, self.rate)
+        seen_by = what_could_be_seen(made.image.detectable, made.tile.detectable, made.inflation, self.rate)
         doubts: tuple[str, ...] = ()
         of = (seen, "the whole image's mean"), (made.tile.detectable, "24 x 24 pixels")
         missed = [
@@ -257,8 +257,8 @@ class RadianceTest:
         if not findings and missed:
             text = f"undecided: so noisy that an error of less than {', or of '.join(missed)} would have been missed"
             doubts = (f"{text}: take more samples",)
-        failing = (*made.tile.places, *made.value.places, *made.noise_free.places)
-        return Outcome(findings, statistics, notes, doubts, tuple(dict.fromkeys(failing)), finite(made.image.excluded))
+        failing = tuple(dict.fromkeys((*made.tile.places, *made.value.places, *made.noise_free.places)))
+        return Outcome(findings, statistics, seen_by, doubts, failing, finite(made.image.excluded))
 
     def _by_scatter(self, first: Outcome, unstated: list[str], shown: Residual) -> Outcome:
         """Decide with the scatter of t - r within blocks as noise: for tiles and the image, not for single pixels.
@@ -269,7 +269,7 @@ class RadianceTest:
         outcome = self._answered(self._decided_by_scatter(), self.reference)
         known = borne_out(t, r, shown, self.bound.least)
         if outcome.findings:
-            return outcome if known or not any(f.rank == EXACT for f in first.findings) else first
+            return outcome if known or not any(f.kind == "exact" for f in first.findings) else first
         if patterned(t, r, shown.square):
             return first
         have = "have" if len(unstated) > 1 else "has"
@@ -282,7 +282,7 @@ class RadianceTest:
         )
         if outcome.doubts:
             return outcome._replace(doubts=(*outcome.doubts, f"{note}: {GIVE}"))
-        return outcome._replace(notes=(*outcome.notes, note))
+        return outcome._replace(notes=(*outcome.notes, *notes([note])))
 
 
 def finite(x: float) -> float | None:

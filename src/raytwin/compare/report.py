@@ -50,6 +50,7 @@ class Report(Record, frozen=True):
         """What comparison.json holds, in its order."""
         about = {"scene": self.scene, "rung": self.rung}
         made = msgspec.structs.asdict(self.comparison)
-        own, *_ = (made.pop(key) for key in ("seconds", "failing", "excluded_bias"))
+        own, *_ = (made.pop(key) for key in ("seconds", "failing", "excluded_bias", "findings"))
+        about |= {"verdict": made.pop("verdict"), "reasons": self.comparison.reasons}
         seconds = {stage: self.seconds.get(stage, own if stage == "compare" else None) for stage in STAGES}
         return about | made | {"ledger": self.ledger, "seconds": seconds, "backend": self.backend}

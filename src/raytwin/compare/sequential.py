@@ -23,6 +23,7 @@ from typing import Any
 import msgspec
 
 from raytwin.compare.comparison import Comparison
+from raytwin.compare.finding import notes
 from raytwin.compare.messages import percent, what_could_be_seen
 from raytwin.compare.verdict import DETECTABLE_BIAS, compare
 from raytwin.errors import InputError
@@ -170,9 +171,8 @@ class SequentialComparison:
         enough = self._shortfall(made, image or DETECTABLE_BIAS, tile or math.inf) <= 1
         if made.verdict == "pass" and enough and self.samples >= self.fewest_to_pass:
             return self._certain(made, f"all {spent or self._counted()} were taken")
-        doubts = made.reasons if made.verdict == "undecided" else (self._what_it_takes(made, spent),)
-        doubts = (*doubts, *self._repeated())
-        self.comparison = msgspec.structs.replace(made, verdict="undecided", reasons=doubts)
+        doubts = made.findings if made.verdict == "undecided" else notes([self._what_it_takes(made, spent)])
+        self.comparison = made.judged("undecided", *doubts, *notes(self._repeated()))
         return self.comparison
 
     # ---------------------------------------------------------------------------------- within
@@ -205,9 +205,9 @@ class SequentialComparison:
         made = self.comparison
         assert made is not None
         if made.verdict == "pass" and any(pool.repeats and pool.images > 1 for pool in self._pools.values()):
-            made = msgspec.structs.replace(made, verdict="undecided")
+            made = made.judged("undecided")
         if made.verdict == "undecided":
-            made = msgspec.structs.replace(made, reasons=tuple(f"undecided: {text}" for text in self._repeated()))
+            made = made.judged("undecided", *notes(f"undecided: {text}" for text in self._repeated()))
         self.comparison, self.decided = made, True
         return made
 
@@ -244,11 +244,10 @@ class SequentialComparison:
 
     def _certain(self, made: Comparison, said: str) -> Comparison:
         self.decided = True
-        reasons, s = made.reasons, made.statistics
-        if made.verdict == "pass" and s.z_mean is not None:
+        if made.verdict == "pass" and made.statistics.z_mean is not None:
             image, tile = self._seen(made)
-            reasons = (*what_could_be_seen(image, tile, 1.0, self.rate), *reasons[1:])
-        made = msgspec.structs.replace(made, reasons=(*reasons, said, *self._repeated()))
+            made = made.judged("pass", *what_could_be_seen(image, tile, 1.0, self.rate), *made.findings[1:])
+        made = made.saying(said, *self._repeated())
         if made.verdict != "undecided":
             made = _with(made, samples_to_certainty=self.samples)
         self.comparison = made

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from raytwin.array_types import Float, Float32
-from raytwin.compare.finding import SHIFT, Finding
+from raytwin.compare.finding import Finding
 from raytwin.compare.significance import sidak, two_sided
 
 GRANTED_SHIFT = 0.01
@@ -188,7 +188,7 @@ def shift_findings(shift: Shift, share: float, factor: float = 1.0) -> list[Find
 
 def shift_finding(shift: Shift) -> Finding:
     return Finding(
-        SHIFT,
+        "shift",
         f"the test image is shifted by ({shift.dx:+.3f}, {shift.dy:+.3f}) pixels against the reference "
         f"(sigma {shift.sigma:.2g})",
     )

@@ -12,7 +12,7 @@ import numpy as np
 from raytwin.compare.alpha import alpha_findings
 from raytwin.compare.blocks import Pixels
 from raytwin.compare.comparison import Comparison, Perceptual, Radiance, Verdict
-from raytwin.compare.finding import HARD, SHIFT, SILHOUETTE, Finding, plural
+from raytwin.compare.finding import HARD, Finding, notes, plural
 from raytwin.compare.geometry import geometry_findings, without_ties
 from raytwin.compare.invalid import shape_findings, value_findings
 from raytwin.compare.metrics import measure
@@ -95,7 +95,7 @@ def compare(
     else:
         unit = 1.0
     # Where both report what they see, and see the same, nothing is shifted.
-    aligned = geometry.mask_mismatch_pixels is not None and not any(f.rank == SILHOUETTE for f in findings)
+    aligned = geometry.mask_mismatch_pixels is not None and not any(f.kind == "silhouettes" for f in findings)
     shift = None if aligned or noise == "none" else find_shift(test.mean, reference.mean)
     # Another light pulls at the edges too: that is no shift to report.
     if shift is not None and shift.sigma <= SURE_SHIFT and (shift.better_than_light or not shift.significant):
@@ -108,7 +108,7 @@ def compare(
     findings += outcome.findings
     different, unknown = alpha_findings(test, reference, tolerance.p999_abs, false_alarm_rate, half_steps)
     findings += different
-    shift_named = any(f.rank == SHIFT for f in findings)
+    shift_named = any(f.kind == "shift" for f in findings)
     if findings and not outcome.doubts and shift is not None and shift.certain and not shift_named:
         findings.append(shift_finding(shift))
     comparison = made(
@@ -127,12 +127,12 @@ def compare(
 
 
 def _made(
-    start: float, findings: list[Finding], notes: tuple[str, ...] = (), doubts: tuple[str, ...] = (), **parts: Any
+    start: float, findings: list[Finding], seen: tuple[Finding, ...] = (), doubts: tuple[str, ...] = (), **parts: Any
 ) -> Comparison:
-    """`start`: when the comparison began; `doubts`: why nothing can be decided, whatever was found."""
+    """`start`: when the comparison began; `seen`: what to say of a pass; `doubts`: why nothing can be decided."""
     verdict: Verdict = "undecided" if doubts else "fail" if findings else "pass"
-    said = tuple(f.text for f in sorted(findings, key=lambda f: f.rank))
-    return Comparison(verdict, (*doubts, *said) or notes, seconds=time.perf_counter() - start, **parts)
+    said = (*notes(doubts), *sorted(findings, key=lambda f: f.rank)) or seen
+    return Comparison(verdict, said, seconds=time.perf_counter() - start, **parts)
 
 
 def _single(image: Image) -> Image:

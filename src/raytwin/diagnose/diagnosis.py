@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from raytwin.compare.finding import Finding
 from raytwin.diagnose.averaged_pixels import averaging_faults
 from raytwin.diagnose.budget import SECONDS, Budget
 from raytwin.diagnose.catalogue import ACNE, FACTS, FAULTS
@@ -151,8 +152,8 @@ def explain(
     sampled: Sampled | None = None,
     seconds: float = SECONDS,
     of_reference: Rounding = Rounding(),  # noqa: B008 (frozen)
-) -> tuple[str, ...]:
-    """In words, why an image is not its reference: of a known scene any fault, else what a writer does wrong.
+) -> tuple[Finding, ...]:
+    """Why an image is not its reference: of a known scene any fault, else what a writer does wrong.
 
     Of an unknown scene only a cause that explains it is told. `rounding`, `of_reference`: what the formats of test and
     reference round off. `sampled`: the parts of light that chance finds, for the factors of light that are told where
@@ -164,23 +165,23 @@ def explain(
     if not (np.isfinite(shown).all() and np.isfinite(right).all()):
         return ()
     if scene and (words := depth_cause(test.surface, reference.surface, scene)):
-        return (f"cause (likely): {words}",)
+        return (Finding("likely", words),)
     variances = [image.variance for image in (test, reference) if image.variance is not None]
     if variances:
         zero = np.zeros(shown.shape)
         both = (zero if image.variance is None else image.variance for image in (test, reference))
         if words := noisy_cause(shown, np.clip(right, 0, 1) if rounding.clipped else right, *both):
-            return (f"cause (likely): {words}",)
+            return (Finding("likely", words),)
     elif words := alpha_cause(test, reference, rounding, of_reference):
-        return (f"cause (likely): {words}",)
+        return (Finding("likely", words),)
     view = view_of(test, reference, scene, rung, rounding, sampled, of_reference)
     if view.scene is not None:
         made = diagnose([view], seconds=seconds)
     else:
         made = diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES, seconds=seconds)
     if not variances and not (made.right or (made.cause and made.explained > EXACT)) and (words := curve_cause(view)):
-        return (f"cause (likely): {words}",)
-    return made.words if made.cause or view.scene is not None else ()
+        return (Finding("likely", words),)
+    return made.findings if made.cause or view.scene is not None else ()
 
 
 def view_of(

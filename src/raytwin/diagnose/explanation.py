@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from raytwin.compare.finding import Finding, notes
+
 Sureness = Literal["proved", "likely", "unknown"]
 
 
@@ -40,8 +42,8 @@ class Diagnosis:
     untried: str = ""
 
     @property
-    def words(self) -> tuple[str, ...]:
-        """Sentences for a report: the cause with its alternatives, then what it explains; or where it is wrong."""
+    def findings(self) -> tuple[Finding, ...]:
+        """For a report: the cause with its alternatives, then what it explains; or where it is wrong."""
         if self.right:
             return ()
         stopped = (self.untried,) if self.untried else ()
@@ -52,13 +54,13 @@ class Diagnosis:
                     f"; nearest, explaining {100 * self.explained:.0f} % of the squared error: {self.nearest.sentence}"
                 )
             light = f"; as if {self.light}" if self.light else ""
-            return (f"cause unknown: {self.where}{light}{near}", *stopped)
-        said = [f"cause ({self.sureness}): {self.cause.sentence}"]
-        said += [f"or, with the same effect here: {other.sentence}" for other in self.alternatives]
+            return Finding("unknown", f"{self.where}{light}{near}"), *notes(stopped)
+        said = [f"or, with the same effect here: {other.sentence}" for other in self.alternatives]
         share = f"this explains {_percent(self.explained)} of the squared error" if self.explained > 0 else ""
         if share and self.held_out is not None:
             share += f", of the scene that it explains least {_percent(self.held_out)}"
-        return (*said, *filter(None, ("; ".join(filter(None, (share, self.where))),)), *stopped)
+        said += filter(None, ("; ".join(filter(None, (share, self.where))), *stopped))
+        return Finding(self.sureness, self.cause.sentence), *notes(said)
 
 
 def _percent(x: float) -> str:

@@ -7,10 +7,10 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from raytwin import viewer
-from raytwin.compare.comparison import CAUSE, EXPECTED
+from raytwin.compare.finding import CAUSES, Finding
 from raytwin.compare.heatmap import signed_error
 from raytwin.report import data_urls, numbers
-from raytwin.report.locations import Reason, linked
+from raytwin.report.locations import linked
 from raytwin.report.page import write_page
 from raytwin.report.view import PairView, showable, view_of
 
@@ -32,7 +32,8 @@ SAYS = {
 def write_report(shown: "PairView | Result | Diff", path: str | os.PathLike[str], script: str | None = None) -> None:
     """The whole report as one HTML file that refers to no other; but to the viewer's script of a suite, if named."""
     view = shown if isinstance(shown, PairView) else view_of(shown)
-    headline, reasons = first_said(places(view)[0], view.comparison.passed)
+    first, others = first_said(view.comparison.findings, view.comparison.passed)
+    shape = shape_of(view)
     write_page(
         path,
         "report.html.j2",
@@ -43,21 +44,20 @@ def write_report(shown: "PairView | Result | Diff", path: str | os.PathLike[str]
         SAYS=SAYS,
         groups=list(numbers.rows(view.comparison, view.tolerance, view.pair.noisy)),
         calibrated=calibrated(view),
-        headline=headline,
-        named=headline is not None and bool(CAUSE.match(headline[0])),
-        reasons=reasons,
+        headline=linked([first], shape)[0][0] if first else None,
+        named=first is not None and first.kind in CAUSES,
+        reasons=linked(others, shape)[0],
         shared=script,
         **(side_by_side(view) if view.alike else {"alone": alone(view)}),
     )
 
 
-def first_said(reasons: Sequence[Reason], passed: bool) -> tuple[Reason | None, list[Reason]]:
+def first_said(findings: Sequence[Finding], passed: bool) -> tuple[Finding | None, list[Finding]]:
     """Return the headline, a cause where one is named or what an expected difference leaves out, and the rest."""
-    if reasons and reasons[0][0].startswith(EXPECTED):
-        text, address = reasons[0]
-        text = text.removeprefix(EXPECTED)
-        return (f"{text[0].upper()}{text[1:]}.", address), list(reasons[1:])
-    ordered = sorted(reasons, key=lambda reason: not CAUSE.match(reason[0]))
+    if findings and findings[0].kind == "expected":
+        text = findings[0].text
+        return Finding("note", f"{text[0].upper()}{text[1:]}."), list(findings[1:])
+    ordered = sorted(findings, key=lambda finding: finding.kind not in CAUSES)
     return (None, ordered) if passed or not ordered else (ordered[0], ordered[1:])
 
 
@@ -75,7 +75,7 @@ def side_by_side(view: PairView) -> dict[str, Any]:
         "objects": view.objects,
         "noisy": view.pair.noisy,
         "bound": {"share": share, "scale": view.scale, "held": allowed(view) is not None},
-        "places": places(view)[1],
+        "places": linked(view.comparison.findings, shape_of(view))[1],
         "failing": view.comparison.failing,
         "marks": apart,
         "exposure": data_urls.stops(view.reference),
@@ -148,9 +148,9 @@ def alone(view: PairView) -> list[dict[str, str]]:
     return found
 
 
-def places(view: PairView) -> tuple[list[Reason], list[dict[str, int]]]:
-    """The verdict's reasons with where they lead to, and the places."""
-    return linked(view.comparison.reasons, view.reference.shape if view.alike else ())
+def shape_of(view: PairView) -> tuple[int, ...]:
+    """The pictures' shape; empty where they are not alike, and no place can be shown."""
+    return view.reference.shape if view.alike else ()
 
 
 def allowed(view: PairView) -> float | None:

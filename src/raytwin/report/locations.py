@@ -1,10 +1,8 @@
-"""Where the reasons of a verdict are: the coordinates that their words give."""
+"""Where the findings of a verdict lead to in its pictures."""
 
-import re
 from collections.abc import Iterable, Sequence
 
-PLACE = re.compile(r"(?:(\d+) x (\d+) tile at )?\(x=(\d+), y=(\d+)\)")
-"""`the 16 x 16 tile at (x=32, y=48)`, or a pixel: as compare.finding.at writes it."""
+from raytwin.compare.finding import Finding
 
 AROUND = 48
 """Pixels across what is shown around a pixel; a tile gets three times its side."""
@@ -14,22 +12,19 @@ Reason = tuple[str, str | None]
 """What is said, and the address of its place in the picture."""
 
 
-def linked(reasons: Iterable[str], shape: Sequence[int]) -> tuple[list[Reason], list[dict[str, int]]]:
-    """Each reason with the address of its place, or None, and the places themselves, each once: (x, y, width, height).
+def linked(findings: Iterable[Finding], shape: Sequence[int]) -> tuple[list[Reason], list[dict[str, int]]]:
+    """Each finding's reason with the address of its place, or None; and the places themselves, each once.
 
-    `shape`: the image's. A reason about the whole image leads to all of it.
+    `shape`: the image's. A finding about the whole image leads to all of it.
     """
     found: list[Reason] = []
     places: list[dict[str, int]] = []
-    for text in reasons:
-        match = PLACE.search(text)
-        address = "#whole" if text.startswith("the whole image") else None
-        if match and len(shape) > 1:
-            width, height, x, y = (int(n or 1) for n in match.groups())
-            if x < shape[1] and y < shape[0]:
-                address = f"#pixel={x + width // 2},{y + height // 2},{max(AROUND, 3 * max(width, height))}"
-                place = {"x": x, "y": y, "width": width, "height": height}
-                if place not in places:
-                    places.append(place)
-        found.append((text, address))
+    for finding in findings:
+        address, place = "#whole" if finding.kind == "image" else None, finding.place
+        if address is None and place is not None and len(shape) > 1 and place.x < shape[1] and place.y < shape[0]:
+            x, y = place.x + place.width // 2, place.y + place.height // 2
+            address = f"#pixel={x},{y},{max(AROUND, 3 * max(place.width, place.height))}"
+            if place._asdict() not in places:
+                places.append(place._asdict())
+        found.append((finding.reason, address))
     return found, places

@@ -135,7 +135,7 @@ def _on(row: "Row") -> str:
 
 def because(comparison: "Comparison") -> str:
     """`: the sun is π times too bright`: the end of a verdict's first line, empty where no cause is named."""
-    likely = " (likely)" if comparison.cause and comparison.reasons[0].startswith("cause (likely)") else ""
+    likely = " (likely)" if comparison.cause and comparison.findings[0].kind != "proved" else ""
     return f": {comparison.cause}{likely}" if comparison.cause else ""
 
 

@@ -5,17 +5,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
-import msgspec
 import numpy as np
 
 from raytwin import files, twin
 from raytwin.analysis.beside_twin import compare_with_twin
 from raytwin.analysis.ledger import LEFT_OUT, Ledger, make_ledger
 from raytwin.analysis.light_parts import sampled_parts
-from raytwin.analysis.rounding_cause import ROUNDING, rounding_cause
+from raytwin.analysis.rounding_cause import rounding_cause
 from raytwin.calib.find_camera import TruthRow, compare_truth, find_camera
 from raytwin.compare import Comparison, Report
-from raytwin.compare.comparison import EXPECTED
+from raytwin.compare.finding import Finding, notes
 from raytwin.contract.check_function import judge_function
 from raytwin.contract.stage_table import CONTRACT
 from raytwin.contract.subject import find_subject
@@ -208,10 +207,10 @@ def _explained(job: _Job, made: Image, reference: Image, comparison: Comparison)
         if subject.rung != chosen.rung:
             compared_with = level
         elif own.verdict == "pass":
-            comparison = msgspec.structs.replace(comparison, verdict="differs", reasons=(CENTRES, *own.reasons))
+            comparison = comparison.judged("differs", *notes([CENTRES]), *own.findings)
     on_own_rung = own if compared_with is not reference else None
     failed = (on_own_rung or comparison).verdict == "fail"
-    causes: tuple[str, ...] = ()
+    causes: tuple[Finding, ...] = ()
     if failed:
         with stages.stage("cause"):
             causes = stage_causes(subject) or find_causes(
@@ -220,30 +219,31 @@ def _explained(job: _Job, made: Image, reference: Image, comparison: Comparison)
     ledger = None
     if RUNGS[subject.rung].lit:
         with stages.stage("ledger"):
-            rounds = bool(causes) and causes[0].partition(": ")[2].startswith(ROUNDING)
-            faulty = failed and not rounds
+            faulty = failed and not (causes and causes[0].kind == "rounding")
             ledger = make_ledger(scene, made, subject.rung, job.engine, keep=chosen.cache, faulty=faulty)
     if on_own_rung is not None:
         comparison = _expected_difference(comparison, on_own_rung, subject.rung, chosen.rung, ledger)
     return comparison.because(*causes), ledger
 
 
-def find_causes(made: Image, reference: Image, scene: Scene, rung: str, sampling: str, engine: str) -> tuple[str, ...]:
-    """Return in words why `made` is not its reference, on the same rung; `engine`: follows light for the split."""
+def find_causes(
+    made: Image, reference: Image, scene: Scene, rung: str, sampling: str, engine: str
+) -> tuple[Finding, ...]:
+    """Return why `made` is not its reference, on the same rung; `engine`: follows light for the split."""
     rounded = rounding_cause(made, reference, scene, rung)
     return rounded or explain(
         made, reference, scene, rung, files.rounding_of(made), sampled=sampled_parts(scene, rung, engine, sampling)
     )  # fmt: skip
 
 
-def stage_causes(subject: Renderer) -> tuple[str, ...]:
+def stage_causes(subject: Renderer) -> tuple[Finding, ...]:
     """What the subject's own functions of stages do wrong, each tested alone; nothing where all pass."""
     functions = subject.stages if isinstance(subject, UserRenderer) else {}
     tested = [judge_function(CONTRACT[name], function) for name, function in functions.items()]
     wrong = [result for result in tested if not result.passed]
     return tuple(
-        f"cause ({r.sureness}): {r.stage}: {r.sentence}" if r.causes
-        else f"cause (proved): {r.stage} fails its own test: {r.sentence}" for r in wrong[:3]
+        Finding(r.sureness, f"{r.stage}: {r.sentence}") if r.causes
+        else Finding("proved", f"{r.stage} fails its own test: {r.sentence}") for r in wrong[:3]
     )  # fmt: skip
 
 
@@ -264,14 +264,14 @@ def _expected_difference(
     difference of two levels of the twin.
     """
     if at_own.verdict != "pass":
-        reasons = tuple(f"on its own rung, {climbed}: {reason}" for reason in at_own.reasons)
-        return msgspec.structs.replace(whole, verdict=at_own.verdict, reasons=reasons)
+        own = (f._replace(text=f"on its own rung, {climbed}: {f.text}") for f in at_own.findings)
+        return whole.judged(at_own.verdict, *own)
     less, more = RUNGS[climbed].reach, RUNGS[rung].reach
-    expected = f"{EXPECTED}the tracer stops at {less}; the twin also models {more}"
+    expected = f"the tracer stops at {less}; the twin also models {more}"
     if list(RUNGS).index(climbed) > list(RUNGS).index(rung):
-        expected = f"{EXPECTED}the twin stops at {more}; the tracer also models {less}"
+        expected = f"the twin stops at {more}; the tracer also models {less}"
     agrees = f"compared at its own level, {climbed}, the tracer agrees with the twin"
-    return msgspec.structs.replace(whole, verdict="differs", reasons=(expected, *_left_out(ledger), agrees))
+    return whole.judged("differs", Finding("expected", expected), *notes([*_left_out(ledger), agrees]))
 
 
 HIDDEN = {"sun's shadow": "what hides the sun", "sky's occlusion": "what hides the sky"}

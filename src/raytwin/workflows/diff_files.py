@@ -11,7 +11,7 @@ import msgspec
 from raytwin import files, references
 from raytwin.compare import METRICS, Comparison, Report, measure
 from raytwin.compare import compare as compare_images
-from raytwin.compare.finding import at
+from raytwin.compare.finding import at, notes
 from raytwin.diagnose.diagnosis import explain
 from raytwin.errors import InputError
 from raytwin.image import Image
@@ -107,7 +107,7 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
     decided = {"tolerance": f"{limit.p999_abs:g}"}
     if test.variance is not None or reference.variance is not None:
         decided["false-alarm rate"] = f"{chosen.false_alarm_rate:g}"
-    notes = [
+    told = [
         note
         for thing, side in ((a, test_side), (b, reference_side))
         if not _is_path(thing)
@@ -118,7 +118,7 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
         b=reference_side.name,
         test=test,
         reference=reference,
-        report=Report(f"{test_side.name} against {reference_side.name}", "", made, seconds).saying(*notes),
+        report=Report(f"{test_side.name} against {reference_side.name}", "", made, seconds).saying(*told),
         metrics={name: metrics.get(name) for name in METRICS},
         tolerance=limit,
         settings={k: v for k, v in of_files.items() if v is not None} | decided,
@@ -184,7 +184,7 @@ def pairs(a: Path, b: Path) -> list[tuple[str, Path | None, Path | None]]:
 
 def lacking(name: str, folder: Path) -> Report:
     """The report on an image that one of two folders lacks."""
-    return Report(name, "", Comparison("fail", (f"{name} is missing in {folder}",)))
+    return Report(name, "", Comparison("fail", notes([f"{name} is missing in {folder}"])))
 
 
 def _in_place(made: Comparison, a: tuple[int, int], b: tuple[int, int]) -> Comparison:
@@ -192,4 +192,4 @@ def _in_place(made: Comparison, a: tuple[int, int], b: tuple[int, int]) -> Compa
     if a == b:
         return made
     apart = f"A's pixels begin at {at(*a)} of the display window, B's at {at(*b)}"
-    return msgspec.structs.replace(made, verdict="fail", reasons=(apart, *(() if made.passed else made.reasons)))
+    return made.judged("fail", *notes([apart]), *(() if made.passed else made.findings))

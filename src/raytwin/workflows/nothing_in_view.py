@@ -8,6 +8,7 @@ import numpy as np
 
 from raytwin import files, twin
 from raytwin.compare import Comparison
+from raytwin.compare.finding import notes
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.scene import MitsubaScene, Rectangle, Scene
@@ -57,7 +58,7 @@ def judged_in_view(comparison: Comparison, reference: Image, scene: Scene | Mits
                 said += f"{SEEN} {changes}"
     if not comparison.passed:
         return comparison.saying(said)
-    return msgspec.structs.replace(comparison, verdict="undecided", reasons=(f"undecided: {said}", *comparison.reasons))
+    return comparison.judged("undecided", *notes([f"undecided: {said}"]), *comparison.findings)
 
 
 def _where(reach: np.ndarray) -> str:
