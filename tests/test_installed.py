@@ -152,7 +152,7 @@ def test_every_extra_that_is_missing_is_named_at_once_in_one_line(run):
     needs = {
         "compare single": "twin,llvm",
         "compare desk": "twin,llvm,photos",
-        "needs single --tolerance 0.1": "twin,llvm",
+        "levels single --tolerance 0.1": "twin,llvm",
         "bench single": "twin,llvm",
         "reference check single": "twin,llvm",
         "explore single": "live,twin,llvm",
@@ -176,7 +176,7 @@ def test_from_python_too_the_missing_extra_is_named(run):
         "render(raytwin.read_scene('single').scene)": "twin,llvm",
         "compare_scene('single')": "twin,llvm",
         "mitsuba_sensor(raytwin.read_scene('single').scene.camera)": "twin,llvm",
-        "needs('single', 0.1)": "twin,llvm",
+        "levels('single', 0.1)": "twin,llvm",
         "read_board('board.toml')": "photos",
         "calibrate": "photos",
     }

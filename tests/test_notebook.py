@@ -219,7 +219,7 @@ def test_the_snippets_of_the_tutorial_run_as_a_notebook(shell):
     view, html = "application/vnd.jupyter.widget-view+json", "text/html"
     assert kinds[1] == kinds[5] == kinds[9] == kinds[10] == {view, html}  # compare, subject, Bitmap, eight renders
     assert kinds[2] == {view, html, "image/png"}
-    assert kinds[6] == kinds[7] == kinds[8] == {html}  # two benches and a ladder: a table
+    assert kinds[6] == kinds[7] == kinds[8] == {html}  # two benches and light levels: a table
     said = [data["text/plain"] for data in shown if data]
     assert "too dark by a factor of 1.111" in said[0]
     assert "PASS" in said[-1]

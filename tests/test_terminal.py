@@ -103,7 +103,7 @@ def test_only_say_prints():
 @pytest.mark.skipif(os.name == "nt", reason="there a name is never bytes")
 def test_an_output_whose_name_is_not_utf8_is_refused_before_the_work(tmp_path):
     name = os.fsdecode(bytes(tmp_path) + b"/o\xff")
-    for command in (("compare", "single"), ("ladder", "single"), ("bench", "single")):
+    for command in (("compare", "single"), ("levels", "single"), ("bench", "single")):
         refused(raytwin(*command, "-o", name), "the name of an output", "UTF-8")
     assert list(tmp_path.iterdir()) == []
 

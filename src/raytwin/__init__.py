@@ -6,7 +6,7 @@
     Scene -> render  (the twin, Mitsuba 3)        -> Image --+-> compare_images -> Comparison: verdict, reasons, numbers
     a scene -------------------------------------------------> compare_scene --> Result: all of this at once
     any two: arrays, files, lists of renders, functions -----> compare --------> Diff, with pictures
-    a scene -> ladder, needs, bench: what each kind of light adds; what is enough; time against error
+    a scene -> levels, bench: how much light it needs, and at what cost; time against error of every method
     Scene + photo -> augment_photo: the photo with the scene's spheres and their shadows
     a student's function -> check: is it right, and if not, why
     a Camera -> camera_rays, mitsuba_sensor: for renderers of your own
@@ -33,8 +33,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from raytwin.analysis.ladder import ladder as ladder
-    from raytwin.analysis.recommend import needs as needs
+    from raytwin.analysis.levels import levels as levels
     from raytwin.bench.bench_run import bench as bench
     from raytwin.calib.augment import augment as augment_photo
     from raytwin.calib.boards import read_board as read_board
@@ -93,10 +92,9 @@ _HOME = {
     "compare_images": "compare:compare",
     "compare_scene": "workflows.compare_scene",
     "diff_files": "workflows.diff_files:compare",
-    "ladder": "analysis.ladder",
+    "levels": "analysis.levels",
     "method": "contract.subject",
     "mitsuba_sensor": "twin",
-    "needs": "analysis.recommend",
     "read_board": "calib.boards",
     "read_image": "files",
     "read_scene": "files",

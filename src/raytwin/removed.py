@@ -32,9 +32,9 @@ COMMANDS: dict[str, str] = {
     "diff --warnpercent": "Use OpenImageIO's idiff -warnpercent.",
     "diff --warnrelative": "Use OpenImageIO's idiff -warnrelative.",
     "grade --shard": "Use --jobs N on one machine, or --dask ADDRESS on several.",
+    "ladder": "Use `raytwin levels SCENE`.",
     "matrix": "Use `raytwin bench SCENE... --subject A --subject B`, or pytest as docs/howto/pytest.md shows.",
-    "needs --out": "Use --json FILE for the answer and `raytwin ladder SCENE` for a picture of each light level.",
-    "needs -o": "Use --json FILE for the answer and `raytwin ladder SCENE` for a picture of each light level.",
+    "needs": "Use `raytwin levels SCENE --tolerance T`.",
     "photograph --ball": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
     "photograph --exposure": "Scale the sun and the sky of the scene that --scene names.",
     "photograph --mirror": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
@@ -44,6 +44,8 @@ COMMANDS: dict[str, str] = {
 """Words of the command line ("bench paper", "diff --fail") -> what to use instead, a sentence."""
 
 NAMES: dict[str, str] = {
+    "ladder": "Use raytwin.levels(scene).",
+    "needs": "Use raytwin.levels(scene, tolerance).",
     "chart": "Use pandas.DataFrame(result.table()).plot(x=..., y=...), which draws with matplotlib.",
 }
 """Name of `raytwin` -> what to use instead, a sentence."""

@@ -20,8 +20,9 @@ from browser import barriers_of
 from test_bench_page import every_method
 
 from raytwin import files, viewer
-from raytwin.analysis.ladder import Ladder, Rungs, Step
 from raytwin.analysis.ledger import Ledger
+from raytwin.analysis.levels import Levels, Row, Table
+from raytwin.analysis.levels import Part as LightPart
 from raytwin.atlas import Atlas
 from raytwin.atlas.experiment import Curve, Found
 from raytwin.calib import boards, photos
@@ -38,7 +39,7 @@ from raytwin.report.bench_page import write_bench_page
 from raytwin.report.calibration_page import write_calibration
 from raytwin.report.compare_page import write_report
 from raytwin.report.data_urls import png_url
-from raytwin.report.ladder_page import write_ladder
+from raytwin.report.levels_page import write_levels
 from raytwin.report.view import view_of
 from raytwin.scene import Camera
 from raytwin.workflows.diff_files import compare as compare_files
@@ -110,12 +111,13 @@ def atlas(folder: Path, make_result, scenes) -> list[Path]:
     return [folder / "atlas.html"]
 
 
-def ladder(folder: Path, make_result, scenes) -> list[Path]:
-    images = {name: noise(seed=i) for i, name in enumerate(("tracer: shadow", "twin: path", "global illumination"))}
-    steps = tuple(Step("shadow", side, EVIL, 0.002, 0.0144, None) for side in ("tracer", "twin"))
-    parts = (Part("bounce 1", rmse=0.014, share_of_light=-0.0191, between=(EVIL, "floor")),)
-    write_ladder(Ladder(Rungs(EVIL, *SIZE[::-1], 64, 8, 0.002, steps, {"shadow": parts}, 1.0), images), folder)
-    return [folder / "ladder.html"]
+def levels(folder: Path, make_result, scenes) -> list[Path]:
+    images = {name: Image(noise(seed=i)) for i, name in enumerate(("tracer: shadow", "reference: all light"))}
+    rows = tuple(Row(EVIL, side, "shadow", None, "center", 1, 1.5, 0.002, 0.0144, 0.015) for side in ("tracer", "twin"))
+    parts = (LightPart(EVIL, 0.014, 0.015, -0.0191, True),)
+    found = Table(EVIL, *SIZE[::-1], "rmse", 0.02, rows[0], EVIL, rows, parts, 64, 0.002, 1.0)
+    write_levels(Levels(found, images), folder)
+    return [folder / "levels.html"]
 
 
 def calibration(folder: Path, make_result, scenes) -> list[Path]:
@@ -172,7 +174,7 @@ KINDS: dict[str, Write] = {
     "pytest": test_run,
     "bench": bench,
     "stability": atlas,
-    "ladder": ladder,
+    "levels": levels,
     "calibrate": calibration,
     "light": light,
     "grade": graded_class,

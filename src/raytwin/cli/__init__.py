@@ -39,8 +39,7 @@ CLASSES, MEASURE, FURTHER = "Learn and teach", "Measure", "Further"
 COMMANDS: dict[str, tuple[str, Any]] = {
     "compare": (COMPARE, compare_commands.compare_command),
     "diff": (COMPARE, compare_commands.diff_command),
-    "ladder": (COMPARE, method_commands.ladder_command),
-    "needs": (COMPARE, method_commands.needs_command),
+    "levels": (COMPARE, method_commands.levels_command),
     "shrink": (COMPARE, method_commands.shrink_command),
     "explore": (COMPARE, method_commands.explore_command),
     "calibrate": (PHOTOS, photo_commands.calibrate_command),
@@ -116,8 +115,8 @@ for name, (_, command) in COMMANDS.items():
 
 NEEDS = {
     "augment": ("photos",), "bench": ("twin", "llvm"), "board": ("photos",), "calibrate": ("photos",),
-    "compare": ("twin", "llvm"), "explore": ("live", "twin", "llvm"), "ladder": ("twin", "llvm"), "light": ("photos",),
-    "needs": ("twin", "llvm"), "photograph": ("photos", "twin", "llvm"), "reference": ("twin", "llvm"),
+    "compare": ("twin", "llvm"), "explore": ("live", "twin", "llvm"), "levels": ("twin", "llvm"), "light": ("photos",),
+    "photograph": ("photos", "twin", "llvm"), "reference": ("twin", "llvm"),
     "shrink": ("twin", "llvm"), "stability": ("photos",),
 }  # fmt: skip
 """The extras that a command needs whatever it is given: named all at once where one of them is missing."""

@@ -3,8 +3,7 @@
 EXAMPLES = {
     "compare": "raytwin compare overlap --rung path --samples 256",
     "diff": "raytwin diff mine.exr reference.exr -o out/diff",
-    "ladder": "raytwin ladder overlap --size 320x240",
-    "needs": "raytwin needs overlap --tolerance 0.01",
+    "levels": "raytwin levels overlap --tolerance 0.03 --size 160x120",
     "shrink": "raytwin shrink overlap --subject mine.py:render",
     "explore": "raytwin explore overlap",
     "walk": "raytwin walk --notebook",

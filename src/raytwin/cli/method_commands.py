@@ -1,4 +1,4 @@
-"""raytwin ladder, needs, shrink, explore: a scene by many methods."""
+"""raytwin levels, shrink, explore: a scene by many methods."""
 
 import os
 import shlex
@@ -14,51 +14,31 @@ from raytwin.cli.terminal import say, say_wrapped
 from raytwin.workflows.settings import CompareSettings
 
 
-def ladder_command(
-    scene: Path, samples: int = 64, seed: int = 0, photo: str | None = None, size: Size = None,
-    json: Path | None = None, out: Path | None = None,
+def levels_command(
+    scene: Path, tolerance: float | None = None, metric: str = "rmse", photo: str | None = None, size: Size = None,
+    light: Path | None = None, json: Path | None = None, out: Path | None = None,
 ) -> None:  # fmt: skip
-    """Render every light level on both sides.
+    """Find how much light a scene needs.
 
-    The page shows what each level adds and costs. The folder gets ladder.html and ladder.json.
+    Every light level is measured against all light, with its cost. With --tolerance the answer is the cheapest method
+    that meets it, and what can be dropped. Exit code 2 means that none does. The folder gets levels.html and
+    levels.json.
     """
-    from raytwin import files
-    from raytwin.analysis.ladder import ladder
-    from raytwin.report import ladder_page
-
     check_outputs(folders=(out or Path("out"),), files=(json,))
-    with show_progress() as progress:
-        found = ladder(scene, size=size, samples=samples, seed=seed, photo=photo, progress=progress)
-        folder = out or Path("out") / f"{found.rungs.scene}-ladder"
-        with progress.stage("page"):
-            ladder_page.write_ladder(found, folder)
-    if json:
-        files.write_json(json, found.rungs)
-    say_wrapped(ladder_page.ladder_summary(found.rungs))
-    say(f"report: {folder / 'ladder.html'}")
-
-
-def needs_command(
-    scene: Path, tolerance: float, metric: str = "rmse", photo: str | None = None, size: Size = None,
-    light: Path | None = None, json: Path | None = None,
-) -> None:  # fmt: skip
-    """Find the cheapest way to an image that meets a tolerance.
-
-    The answer has light level, depth, engine and sampling, and what the scene does not need.
-    """
-    check_outputs(files=(json,))
     with show_progress() as progress:
         with progress.stage("imports"):
             from raytwin import files
-            from raytwin.analysis.recommend import check_asked, needs, scene_of
-            from raytwin.report.terminal_text import needs_summary
-        check_asked(tolerance, metric)
-        placed = scene_of(scene, photo, size, progress, light)
-        found = needs(placed, tolerance, metric, progress=progress)
+            from raytwin.analysis.levels import levels
+            from raytwin.report import levels_page
+        made = levels(scene, tolerance, metric, photo=photo, size=size, light=light, progress=progress)
+        folder = out or Path("out") / f"{made.found.scene}-levels"
+        with progress.stage("page"):
+            levels_page.write_levels(made, folder)
     if json:
-        files.write_json(json, found)
-    say_wrapped(needs_summary(found))
-    raise typer.Exit(0 if found.choice else 2)
+        files.write_json(json, made.found)
+    say_wrapped(levels_page.levels_summary(made.found))
+    say(f"report: {folder / 'levels.html'}")
+    raise typer.Exit(0 if made.found.choice or tolerance is None else 2)
 
 
 def shrink_command(

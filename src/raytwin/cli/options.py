@@ -183,15 +183,11 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "samples_b": _opt("B's samples per pixel.", min=0),
         "out": _opt("Folder for report.html, heatmap.png, comparison.json.", "DIR", *OUT),
     },
-    "ladder": {
-        "samples": _opt("Samples per pixel where light is sampled."),
-        "seed": _opt("Seed of the samples."),
-        "size": _opt("Size of the pictures; 480 wide by default.", "WxH", callback=_size, kind=str | None),
-        "out": _opt("Folder for page and chart (in out/).", "DIR", *OUT),
-    },
-    "needs": {
-        "tolerance": _opt("Largest error, in the metric's units."),
+    "levels": {
+        "tolerance": _opt("Largest error, in the metric's units.", kind=float | None),
         "metric": _opt(f"{', '.join(METRICS[:-1])} or {METRICS[-1]}.", among=METRICS),
+        "size": _opt("Size of the pictures; 320 wide by default.", "WxH", callback=_size, kind=str | None),
+        "out": _opt("Folder for page and chart (in out/).", "DIR", *OUT),
     },
     "shrink": {
         "subject": _opt("Renderer that fails: a method, FILE.py:FUNCTION, or a command with {scene} and {out}.", "WHAT",

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -199,36 +199,3 @@ def pixels_chart(bench: Bench) -> Chart | None:
     drawn = family_chart("pixels", title, "megapixels", "seconds (median)", points, None, (note,), lines, 0.08)
     low, high = drawn.x_range
     return replace(drawn, x_range=(low, high * (high / low) ** 0.45))  # the labels stand to the right
-
-
-# ------------------------------------------------------------------------------------------ any seconds and errors
-
-
-@dataclass(frozen=True)
-class Mark:
-    """One point: `family` is what a line joins, `label` its place in it, `name` what the hover says."""
-
-    family: str
-    label: str
-    name: str
-    seconds: float
-    error: float
-
-
-def marks_chart(key: str, title: str, x_label: str, y_label: str, marks: Sequence[Mark], floor: float) -> Chart:
-    """Return error against seconds: each family a line in its own colour, named at its first point.
-
-    What is at or below `floor` is hollow and drawn there.
-    """
-    times, errors = [m.seconds for m in marks], [m.error for m in marks]
-    families = list(dict.fromkeys(m.family for m in marks))
-    palette = dict(zip(families, PALETTE * 9, strict=False))
-    points: list[Point] = []
-    for m, y, strong in zip(marks, raised(errors, floor), on_frontier(times, errors, floor), strict=True):
-        first = all(p.family != m.family for p in points) and m.label != m.family
-        label = f"{m.family}: {m.label}" if first else m.label
-        tip = f"{m.name}\n{seconds(m.seconds)}, error {shown(m.error)}"
-        points.append(
-            Point(m.seconds, y, m.name, m.family, palette[m.family], "circle", m.error <= floor, strong, tip, label)
-        )
-    return family_chart(key, title, x_label, y_label, points, floor or None)

@@ -8,7 +8,7 @@ from raytwin import viewer
 from raytwin.image import Image
 from raytwin.report.data_urls import stops
 
-STYLES, SCRIPTS = ("ladder.css", viewer.style()), ("charts.js", viewer.script())
+STYLES, SCRIPTS = ("levels.css", viewer.style()), ("charts.js", viewer.script())
 LINEAR = 0.1
 """Errors of a thousandth of this share of the light are still coloured."""
 

@@ -3,7 +3,6 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from raytwin.analysis.recommend import Needs, Row
     from raytwin.calib.photos import Calibration
     from raytwin.compare import Comparison
     from raytwin.workflows.compare_scene import Result
@@ -80,57 +79,6 @@ def augment_summary(rows: list[dict[str, Any]]) -> str:
                 error = f"mean {part['mean']:+.4f}  rms {part['rms']:.4f}  {part['codes']:.2f} codes"
                 lines.append(f"  {part['region']:<8} {100 * part['share']:5.1f} %  {error}")
     return "\n".join(lines)
-
-
-WORDS = 18
-"""Characters of the words before each line of `needs_summary`."""
-SHOWN = 6
-"""Rejected ways that `needs_summary` lists; the JSON has all."""
-
-
-def needs_summary(found: "Needs") -> str:
-    """The choice, what was cheaper and fails, what else would do, and what is not needed."""
-    lines = [f"{found.scene}: {found.metric} <= {found.tolerance:g} against global illumination over the pixels' area"]
-    if found.choice is None:
-        lines.append(f"{'None':<{WORDS}}{found.reason}")
-    else:
-        lines += [
-            f"{'Cheapest':<{WORDS}}{_described(found.choice)}",
-            f"{'':<{WORDS}}{found.choice.reason}{_on(found.choice)}",
-        ]
-    for row in found.rejected[:SHOWN]:
-        lines.append(f"{'Rejected':<{WORDS}}{row.method}: {row.reason}")
-    if (more := len(found.rejected) - SHOWN) > 0:
-        lines.append(f"{'':<{WORDS}}and {more} more")
-    for thing in found.not_needed:
-        unit = " px" if thing.what.startswith("distortion") else ""
-        proven = "nothing proven" if thing.bound is None else f"proven <= {thing.bound:.2g}{unit}"
-        measured = "" if thing.measured is None else f", measured {thing.measured:.2g}{unit}"
-        lines.append(f"{'Can be dropped':<{WORDS}}{thing.what}: {thing.why} ({proven}{measured})")
-    t = found.truth
-    deeper = "no bound on deeper light" if t.beyond is None else f"deeper light adds at most {t.beyond:.2g}"
-    lines.append(
-        f"{'Measured against':<{WORDS}}{t.samples} samples at {t.pixels} pixels, depth {t.depth} ({deeper}); "
-        f"its noise {t.noise:.2g}; {found.seconds:.1f} s"
-    )
-    return "\n".join(lines)
-
-
-def _described(row: "Row") -> str:
-    depth = f" to depth {row.depth}" if row.depth else ""
-    rays = "one ray through each pixel's centre" if row.samples == 1 and row.sampling == "center" else (
-        f"{row.samples} rays {'over each pixel' if row.sampling == 'area' else 'through each centre'}"
-    )  # fmt: skip
-    guessed = f", every {row.speculation}-th pixel traced" if row.speculation > 1 else ""
-    trim = f", trim {row.trim}" if row.trim else ""
-    seconds = "" if row.seconds is None else f": {row.seconds:.3g} s{'' if row.calls else ' (scaled from fewer rays)'}"
-    return f"{row.rung}{depth}, {row.engine} ({row.precision} bits), {rays}{guessed}{trim}{seconds}"
-
-
-def _on(row: "Row") -> str:
-    """On how much of the frame the error was taken."""
-    share = row.pixels or 0.0
-    return ", verified at full size" if share == 1 else f", verified on {100 * share:.2g} % of the frame's pixels"
 
 
 def because(comparison: "Comparison") -> str:
