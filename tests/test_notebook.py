@@ -96,26 +96,33 @@ def test_an_image_is_an_array_and_comes_from_one(right):
     assert repr(image) == f"<raytwin.Image 336 x 252, 16 samples, mean {right.mean():.4g}, noise 0.02>"
 
 
-def test_a_notebook_keeps_pictures_and_shows_the_viewer_where_it_can(known, right, monkeypatch):
+def opened_png(data: bytes):
     from PIL import Image as Pillow
 
+    return Pillow.open(io.BytesIO(data))
+
+
+def test_a_notebook_keeps_pictures_and_shows_the_viewer_where_it_can(known, right, monkeypatch):
     image = raytwin.Image(right)
-    assert Pillow.open(io.BytesIO(image._repr_png_())).size == (336, 252)
+    assert opened_png(image._repr_mimebundle_()["image/png"]).size == (336, 252)
     found = raytwin.compare(right * np.float32(0.5), known)
     html = found._repr_html_()
-    pictures = [Pillow.open(io.BytesIO(base64.b64decode(p))) for p in re.findall(r"base64,([^\"]+)", html)]
+    pictures = [opened_png(base64.b64decode(p)) for p in re.findall(r"base64,([^\"]+)", html)]
     assert [p.size for p in pictures] == [(336, 252)] * 3
     brightness = [np.asarray(p.convert("RGB"), float).mean() for p in pictures[:2]]
     assert brightness[0] < 0.85 * brightness[1]  # one exposure for both
     assert "FAIL" in html
     assert found.cause in html
     wide = raytwin.Image(np.ones((30, 2000, 3), np.float32))
-    assert Pillow.open(io.BytesIO(wide._repr_png_())).size == (400, 6)
-    assert found._repr_mimebundle_() == {}  # no notebook
+    assert opened_png(wide._repr_mimebundle_()["image/png"]).size == (400, 6)
+    row = opened_png(found._repr_mimebundle_()["image/png"])
+    assert row.size == (3 * 336 + 2 * 8, 252)
+    assert np.array_equal(np.asarray(row)[:, 344:680], np.asarray(pictures[1]))
+    assert list(found._repr_mimebundle_()) == ["image/png"]  # no notebook
     monkeypatch.setattr(widget, "in_notebook", lambda: True)
     pytest.importorskip("anywidget")
     assert list(found._repr_mimebundle_()) == list(image._repr_mimebundle_())
-    assert list(image._repr_mimebundle_()) == ["application/vnd.jupyter.widget-view+json"]
+    assert list(image._repr_mimebundle_()) == ["image/png", "application/vnd.jupyter.widget-view+json"]
 
 
 def test_names_in_a_notebook_are_text(right):
@@ -209,18 +216,23 @@ def shell(tmp_path, monkeypatch):
 
 def test_the_snippets_of_the_tutorial_run_as_a_notebook(shell):
     pytest.importorskip("anywidget")
+    from IPython.utils.capture import capture_output
+
     shown = []
     for code in CELLS:
-        done = shell.run_cell(code)
+        with capture_output() as captured:
+            done = shell.run_cell(code)
         done.raise_error()
         assert (done.result is not None) == isinstance(ast.parse(code).body[-1], ast.Expr), code
-        shown.append(shell.display_formatter.format(done.result)[0] if done.result is not None else {})
-    kinds = [set(data) - {"text/plain"} for data in shown]
-    view, html = "application/vnd.jupyter.widget-view+json", "text/html"
-    assert kinds[1] == kinds[5] == kinds[9] == kinds[10] == {view, html}  # compare, subject, Bitmap, eight renders
-    assert kinds[2] == {view, html, "image/png"}
-    assert kinds[6] == kinds[7] == kinds[8] == {html}  # two benches and light levels: a table
-    said = [data["text/plain"] for data in shown if data]
+        shown.append([one.data for one in captured.outputs])
+        if done.result is not None and not captured.outputs:
+            shown[-1].append(shell.display_formatter.format(done.result)[0])
+    kinds = [[set(data) - {"text/plain"} for data in one] for one in shown]
+    view, html, png = "application/vnd.jupyter.widget-view+json", "text/html", "image/png"
+    # compare, an image, a subject, Bitmap, eight renders: pictures that stay, then the viewer
+    assert all(kinds[k] == [{html, png}, {view}] for k in (1, 2, 5, 9, 10))
+    assert kinds[6] == kinds[7] == kinds[8] == [{html}]  # two benches and light levels: a table
+    said = [one[0]["text/plain"] for one in shown if one]
     assert "too dark by a factor of 1.111" in said[0]
     assert "PASS" in said[-1]
     assert "PASS" in said[-2]

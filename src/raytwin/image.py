@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from raytwin.array_types import Bool, Float, Float32, Int32
 from raytwin.errors import InputError
-from raytwin.notebook import InNotebook, page
+from raytwin.notebook import InNotebook
 
 BACKGROUND = -1
 """The id of a pixel that shows no object."""
@@ -105,11 +105,6 @@ class Image(InNotebook):
         known = f"{self.samples} sample{'s' * (self.samples != 1)}" if self.samples else "samples unknown"
         noise = "" if self.variance is None else f", noise {np.sqrt(np.mean(self.variance, dtype=float)):.2g}"
         return f"<raytwin.Image {size}, {known}, mean {np.mean(self.mean, dtype=float):.4g}{noise}>"
-
-    def _repr_png_(self) -> bytes:
-        """Return the picture as sRGB, exposed as its brightest parts ask."""
-        picture: bytes = page().png_of(self)
-        return picture
 
 
 def _arrays(value: Any) -> Any:

@@ -15,9 +15,14 @@ class InNotebook:
         return text
 
     def _repr_mimebundle_(self, **_: Any) -> dict[str, Any]:
-        """Return the viewer as a widget where anywidget is installed and a notebook runs; else nothing."""
-        bundle: dict[str, Any] = page().widget_of(self)
+        """Return the pictures as PNG, and the viewer as a widget where anywidget is installed and a notebook runs."""
+        bundle: dict[str, Any] = page().bundle_of(self)
         return bundle
+
+    def _ipython_display_(self) -> None:
+        """Display the pictures, and the viewer that hides them while a kernel runs. Raises NotImplementedError where
+        there is no viewer: IPython then asks the two above."""
+        page().display(self)
 
 
 def page() -> Any:

@@ -590,7 +590,8 @@ def test_zoom_is_linked_and_a_pixels_light_paths_are_drawn_one_or_many(page):
         "(document.getElementById('viewer').viewer)"
     )
     assert all(top == pytest.approx(tops[0]) for top in tops)
-    page.page.check("#show-way")
+    page.page.locator("#viewer canvas").first.click()
+    page.until("document.getElementById('way').textContent.includes('Pixel 4')")  # a click is enough
     page.viewer("keep(40, 40)")
     page.until("document.getElementById('way').textContent.includes('Pixel 40, 40, sample 0')")  # without samples
     with page.change():
@@ -598,6 +599,19 @@ def test_zoom_is_linked_and_a_pixels_light_paths_are_drawn_one_or_many(page):
     page.viewer("keep(50, 60)")
     page.until("document.getElementById('way').textContent.includes('8 samples')")
     assert "On average" in page.page.inner_text("#way")
+    page.page.keyboard.press("Escape")
+    assert page.page.is_hidden("#way")
+
+
+def test_noise_is_seen_in_the_difference_of_one_sample_per_pixel(page):
+    """Scaled by its own deviation: of pixels that differ, half show a quarter of the full colour or more."""
+    with page.change():
+        page.page.locator("#controls select").first.select_option("path")
+    shares = page.page.evaluate(
+        "((v) => Array.from(v.map()).filter((x) => x).map((x) => Math.abs(v.position(x))).sort((a, b) => a - b))"
+        "(document.getElementById('viewer').viewer)"
+    )
+    assert 0.25 <= shares[len(shares) // 2] <= 0.7
 
 
 def test_a_drag_beside_the_objects_turns_the_camera_and_undo_takes_it_back(page, base):
@@ -692,7 +706,8 @@ def test_on_a_phone_controls_lie_below_the_picture_and_fingers_drag_and_zoom(chr
 
 
 def test_the_page_shuts_nobody_out(page):
-    page.page.check("#show-way")
+    page.viewer("keep(40, 40)")
+    page.until("!document.getElementById('way').hidden")
     page.viewer("keep(40, 40)")
     page.until("!document.getElementById('way').hidden")
     assert barriers(page.page) == []

@@ -6,16 +6,18 @@ import sys
 
 import numpy as np
 import pytest
-from browser import barriers_of
+from browser import barriers_of, opened
 from PIL import Image
 from program import raytwin, refused
 
 from raytwin.contract.check_function import judge_function
 from raytwin.contract.stage_table import LESSONS
+from raytwin.report.notebook_page import Pictures
 from raytwin.tutorial import solutions, with_functions, write_walk
 from raytwin.tutorial.show import mine, show, viewed
 from raytwin.tutorial.written import solutions as solution_texts
 from raytwin.tutorial.written import source
+from raytwin.viewer.widget import widget
 
 pytestmark = pytest.mark.slow
 
@@ -82,7 +84,9 @@ def test_with_its_functions_filled_in_it_arrives_at_the_twin(tmp_path, monkeypat
     finally:
         shells.clear_instance()
     assert all(one.success for one in done), [one.error_before_exec or one.error_in_exec for one in done]
-    assert len([one for one in done if hasattr(one.result, "_esm")]) == 7  # each stage's picture but the second's
+    shown = [one.result for one in done if isinstance(one.result, Pictures)]
+    assert len(shown) == 7  # each stage's picture but the second's
+    assert all(one._repr_mimebundle_()["image/png"].startswith(b"\x89PNG") for one in shown)
     said = capsys.readouterr().out
     assert said.count("PASS") == len(STAGES)
     assert "FAIL" not in said
@@ -123,15 +127,21 @@ def test_a_function_that_is_not_there_is_named():
 def test_axe_core_finds_nothing_serious_in_what_a_cell_shows(tmp_path, chromium):
     """Two pictures in the viewer as a notebook mounts it."""
     pytest.importorskip("anywidget")
-    made = viewed("5 shade", *np.random.default_rng(1).random((2, 6, 8, 3), np.float32))
+    shown = viewed("5 shade", *np.random.default_rng(1).random((2, 6, 8, 3), np.float32))
+    made = widget(shown.data, still="here")
     cell = f"""<!DOCTYPE html><html lang="en"><title>a notebook</title><style>{made._css}</style>
-    <main><h1>5. Shade</h1><div id="cell"></div></main><script type="module">
+    <main><h1>5. Shade</h1><div data-raytwin="here">{shown._repr_html_()}</div><div id="cell"></div></main>
+    <script type="module">
     const module = new Blob([{json.dumps(made._esm)}], {{ type: "text/javascript" }});
     const {{ default: {{ render }} }} = await import(URL.createObjectURL(module));
-    render({{ model: new Map([["data", {json.dumps(made.data)}]]), el: document.getElementById("cell") }});
+    const model = new Map([["data", {json.dumps(made.data)}], ["still", "here"]]);
+    render({{ model, el: document.getElementById("cell") }});
     </script></html>"""
     (tmp_path / "cell.html").write_text(cell, encoding="utf-8")
     assert barriers_of(chromium, tmp_path / "cell.html") == []
+    with opened(chromium, (tmp_path / "cell.html").as_uri()) as page:  # the viewer takes the place of what stays
+        page.wait_for_selector("[data-raytwin]", state="hidden")
+        assert page.locator("canvas:visible").count()
 
 
 def test_what_is_half_walked_is_not_overwritten(tmp_path):

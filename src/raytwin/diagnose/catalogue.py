@@ -16,8 +16,8 @@ from raytwin.diagnose.changes import SHADOW, Fault, chain, in_shadow_test, offse
 from raytwin.diagnose.predict import Array, Pipeline, replaced, slip, touches
 
 ACNE = row("acne", SHADOW,
-    "speckles: rounding puts the start of shadow rays now above, now below the surface, so that it shades itself; "
-    "start them a little off it, or leave its own object out",
+    "shadow rays hit the surface they start from (acne): rounding puts their start now above it, now below; "
+    "start them a little off the surface, or leave its own object out",
     (), slip("sun_visible", ("return visible", "return visible & False")))  # fmt: skip
 """Acne darkens points at random: it is recognised by fully lit and fully dark pixels, in a mixture."""
 

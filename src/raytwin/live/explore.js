@@ -31,7 +31,7 @@ document.title = `${about.scene} · raytwin explore`;
 const SVG = "http://www.w3.org/2000/svg";
 let wanted = structuredClone(about.first);
 let selected = wanted.spheres.length ? 0 : -1;
-let sample = 0, paths = 8, way = null, number = 0, shown = 0, socket = null;
+let sample = 0, paths = 8, traced = false, way = null, number = 0, shown = 0, socket = null;
 const points = { now: [], past: [] };
 
 const seconds = (s) => (s >= 1 ? `${s.toFixed(2)} s` : `${(1000 * s).toPrecision(s < 0.01 ? 2 : 3)} ms`);
@@ -81,8 +81,16 @@ function ask(moving = false) {
   });
 }
 
+// The light paths of the clicked pixel, until they are cleared.
 function ask_way() {
-  if (viewer.kept && $("show-way")?.checked) socket.send(JSON.stringify({ pixel: viewer.kept, sample, paths: wanted.moving ? 1 : paths }));
+  if (traced && socket?.readyState === 1) socket.send(JSON.stringify({ pixel: viewer.kept, sample, paths: wanted.moving ? 1 : paths }));
+}
+
+function clear_way() {
+  traced = false;
+  way = null;
+  tell_way();
+  viewer.show();
 }
 
 const unsent = [];
@@ -145,6 +153,7 @@ const handlers = {
     viewer.arrange();
   },
   way(event) {
+    if (!traced) return;
     way = event;
     tell_way();
     viewer.show();
@@ -185,10 +194,11 @@ function say(text, bad = false) {
 
 const updates = []; // bring the controls to what is wanted
 
-function range(label, low, high, step, get, set, show = (x) => digits(x)) {
+// `tell(moving)`: who is told of a change, the server by default.
+function range(label, low, high, step, get, set, show = (x) => digits(x), tell = ask) {
   const input = el("input", { type: "range", min: low, max: high, step }), said = el("output");
-  input.oninput = () => { set(input.valueAsNumber); refresh(); ask(true); };
-  input.onchange = () => ask();
+  input.oninput = () => { set(input.valueAsNumber); refresh(); tell(true); };
+  input.onchange = () => tell();
   let last;
   updates.push(() => {
     const x = get();
@@ -322,7 +332,6 @@ function build() {
   colour.onchange = () => ask();
   updates.push(() => { colour.disabled = !sphere(); if (sphere()) colour.value = hex(sphere().albedo); });
   const mine = about.subject !== null;
-  const tick = el("input", { type: "checkbox", id: "show-way", onchange: () => { if (tick.checked) ask_way(); else { way = null; tell_way(); viewer.show(); } } });
   $("controls").onsubmit = (event) => event.preventDefault();
   const fold = el("button", { type: "button", className: "fold", textContent: "Controls", ariaExpanded: "true" }); // of a phone's sheet
   fold.onclick = () => { fold.ariaExpanded = String($("controls").classList.toggle("folded") === false); };
@@ -350,13 +359,13 @@ function build() {
       el("label", { className: "wide" }, "albedo", colour),
       el("div", { className: "buttons" }, button("Add", "One more sphere", add), button("Remove", "The chosen sphere", remove)),
       el("p", { textContent: "Or drag one in a picture: over the board, with Shift up and down." })),
-    group("One pixel", el("label", { className: "wide" }, "its light", tick),
-      range("paths", 0, 6, 1, () => Math.log2(paths), (x) => { paths = 2 ** x; }, (x) => String(2 ** x)),
-      el("div", { className: "buttons" }, button("Other samples", "Other random numbers", () => { sample += paths; ask_way(); })),
-      el("p", { textContent: "Click a pixel to draw the light paths that make it." })),
     el("div", { className: "buttons" }, step("Undo", "Take the last change back (Ctrl + Z)", () => past.length > 1, undo), step("Redo", "Make it again (Ctrl + Shift + Z)", () => future.length, redo)),
     el("div", { className: "buttons" }, button("Save scene.toml", "The scene as it is now", save), button("Copy link", "To this view: reload it, or pass it to raytwin explore --view", copy), button("Reset", "As it was first", () => restore(structuredClone(about.first)))),
   );
+  $("way").querySelector("form").append(
+    range("paths", 0, 6, 1, () => Math.log2(paths), (x) => { paths = 2 ** x; ask_way(); }, (x) => String(2 ** x), () => {}),
+    button("Other samples", "Other random numbers", () => { sample += paths; ask_way(); }), button("Clear", "Draw no light paths (Escape)", clear_way));
+  $("way").querySelector("form").onsubmit = (event) => event.preventDefault();
   refresh();
 }
 
@@ -527,7 +536,8 @@ for (const type of ["pointerup", "pointercancel"])
     $("viewer").classList.remove("grabbed");
   }, true);
 const keep = viewer.keep.bind(viewer);
-viewer.keep = (x, y) => { keep(x, y); sample = 0; ask_way(); };
+viewer.keep = (x, y) => { keep(x, y); sample = 0; traced = true; ask_way(); };
+document.addEventListener("keydown", (event) => { if (event.key === "Escape") clear_way(); });
 
 // ------------------------------------------------------------------------------------------ one pixel's light
 

@@ -34,7 +34,7 @@ WHOLE_SAMPLES = 8
 """Samples per pixel in each half of the global-illumination reference."""
 SEEDS = 0xE47, 0x10E
 """Seeds of the two halves; no rendering pass uses them."""
-BLOCK = 4
+BLOCK = 2
 """Pixels across what is averaged in a noisy difference while something moves."""
 TWIN_EVERY = 3
 """While something moves, the twin rests so many times as long as it took: most of the time is the tracer's."""

@@ -10,7 +10,8 @@ from raytwin import files, viewer
 from raytwin.contract.check import check
 from raytwin.contract.stage_table import LESSONS
 from raytwin.image import Image
-from raytwin.viewer.widget import in_notebook, pane, widget
+from raytwin.report.notebook_page import Pictures, pair_figures, small_picture
+from raytwin.viewer.widget import in_notebook, pane
 
 FOLDER = Path("walk")
 """Where a script's pictures go."""
@@ -56,12 +57,15 @@ def show(name: str, yours: np.ndarray, twin: np.ndarray | Image | None = None) -
     return None
 
 
-def viewed(name: str, yours: np.ndarray, twin: np.ndarray | None) -> Any:
-    """Return the two as a viewer for a notebook's cell."""
+def viewed(name: str, yours: np.ndarray, twin: np.ndarray | None) -> Pictures:
+    """Return the two as a notebook's cell shows them."""
     panes, names = [pane("test", f"{name}: yours", "yours", f"{name}, yours")], {"test": "yours"}
+    test, reference = Image(yours), Image(yours if twin is None else twin)
+    figures = [(small_picture(test, 1.0), panes[0]["title"])]
     if twin is not None:
         panes.append(pane("reference", "The twin's", "twin", f"{name}, the twin's"))
         panes.append(pane("map", "Difference", "difference", "Their difference", kind="map"))
         names["reference"] = "twin"
-    packed = viewer.pack(Image(yours), Image(yours if twin is None else twin), surfaces=False)
-    return widget(packed.for_page() | {"names": names, "panes": panes})
+        figures = pair_figures(test, reference, [one["title"] for one in panes], gain=1.0)
+    packed = viewer.pack(test, reference, surfaces=False)
+    return Pictures(figures, packed.for_page() | {"names": names, "panes": panes})

@@ -30,6 +30,10 @@ const mix = (stops, t) => {
   return stops[i].map((v, c) => v + f * (stops[i + 1][c] - v));
 };
 
+const quantile = (sorted, share) => sorted[Math.ceil(share * sorted.length) - 1] ?? 0;
+// The noise's standard deviation from sizes in order, by the median of those that differ: few outliers do not move it.
+const deviation = (sorted) => quantile(sorted.subarray(sorted.findIndex((size) => size > 0)), 0.5) / 0.6745;
+
 // `data`, `values`, `state` and `cache` are those of Viewer in page.js.
 class Colours {
   // What `make` gave, as long as the named parts of the state are what they were.
@@ -124,7 +128,7 @@ class Colours {
       const all = this.map();
       if (noisy || this.about().part) {
         const step = Math.max(1, Math.floor(all.length / 3e4)), some = all.filter((v, i) => i % step === 0 && Number.isFinite(v)).map(Math.abs).sort();
-        const q = some[Math.ceil(0.999 * some.length) - 1] || 1, decade = 10 ** Math.floor(Math.log10(q));
+        const q = (this.about().part ? quantile(some, 0.999) : deviation(some)) || 1, decade = 10 ** Math.floor(Math.log10(q));
         return evenly(decade * [1, 2, 5, 10].find((step) => step * decade >= q * 0.999));
       }
       const worst = all.reduce((most, v) => (Number.isFinite(v) ? Math.max(most, Math.abs(v)) : most), 0);

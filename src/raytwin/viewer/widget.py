@@ -18,8 +18,11 @@ def has_widgets() -> bool:
     return in_notebook() and find_spec("anywidget") is not None
 
 
-def widget(data: dict[str, Any], head: str = "") -> Any:
-    """Return the viewer of `data`, as `mount` of viewer.js takes it, below the HTML `head`."""
+def widget(data: dict[str, Any], head: str = "", still: str = "") -> Any:
+    """Return the viewer of `data`, as `mount` of viewer.js takes it, below the HTML `head`.
+
+    It hides what the page marks `data-raytwin=still`: the pictures that are seen where no kernel runs.
+    """
     import anywidget
     import traitlets
 
@@ -28,13 +31,17 @@ def widget(data: dict[str, Any], head: str = "") -> Any:
             "\nexport default { render({ model, el }) {"
             " const head = document.createElement('div'); head.innerHTML = model.get('head') || '';"
             " const body = document.createElement('div'); el.append(head, body);"
-            " mount(body, model.get('data')); } };\n"
+            " mount(body, model.get('data'));"
+            " const still = model.get('still');"
+            " if (still) for (const one of document.querySelectorAll(`[data-raytwin='${still}']`)) one.hidden = true;"
+            " } };\n"
         )
         _css = viewer.style() + ".rt { padding: 8px 12px; background: var(--rt-ground); }"  # whatever a cell's is
         data = traitlets.Dict().tag(sync=True)
         head = traitlets.Unicode().tag(sync=True)
+        still = traitlets.Unicode().tag(sync=True)
 
-    return Viewer(data=data, head=head)
+    return Viewer(data=data, head=head, still=still)
 
 
 def pane(key: str, title: str, tab: str, alt: str = "", kind: str = "radiance") -> dict[str, str]:
