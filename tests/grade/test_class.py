@@ -6,6 +6,7 @@ import re
 import sys
 import xml.etree.ElementTree as ET
 
+import grimp
 import msgspec
 import numpy as np
 import pytest
@@ -13,12 +14,14 @@ import submitted_tracers as tracers
 from class_handed_in import HANDED_IN, RUBRIC, STRANGE_NAME
 
 from raytwin import files, references
-from raytwin.grade.class_run import jobs_of, run
+from raytwin.errors import InputError
+from raytwin.grade import job
+from raytwin.grade.class_run import RESULTS, jobs_of, run, with_class
 from raytwin.grade.follow_through import source_of
 from raytwin.grade.result import Marked, Part, Result
 from raytwin.grade.rubric import Exercise, Rubric, read_rubric
 from raytwin.grade.submission_code import code_of
-from raytwin.parallel import Workers
+from raytwin.parallel import Stored, Workers
 from raytwin.report import autograder_sites as sites
 from raytwin.report import class_page as pages
 from raytwin.tracer import trace
@@ -217,6 +220,38 @@ def test_another_rubric_another_text_or_another_grader_is_another_job(tmp_path, 
         monkeypatch.setattr("raytwin.grade.job.GRADER", (tmp_path / number,))
         keys.add(jobs_of(tmp_path / "a.py", rubric)[0].key)
     assert len(keys) == 5
+
+
+def test_what_grading_imports_is_part_of_the_key():
+    decides_nothing = {"notebook", "parallel", "progress", "scene_folders", "viewer"}
+    rooms = {room.removesuffix(".py") for room in job.GRADING_ROOMS} | decides_nothing
+    graph = grimp.build_graph("raytwin", cache_dir=None)
+    needed = {name.split(".")[1] for name in graph.find_upstream_modules("raytwin.grade", as_package=True)}
+    assert needed <= rooms
+    assert all(place.exists() for place in job.GRADER)
+
+
+def test_a_submission_graded_alone_takes_its_place_in_the_class(graded, tmp_path):
+    rubric = graded.rubric
+    pages.write_class(list(graded.results.values()), rubric, tmp_path)
+    store = Stored(tmp_path / RESULTS, Result)
+    for result in graded.results.values():
+        store.write(result.key, msgspec.json.encode(result))
+    mended = msgspec.structs.replace(graded.results["raises"], exercises=graded.results["right"].exercises, key="new")
+    together = with_class([mended], tmp_path, rubric)
+    assert [r.student for r in together] == list(graded.results)
+    assert {r.student: r.points for r in together} == {r.student: r.points for r in graded.results.values()} | {
+        "raises": mended.points
+    }
+    newcomer = msgspec.structs.replace(mended, student="new")
+    assert [r.student for r in with_class([newcomer], tmp_path, rubric)] == [*graded.results, "new"]
+    assert with_class([mended], tmp_path / "empty", rubric) == [mended]
+    (tmp_path / RESULTS / f"{graded.results['nan'].key}.json").unlink()
+    with pytest.raises(InputError, match="expected the stored result of nan"):
+        with_class([mended], tmp_path, rubric)
+    (tmp_path / "results.json").write_text("{")
+    with pytest.raises(InputError, match=r"results\.json: expected the results of a class"):
+        with_class([mended], tmp_path, rubric)
 
 
 # ------------------------------------------------------------------------------------------ outputs

@@ -30,11 +30,12 @@ def class_command(
 ) -> None:  # fmt: skip
     """Grade submissions by a rubric, each in a sandbox.
 
-    The folder gets a page per student and one of the class, CSV and JSON.
+    The folder gets a page per student and one of the class, CSV and JSON. One submission graded alone takes its place
+    in the class that the folder holds.
 
     Run it again to continue an interrupted run.
     """
-    from raytwin.grade.class_run import jobs_of, run
+    from raytwin.grade.class_run import jobs_of, run, with_class
     from raytwin.grade.rubric import read_rubric
     from raytwin.parallel import parse_workers
     from raytwin.report import autograder_sites as sites
@@ -64,10 +65,12 @@ def class_command(
     if gradescope is not None:  # whoever asks for it has no use for pages
         sites.write_gradescope(results[0], read, gradescope)
         raise typer.Exit(1 if failed else 0)
+    graded, results = len(results), with_class(results, out, read)
     failed += pages.write_class(results, read, out)
     if junit is not None:
         sites.write_grade_junit(results, junit)
-    say(f"{len(results)} graded; report: {out / 'index.html'}")
+    among = f", in the class of {len(results)} that is there" if graded < len(results) else ""
+    say(f"{graded} graded{among}; report: {out / 'index.html'}")
     if failed:
         say(f"the grader itself failed on {', '.join(dict.fromkeys(failed))}: grade again once that is mended")
         raise typer.Exit(1)

@@ -105,11 +105,15 @@ def installed(packages: tuple[str, ...]) -> dict[str, str]:
     return found
 
 
+SOURCES = (".py", ".tsv", ".json", ".toml", ".txt")
+"""Endings of code and of the tables that it reads."""
+
+
 @cache
 def made_by(sources: tuple[Path, ...], packages: tuple[str, ...]) -> str:
     """A hash of what computes: our own source, each a file or a folder of them, and the packages' versions."""
     total = hashlib.sha256(repr(installed(packages)).encode())
     for place in sources:
-        for file in sorted(place.rglob("*.py")) or [place]:
+        for file in sorted(p for p in place.rglob("*") if p.suffix in SOURCES) or [place]:
             total.update(file.name.encode() + file.read_bytes())
     return total.hexdigest()

@@ -10,6 +10,8 @@ becomes a result of the student concerned.
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import msgspec
+
 from raytwin.errors import InputError
 from raytwin.grade.feedback import with_feedback
 from raytwin.grade.grade_submission import grade_submission
@@ -91,6 +93,29 @@ def run(
         each=each and (lambda result: each(said(result))), progress=progress, stage="grade",
     )  # fmt: skip
     return [said(result) for result in made]
+
+
+def with_class(results: Sequence[Result], out: Path, rubric: Rubric) -> list[Result]:
+    """One submission's result among those of the class that `out` holds; alone where it holds none.
+
+    Raises InputError where the class is there and cannot be read whole: nobody may vanish from it.
+    """
+    listed, stored = out / "results.json", Stored(out / RESULTS, Result)
+    if len(results) != 1 or not listed.exists():
+        return list(results)
+    try:
+        keys = [(row["student"], row["key"]) for row in msgspec.json.decode(listed.read_bytes())["results"]]
+    except (OSError, msgspec.DecodeError, KeyError, TypeError) as error:
+        raise InputError(listed, "the results of a class", error) from None
+    found = {results[0].student: results[0]}
+    for student, key in keys:
+        if student not in found:
+            if (other := stored.read(key)) is None:
+                raise InputError(
+                    out / RESULTS / f"{key}.json", f"the stored result of {student}", "none that can be read"
+                )
+            found[student] = with_feedback(other, rubric)
+    return [found[student] for student in dict.fromkeys([*(name for name, _ in keys), results[0].student])]
 
 
 def _with_feedback_of(jobs: Sequence[Job]) -> Callable[[Result], Result]:
