@@ -45,11 +45,17 @@ MEGABYTES = 768
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Gradescope's containers are Linux")
 
 
+def some_wheel(folder: Path) -> Path:
+    """Nothing is installed from it here."""
+    (folder / "raytwin-1-py3-none-any.whl").touch()
+    return folder / "raytwin-1-py3-none-any.whl"
+
+
 def container(folder: Path, submission: str) -> tuple[dict, float]:
     """results.json after setup.sh and run_autograder, and the largest resident memory of a process, in MB."""
     rubric = folder / "rubric.toml"
     rubric.write_text(RUBRIC)
-    write_zip(rubric, folder / "autograder.zip")
+    write_zip(rubric, folder / "autograder.zip", some_wheel(folder))
     base = folder / "autograder"
     with zipfile.ZipFile(folder / "autograder.zip") as archive:
         assert {"setup.sh", "run_autograder"} <= set(archive.namelist())
@@ -110,7 +116,7 @@ def test_a_submission_finds_neither_references_nor_rubric_nor_results(graded):
 
 def test_packages_of_the_rubric_are_installed_and_run_nothing(tmp_path):
     (tmp_path / "r.toml").write_text('packages = ["numba>=0.6", "a; rm -rf /"]\n' + RUBRIC)
-    write_zip(tmp_path / "r.toml", tmp_path / "a.zip")
+    write_zip(tmp_path / "r.toml", tmp_path / "a.zip", some_wheel(tmp_path))
     with zipfile.ZipFile(tmp_path / "a.zip") as archive:
         (line,) = (s for s in archive.read("setup.sh").decode().splitlines() if "pip install" in s)
     assert shlex.split(line)[-2:] == ["numba>=0.6", "a; rm -rf /"]
@@ -121,3 +127,16 @@ def test_a_rubric_whose_scene_has_no_reference_is_refused(tmp_path):
     with pytest.raises(InputError, match="nowhere"):
         write_zip(tmp_path / "r.toml", tmp_path / "a.zip")
     assert not (tmp_path / "a.zip").exists()
+
+
+def test_a_development_version_puts_its_own_wheel_in_or_says_what_to_do(tmp_path, monkeypatch):
+    (tmp_path / "r.toml").write_text(RUBRIC)
+    (wheel,) = (n for n in write_zip(tmp_path / "r.toml", tmp_path / "a.zip") if n.endswith(".whl"))
+    with zipfile.ZipFile(tmp_path / "a.zip") as archive:
+        assert wheel in archive.read("setup.sh").decode()
+        with zipfile.ZipFile(archive.open(wheel)) as inner:
+            assert {"raytwin/grade/rubric.toml", "raytwin/diagnose/faults.tsv"} <= set(inner.namelist())
+    monkeypatch.setattr("raytwin.grade.gradescope.__file__", str(tmp_path / "a" / "b" / "c" / "gradescope.py"))
+    with pytest.raises(InputError, match=r"--wheel: This is version .*\.dev0, which no package index has"):
+        write_zip(tmp_path / "r.toml", tmp_path / "b.zip")
+    assert not (tmp_path / "b.zip").exists()
