@@ -9,10 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from program import raytwin
+from starter_submissions import PLAIN
+from tracers_by_students import mistaken
 
 from raytwin.contract.subject import find_subject
 from raytwin.contract.subject_process import SubjectProcess
 from raytwin.errors import InputError, SubjectEnded
+from raytwin.workflows.compare_scene import stage_causes
 
 TRACER = """
 import os
@@ -120,3 +123,10 @@ def test_no_process_is_left_when_raytwin_ends(tmp_path):
     with pytest.raises(ProcessLookupError):
         os.killpg(pid, 0)
     assert not Path(f"/proc/{pid}").exists()
+
+
+def test_the_line_that_check_names_is_named_by_compare_too(tmp_path):
+    (tmp_path / "mine.py").write_text(mistaken(PLAIN, "+ root) / (2*a)", "+ root) / (3*a)"))
+    (said,) = stage_causes(find_subject(str(tmp_path / "mine.py"), "shadow"))
+    assert said.text.startswith("intersect_sphere: ")
+    assert "line 44: " in said.text

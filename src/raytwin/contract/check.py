@@ -11,6 +11,9 @@ from raytwin.contract.stage_result import StageResult
 from raytwin.contract.stage_table import LESSONS
 from raytwin.errors import check_one_of
 
+HINTS = 2
+"""What a repair shows unless told otherwise: the line, and what is wrong there."""
+
 
 class StageFailed(AssertionError):
     """A stage's test failed; `result` has the numbers."""
@@ -21,7 +24,7 @@ class StageFailed(AssertionError):
 
 
 def check(
-    stage: str, function: Callable[..., Any], *, raises: bool = False, seed: int = 0, hints: int = 2
+    stage: str, function: Callable[..., Any], *, raises: bool = False, seed: int = 0, hints: int = HINTS
 ) -> StageResult:
     """Test `function` as the named stage of a tracer, and say in a sentence what is wrong.
 

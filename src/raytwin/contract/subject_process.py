@@ -19,6 +19,8 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any
 
+HINT = "the line to look at"
+"""Asked for in place of a function's name."""
 POLL = 0.2
 """Seconds between two looks at a process that has not answered: a process it left behind may hold the socket open."""
 
@@ -46,6 +48,11 @@ class SubjectProcess:
         """Return what the function does; raise what it raises, as an exception of that name."""
         self.describe()
         return self._ask((name, arguments, options))
+
+    def hint(self, name: str) -> str:
+        """Return the line of a wrong function to look at, and what is wrong there; empty where none is found."""
+        self.describe()
+        return str(self._ask((HINT, (name,), {})))
 
     def close(self) -> None:
         """End the process, and whatever it started: also done when nobody holds this any more, and when Python ends."""
@@ -111,6 +118,9 @@ class SubjectFunction:
             ]
             self.__signature__ = inspect.Signature(parameters)
 
+    def hint(self) -> str:
+        return self._process.hint(self.__name__)
+
     def __call__(self, *arguments: Any, **options: Any) -> Any:
         return self._process.call(self.__name__, arguments, options)
 
@@ -127,7 +137,10 @@ def main(connection: Connection) -> None:
     with contextlib.suppress(EOFError):
         while True:
             name, arguments, options = connection.recv()
-            _answer(connection, lambda: _plain(functions[name](*arguments, **options)))  # noqa: B023 (called at once)
+            if name == HINT:
+                _answer(connection, lambda: _hint(*arguments, functions))  # noqa: B023 (called at once)
+            else:
+                _answer(connection, lambda: _plain(functions[name](*arguments, **options)))  # noqa: B023 (called at once)
 
 
 def _end_with(parent: int) -> None:
@@ -161,6 +174,15 @@ def _loaded(text: str, functions: dict[str, Callable[..., Any]]) -> dict[str, An
     functions |= {n: f for n, f in submission.stages.items() if n in PARTS and not is_unwritten(f)} | {"render": render}
     about = {name: {"takes": takes_of(f), "parameters": _parameters(f)} for name, f in functions.items()}
     return {"made": made, "functions": about}
+
+
+def _hint(name: str, functions: dict[str, Callable[..., Any]]) -> str:
+    from raytwin.contract.check import HINTS
+    from raytwin.contract.check_function import repair_function
+    from raytwin.contract.stage_table import CONTRACT
+
+    found = repair_function(CONTRACT[name], functions[name])
+    return found.hint(HINTS) if found else ""
 
 
 def _parameters(function: Callable[..., Any]) -> list[tuple[str, str, bool]] | None:

@@ -52,7 +52,7 @@ exec "$base/raytwin/bin/python" -m raytwin grade "$base/submission" --rubric rub
 def write_zip(rubric_path: Path, out: Path, wheel: Path | None = None) -> list[str]:
     """Return the names inside.
 
-    A development version, which no package index has, goes in as a wheel, which is built from its checkout if none is given.
+    A development version, which no package index has, goes in as a wheel, built from its checkout if none is given.
     Raises InputError where a scene of the rubric has no reference, and where the wheel cannot be built.
     """
     rubric = read_rubric(rubric_path)

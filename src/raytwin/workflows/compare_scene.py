@@ -5,6 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
+import msgspec
 import numpy as np
 
 from raytwin import files, twin
@@ -18,6 +19,7 @@ from raytwin.compare.finding import Finding, notes
 from raytwin.contract.check_function import judge_function
 from raytwin.contract.stage_table import CONTRACT
 from raytwin.contract.subject import find_subject
+from raytwin.contract.subject_process import SubjectFunction
 from raytwin.diagnose.diagnosis import explain
 from raytwin.image import Image
 from raytwin.progress import Progress, Stages, silent
@@ -240,10 +242,12 @@ def stage_causes(subject: Renderer) -> tuple[Finding, ...]:
     """What the subject's own functions of stages do wrong, each tested alone; nothing where all pass."""
     functions = subject.stages if isinstance(subject, UserRenderer) else {}
     tested = [judge_function(CONTRACT[name], function) for name, function in functions.items()]
-    wrong = [result for result in tested if not result.passed]
+    wrong = [result for result in tested if not result.passed][:3]
+    hints = [f.hint() if isinstance(f := functions[r.stage], SubjectFunction) else "" for r in wrong]
     return tuple(
-        Finding(r.sureness, f"{r.stage}: {r.sentence}") if r.causes
-        else Finding("proved", f"{r.stage} fails its own test: {r.sentence}") for r in wrong[:3]
+        Finding(r.sureness or "likely", f"{r.stage}: {'; '.join(r.said)}") if r.causes or r.hint
+        else Finding("proved", f"{r.stage} fails its own test: {r.sentence}")
+        for r in (msgspec.structs.replace(r, hint=hint) for r, hint in zip(wrong, hints, strict=True))
     )  # fmt: skip
 
 
