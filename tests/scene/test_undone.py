@@ -70,7 +70,7 @@ def test_no_inverse_lies_past_a_shallow_fold_where_the_polynomial_comes_back():
         dist = dipping(m, -dip)
         r = math.sqrt(m - m * math.sqrt(dip / (1 + dip)))
         fold = r * (1 + dist[0] * r**2 + dist[1] * r**4)
-        wanted = np.linspace(0.05, 3, 40) * math.sqrt(m)
+        wanted = np.geomspace(0.05, 100, 200) * math.sqrt(m)
         turn = rng.uniform(0, 2 * math.pi)
         _, _, found = inverse(wanted * math.cos(turn), wanted * math.sin(turn), dist)
         assert not found[wanted > 1.0001 * fold].any()
