@@ -9,7 +9,6 @@ import numpy as np
 from raytwin.scene.lights import Environment, Light, Sun
 from raytwin.scene.record_base import Vector
 from raytwin.scene.scene import Scene
-from raytwin.scene.shapes import Shape, Sphere
 from raytwin.scene.validate import check_lengths, check_places
 
 
@@ -25,12 +24,6 @@ def to_camera_frame(scene: Scene, precision: str = "float64") -> Scene:
     def turned(vectors: Any) -> Sequence[Vector]:
         return [(x, y, z) for x, y, z in (np.reshape(vectors, (-1, 3)) @ R.T).tolist()]
 
-    def moved(thing: Shape, center: Vector) -> Shape:
-        if isinstance(thing, Sphere):
-            return replace(thing, center=center)
-        half_u, half_v = turned([thing.half_u, thing.half_v])
-        return replace(thing, center=center, half_u=half_u, half_v=half_v)
-
     def facing(light: Light) -> Light:
         if isinstance(light, Sun):
             return replace(light, to_light=turned(light.to_light)[0])
@@ -39,7 +32,7 @@ def to_camera_frame(scene: Scene, precision: str = "float64") -> Scene:
         return light
 
     centers = turned(np.array([thing.center for thing in scene.objects]).reshape(-1, 3) - eye)
-    objects = tuple(moved(thing, c) for thing, c in zip(scene.objects, centers, strict=True))
+    objects = tuple(thing.turned(R, c) for thing, c in zip(scene.objects, centers, strict=True))
     camera = replace(
         scene.camera, R_cam_board=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), t_cam_board=(0.0, 0.0, 0.0)
     )

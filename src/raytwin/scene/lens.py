@@ -1,15 +1,12 @@
-"""Can this lens be undone? Over which part of the frame, and at which pixel not: the one answer that all ask for.
+"""The one inverse of a lens, outside the subject; over which part of the frame it exists, and at which pixel not.
 
     x' = x g + 2 p1 x y + p2 (r² + 2 x²)      g = 1 + k1 r² + k2 r⁴ + k3 r⁶,  r² = x² + y²
     y' = y g + p1 (r² + 2 y²) + 2 p2 x y      (Brown 1966; in OpenCV's order k1, k2, p1, p2, k3)
 
 takes an ideal point (x, y) to the distorted one, u = fx x' + cx, v = fy y' + cy. Far enough out every such polynomial
-folds back or diverges, so an inverse is valid only along a way from the middle. The way to a distorted q is the curve
-x(s) with distort(x(s)) = s q and x(0) = 0. It goes on while the Jacobian's determinant is positive; where that is 0
-lies a fold, at which two directions share a pixel. Seen from the principal point no pixel hides behind another, so if
-the way reaches every pixel of the border, it reaches all, and the inverse is smooth over the whole frame.
-
-Second, whoever undoes a lens here does it by Newton's method from the distorted point: it must come to the way's end.
+folds back or diverges. A fold is where the Jacobian's determinant is 0: there two directions share a pixel. So a pixel
+has a ray where Newton's method, from the distorted point, comes to an ideal point that distorts back to it, and the
+determinant stays positive on the straight line to there from the middle.
 
 A fit folds where no photo constrains the lens, in a corner. Renderers leave such pixels black, as if they met nothing
 (`without_ray`), and say so once; a lens that loses more than MOST of the frame is refused (`check_lens`).
@@ -26,17 +23,14 @@ from raytwin.array_types import Bool, Float
 from raytwin.errors import InputError
 from raytwin.scene.camera import Camera
 
-Places = Float[np.ndarray, " n"]
-"""A coordinate, or a share, of each of n places."""
-
 LEAST = 1e-3
 """The least determinant that counts as undone: there a pixel sees a thousand times the solid angle of the middle's."""
 
 STEPS = 20
 """Newton's steps: each doubles the number of right digits; a strong lens needs half a dozen before that begins."""
 
-SETTLED = 1e-9
-"""After a step of Newton's shorter than this the next would be rounding."""
+SETTLED, COMES_BACK = 1e-9, 1e-9
+"""After a step of Newton's shorter than this the next would be rounding. What distorts back to within this is found."""
 
 SIDE = 65
 """Places tested on each side of the border, corners included. A smooth fold that comes in between two of them comes in
@@ -49,31 +43,28 @@ part that can be undone is round, so a cell whose corners lie within it lies wit
 MOST = 0.5
 """The largest share of the frame that may be without rays."""
 
-LONGEST, SHORTEST = 1 / 16, 1e-6
-"""Steps along a way, as a share of it."""
+ALONG = np.linspace(0, 1, 49)[1:, None]
+"""Places on the line from the middle to an ideal point at which the determinant is computed."""
 
 
 class Undone(NamedTuple):
     """Over which part of the frame a distortion can be undone; all arrays are by place, border and inside.
 
-    `pixels` (n, 2): the places. `share` (n,): how much of the way from the principal point to each can be undone, 1 for
-    all of it. `ideal` (n, 2): where that ends, normalised. `found` (n,): Newton's method comes there.
+    `pixels` (n, 2): the places. `ideal` (n, 2): their ideal points, normalised. `found` (n,): it is the inverse.
     """
 
     pixels: Float[np.ndarray, "n 2"]
-    share: Float[np.ndarray, " n"]
     ideal: Float[np.ndarray, "n 2"]
     found: Bool[np.ndarray, " n"]
 
     @property
     def fault(self) -> str:
-        """Which pixel cannot be undone, and why; empty where all can."""
-        if (self.share == 1).all() and self.found.all():
+        """Which pixel cannot be undone: of those the farthest from the middle of all; empty where all can."""
+        if self.found.all():
             return ""
-        worst = int(self.share.argmin() if (self.share < 1).any() else self.found.argmin())
-        why = "two directions share it" if self.share[worst] < 1 else "Newton's method does not come there"
-        u, v = self.pixels[worst]
-        return f"pixel ({u:.1f}, {v:.1f}): {why}"
+        away = np.hypot(*(self.pixels - self.pixels.mean(axis=0)).T)
+        u, v = self.pixels[np.argmax(np.where(self.found, 0, away))]
+        return f"pixel ({u:.1f}, {v:.1f}): two directions share it, or Newton's method does not come to the one"
 
 
 def undone(K: Any, dist: Sequence[float], image_size: tuple[int, int]) -> Undone:
@@ -119,7 +110,7 @@ def _without_ray(
 ) -> Bool[np.ndarray, "h w"]:
     us, vs = (np.linspace(-0.5, side - 0.5, CELLS + 1) for side in image_size)
     xd, yd = (a.ravel() for a in np.meshgrid((us - cx) / fx, (vs - cy) / fy))
-    bad = ~_comes_back(xd, yd, dist)[0].reshape(CELLS + 1, CELLS + 1)
+    bad = ~inverse(xd, yd, dist)[2].reshape(CELLS + 1, CELLS + 1)
     bad = bad[:-1, :-1] | bad[:-1, 1:] | bad[1:, :-1] | bad[1:, 1:]
     column, row = (CELLS * (2 * np.arange(side) + 1) // (2 * side) for side in image_size)
     lost: np.ndarray = bad[row[:, None], column]
@@ -130,14 +121,21 @@ def _without_ray(
     return lost
 
 
-def _comes_back(
-    xd: Places, yd: Places, dist: tuple[float, ...]
-) -> tuple[Bool[np.ndarray, " n"], Places, Places, Places, Bool[np.ndarray, " n"]]:
-    """Whether the way to each (xd, yd) (n,) can be gone and Newton's method comes to its end; and `Undone`'s fields."""
-    share, x, y = follow(xd, yd, dist) if any(dist) else (np.ones(len(xd)), xd, yd)
-    ended = newton(xd, yd, dist)
-    found = np.hypot(ended[0] - x, ended[1] - y) <= 1e-9 * (1 + np.hypot(x, y))
-    return (share == 1) & found, share, x, y, found
+def inverse(
+    xd: Float[np.ndarray, " n"], yd: Float[np.ndarray, " n"], dist: Sequence[float]
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """The ideal points (x, y) of the distorted (xd, yd), all (n,), and where they are the inverse: see above."""
+    x, y = newton(xd, yd, dist)
+    with np.errstate(all="ignore"):
+        back = distort(x, y, dist)
+        found = np.hypot(back[0] - xd, back[1] - yd) <= COMES_BACK * (1 + np.hypot(xd, yd))
+        area = determinant(ALONG * x, ALONG * y, dist)
+        # Between its neighbours a least value may lie lower: at the vertex of the parabola through the three.
+        before, here, after = area[:-2], area[1:-1], area[2:]
+        curve = before - 2 * here + after
+        vertex = here - (before - after) ** 2 / (8 * np.where(curve > 0, curve, np.inf))
+        vertex[(here > before) | (here > after)] = np.inf
+        return x, y, found & (area.min(axis=0) >= LEAST) & (vertex.min(axis=0) >= LEAST)
 
 
 @lru_cache(maxsize=64)
@@ -147,8 +145,8 @@ def _undone(fx: float, fy: float, cx: float, cy: float, dist: tuple[float, ...],
     sides = (us, vs[0] + 0 * us), (us, vs[-1] + 0 * us), (us[0] + 0 * vs, vs), (us[-1] + 0 * vs, vs)
     u, v = (np.concatenate(a) for a in zip(*sides, (u, v), strict=True))
     xd, yd = (u - cx) / fx, (v - cy) / fy
-    _, share, x, y, found = _comes_back(xd, yd, dist)
-    return Undone(np.stack([u, v], axis=1), share, np.stack([x, y], axis=1), found)
+    x, y, found = inverse(xd, yd, dist)
+    return Undone(np.stack([u, v], axis=1), np.stack([x, y], axis=1), found)
 
 
 def distort(x: Any, y: Any, dist: Sequence[Any]) -> tuple[Any, Any]:
@@ -189,41 +187,9 @@ def newton(
     return x, y
 
 
-def follow(xd: Places, yd: Places, dist: Sequence[float]) -> tuple[Places, Places, Places]:
-    """Follow the way to each (xd, yd) (n,) by short steps: the share of it that can be gone, and the (x, y) there.
-
-    A step goes along the tangent, then by Newton's method. If Newton's method bends it by more than a quarter, does
-    not converge or crosses a fold, the step is halved, so that none jumps to a solution beyond a fold.
-    """
-    x, y, s = np.zeros((3, len(xd)))
-    step = np.full(len(xd), LONGEST)
-    with np.errstate(all="ignore"):
-        while (going := np.flatnonzero((s < 1) & (step > SHORTEST))).size:
-            x0, y0, qx, qy, to = x[going], y[going], xd[going], yd[going], np.minimum(s + step, 1.0)[going]
-            ahead = to - s[going]
-            tx, ty = _solve(x0, y0, ahead * qx, ahead * qy, dist)
-            x1, y1 = x0 + tx, y0 + ty
-            for _ in range(4):
-                dx, dy = newton_step(x1, y1, to * qx, to * qy, dist)
-                x1, y1 = x1 + dx, y1 + dy
-            rests = np.hypot(dx, dy) <= 1e-12 * (1 + np.hypot(x1, y1))
-            bent = np.hypot(x1 - x0 - tx, y1 - y0 - ty) > 0.25 * np.hypot(tx, ty) + 1e-15
-            sound = np.minimum(determinant((x0 + x1) / 2, (y0 + y1) / 2, dist), determinant(x1, y1, dist)) >= LEAST
-            good = rests & ~bent & sound
-            here = going[good]
-            x[here], y[here], s[here] = x1[good], y1[good], to[good]
-            step[going] = np.minimum(step[going] * np.where(good, 2.0, 0.5), LONGEST)
-    return s, x, y
-
-
 def newton_step(x: Any, y: Any, xd: Any, yd: Any, dist: Sequence[Any]) -> tuple[Any, Any]:
-    """How far Newton's method goes from (x, y) for distort to give (xd, yd)."""
+    """How far Newton's method goes from (x, y) for distort to give (xd, yd): J⁻¹ e."""
     fx, fy = distort(x, y, dist)
-    return _solve(x, y, xd - fx, yd - fy, dist)
-
-
-def _solve(x: Any, y: Any, ex: Any, ey: Any, dist: Sequence[Any]) -> tuple[Any, Any]:
-    """J⁻¹ e, J at (x, y)."""
-    a, b, c = jacobian(x, y, dist)
+    ex, ey, (a, b, c) = xd - fx, yd - fy, jacobian(x, y, dist)
     scale = 1 / (a * c - b * b)
     return (c * ex - b * ey) * scale, (a * ey - b * ex) * scale

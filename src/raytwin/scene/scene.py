@@ -53,7 +53,7 @@ class Scene(Record, frozen=True):
     @property
     def numbers(self) -> tuple[str, ...]:
         """Return sphere 0, sphere 1, plane 0, ...: what stays when an object gets another name or colour."""
-        return numbered("sphere" if isinstance(thing, Sphere) else "plane" for thing in self.objects)
+        return numbered(thing.kind for thing in self.objects)
 
     @property
     def sun(self) -> Sun:

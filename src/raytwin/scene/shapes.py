@@ -1,7 +1,14 @@
-"""What rays meet. To add a shape, write its record and add it to the union."""
+"""What rays meet. To add a shape, write its record with the answers that these two give, and add it to the union.
+
+Rays meet it by `tracer.world.intersect`, kernels look it up in `speed.fast_world.SHAPES`, boxes are round it in
+`speed.boxes`, and Mitsuba's is made in `twin.twin_scene`.
+"""
 
 import math
+from itertools import product
+from typing import Any, ClassVar
 
+import msgspec
 import numpy as np
 from msgspec import UNSET, UnsetType
 
@@ -12,24 +19,38 @@ from raytwin.scene.record_base import Albedo, Positive, Record, Vector
 class Sphere(Record, frozen=True, tag="sphere"):
     """|p - center| = radius, metres. `name`: what people call it."""
 
+    kind: ClassVar[str] = "sphere"
     center: Vector
     radius: Positive
     material: Material = Lambert()
     name: str | UnsetType = UNSET
 
     @property
-    def reach(self) -> float:
-        """Return how far its farthest point is from its centre, metres."""
-        return self.radius
+    def albedo(self) -> Albedo:
+        """Return the material's diffuse albedo."""
+        return self.material.albedo
+
+    @property
+    def facing(self) -> tuple[Vector, float]:
+        """Return (flat, curvature), metres⁻¹: the normal at p is flat + curvature (p - center)."""
+        return (0.0, 0.0, 0.0), 1 / self.radius
+
+    @property
+    def sizes(self) -> tuple[float, ...]:
+        """Return its lengths, metres; none of its points is farther from the centre than their hypotenuse."""
+        return (self.radius,)
 
     def extent(self) -> Vector:
         """Return half of its size along each of the board's axes, metres."""
         return self.radius, self.radius, self.radius
 
-    @property
-    def albedo(self) -> Albedo:
-        """Return the material's diffuse albedo."""
-        return self.material.albedo
+    def corners(self) -> np.ndarray:
+        """Return (8, 3): those of the cube around it, from its centre, metres."""
+        return np.array(list(product((-self.radius, self.radius), repeat=3)))
+
+    def turned(self, R: np.ndarray, center: Vector) -> "Sphere":
+        """Return the sphere about `center`; a rotation R (3, 3) changes no more."""
+        return msgspec.structs.replace(self, center=center)
 
 
 class Rectangle(Record, frozen=True, tag="rectangle"):
@@ -39,22 +60,13 @@ class Rectangle(Record, frozen=True, tag="rectangle"):
     board, the table): it catches shadows, but `augment` does not draw it.
     """
 
+    kind: ClassVar[str] = "plane"
     center: Vector
     half_u: Vector
     half_v: Vector
     material: Material = Lambert()
     in_photo: bool = False
     name: str | UnsetType = UNSET
-
-    @property
-    def reach(self) -> float:
-        """Return how far its farthest point is from its centre, metres."""
-        return math.hypot(*self.half_u, *self.half_v)
-
-    def extent(self) -> Vector:
-        """Return half of its size along each of the board's axes, metres."""
-        x, y, z = (abs(u) + abs(v) for u, v in zip(self.half_u, self.half_v, strict=True))
-        return x, y, z
 
     @property
     def albedo(self) -> Albedo:
@@ -67,6 +79,31 @@ class Rectangle(Record, frozen=True, tag="rectangle"):
         n = np.cross(self.half_u, self.half_v)
         x, y, z = (n / np.linalg.norm(n)).tolist()
         return x, y, z
+
+    @property
+    def facing(self) -> tuple[Vector, float]:
+        """Return (flat, curvature), metres⁻¹: the normal at p is flat + curvature (p - center)."""
+        return self.normal, 0.0
+
+    @property
+    def sizes(self) -> tuple[float, ...]:
+        """Return its lengths, metres; none of its points is farther from the centre than their hypotenuse."""
+        return math.hypot(*self.half_u), math.hypot(*self.half_v)
+
+    def extent(self) -> Vector:
+        """Return half of its size along each of the board's axes, metres."""
+        x, y, z = (abs(u) + abs(v) for u, v in zip(self.half_u, self.half_v, strict=True))
+        return x, y, z
+
+    def corners(self) -> np.ndarray:
+        """Return (4, 3): its corners, from its centre, metres."""
+        u, v = np.array([self.half_u, self.half_v])
+        return np.array([i * u + j * v for i, j in product((-1, 1), repeat=2)])
+
+    def turned(self, R: np.ndarray, center: Vector) -> "Rectangle":
+        """Return the rectangle about `center`, its edges turned by R (3, 3)."""
+        edges: Any = (np.array([self.half_u, self.half_v]) @ R.T).tolist()
+        return msgspec.structs.replace(self, center=center, half_u=tuple(edges[0]), half_v=tuple(edges[1]))
 
 
 Shape = Sphere | Rectangle

@@ -9,7 +9,7 @@ import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.scene.scene import Scene
-from raytwin.scene.shapes import Rectangle, Sphere
+from raytwin.scene.shapes import Rectangle
 
 LENGTHS = {"float32": (1e-12, 1e12), "float64": (1e-100, 1e100), "twin": (1e-12, 1e12)}
 """Metres: a rectangle's test takes products of three lengths, which floats can represent between these."""
@@ -26,8 +26,7 @@ def check_lengths(local: Scene, precision: str) -> None:
     """Raise InputError for a length whose products these floats cannot represent."""
     least, most = LENGTHS[precision]
     for i, thing in enumerate(local.objects):
-        sizes = (thing.radius,) if isinstance(thing, Sphere) else (math.hypot(*thing.half_u), math.hypot(*thing.half_v))
-        for size in (*sizes, max(math.hypot(*thing.center), sizes[0])):
+        for size in (*thing.sizes, max(math.hypot(*thing.center), thing.sizes[0])):
             if not least <= size <= most:
                 where = f"objects[{i}] of scene {local.name}"
                 raise InputError(where, f"lengths of {least:g} to {most:g} m for {precision}", f"{size:g}")

@@ -9,7 +9,6 @@ the camera's plane (a hyperbola) or lies behind it (nothing). The horizontal tan
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from itertools import product
 from math import ceil, floor, inf, pi
 
 import numpy as np
@@ -114,14 +113,18 @@ def _tangents(a: np.ndarray, z: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, 
 
 
 def _plane_extent(plane: Rectangle, camera: Camera) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    c, u, v = (np.asarray(a) for a in (plane.center, plane.half_u, plane.half_v))
-    corners = np.array([c + i * u + j * v for i in (-1, 1) for j in (-1, 1)])
-    x, y, z = np.asarray(camera.R_cam_board) @ corners.T + np.asarray(camera.t_cam_board)[:, None]
+    x, y, z = _corners(plane, camera)
     if z.max() <= 0:
         return None
     if z.min() <= 1e-9 * abs(z).max():
         return (-inf, inf), (-inf, inf)
     return (float((x / z).min()), float((x / z).max())), (float((y / z).min()), float((y / z).max()))
+
+
+def _corners(thing: Shape, camera: Camera) -> np.ndarray:
+    """(3, n): in the camera's frame."""
+    corners = np.array(thing.center) + thing.corners()
+    return np.asarray(np.asarray(camera.R_cam_board) @ corners.T + np.asarray(camera.t_cam_board)[:, None])
 
 
 def corner_box(thing: Shape, camera: Camera) -> Box:
@@ -130,13 +133,8 @@ def corner_box(thing: Shape, camera: Camera) -> Box:
     For comparison with `trim_box`. It wastes pixels, and cuts visible ones where a corner lies behind the eye
     (it is projected through the eye, to the wrong side) or where distortion bends the outline past the corners.
     """
-    if isinstance(thing, Sphere):
-        offsets = np.array(list(product((-thing.radius, thing.radius), repeat=3)))
-    else:
-        offsets = np.array([i * np.array(thing.half_u) + j * np.array(thing.half_v) for i in (-1, 1) for j in (-1, 1)])
-    corners = np.array(thing.center) + offsets
     with np.errstate(all="ignore"):
-        x, y, z = np.asarray(camera.R_cam_board) @ corners.T + np.asarray(camera.t_cam_board)[:, None]
+        x, y, z = _corners(thing, camera)
         u, v = _to_pixels(x / z, y / z, camera)
     if not np.isfinite(u + v).all():
         return (0, 0, camera.width, camera.height)

@@ -8,6 +8,7 @@ needs no other kernel. A few objects are parameters of the kernel instead, since
 trying each in turn.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from functools import reduce
 from typing import Any, NamedTuple, Protocol, runtime_checkable
@@ -186,7 +187,7 @@ class SunwardList(NamedTuple):
 def sunward_list(table: Table) -> SunwardList:
     """All objects of the table."""
     center = np.array([thing.center for thing in table.objects]).reshape(-1, 3)
-    radius = np.array([thing.reach for thing in table.objects])
+    radius = np.array([math.hypot(*thing.sizes) for thing in table.objects])
     margin = POINT_MARGIN * np.abs(center).max(initial=0)
     return SunwardList(table, center, radius * (1 + SIZE_MARGIN) + margin)
 

@@ -45,7 +45,7 @@ class PlainWorld(NamedTuple):
 
 
 def intersect(origin: Vec, d: Vec, thing: Shape, stages: Stages) -> Any:
-    """t > 0 where the ray meets the object, infinity for a miss. A new shape gets a line here and in `facts_of`."""
+    """t > 0 where the ray meets the object, infinity for a miss."""
     if isinstance(thing, Sphere):
         return stages.intersect_sphere(origin, d, thing)
     return stages.intersect_rectangle(origin, d, thing)
@@ -89,10 +89,7 @@ def next_hit(world: World, start: Hit, d: Vec) -> Hit:
 
 
 def facts_of(thing: Shape) -> Facts:
-    rho, specular = thing.material.albedo, specular_of(thing)
-    if isinstance(thing, Sphere):
-        return Facts(thing.center, (0.0, 0.0, 0.0), 1 / thing.radius, rho, specular)
-    return Facts(thing.center, thing.normal, 0.0, rho, specular)
+    return Facts(thing.center, *thing.facing, thing.material.albedo, specular_of(thing))
 
 
 def specular_of(thing: Shape) -> Specular | None:

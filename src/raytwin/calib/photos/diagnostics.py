@@ -276,7 +276,7 @@ def _others_error(case: Case, name: str) -> float:
 def _unsupported(case: Case) -> Warnings:
     known = undone(case.calibration.K, case.calibration.dist, case.image_size)
     if known.fault:
-        lost = 100 * float((known.share[4 * SIDE :] < 1).mean())
+        lost = 100 * float((~known.found[4 * SIDE :]).mean())
         text = f"no ray belongs to {lost:.2g} % of the frame, left black: the lens cannot be undone at {known.fault}"
         yield "unconverged-distortion", f"{text}; photograph the board there"
 
