@@ -53,6 +53,16 @@ def test_every_method_is_found_by_the_name_that_its_fields_give():
     assert RENDERERS[varied.name] == varied
 
 
+def test_a_family_is_the_name_without_what_varies():
+    families = {
+        "fill": "fill", "loop-shadow-conic": "loop-shadow", "drjit32-shadow-conic": "drjit32-shadow",
+        "drjit32-shadow-inplace": "drjit32-shadow-inplace", "drjit32-shadow-16spp": "drjit32-shadow-spp",
+        "drjit32-path-16": "drjit32-path", "numpy32-shadow-paper4-nlm": "numpy32-shadow-paper-nlm",
+        "twin-llvm-shadow": "twin-llvm-shadow", "mitsuba-llvm-direct-4": "mitsuba-llvm-direct",
+    }  # fmt: skip
+    assert {name: RENDERERS[name].family for name in families} == families
+
+
 @pytest.mark.parametrize(("name", "rung"), [("overlap", "lambert"), ("distorted", "shadow"), ("grazing", "shadow")])
 def test_the_python_loop_trimmed_or_not_is_the_tracer_in_float64(view, name, rung):
     scene = view(name)
@@ -320,7 +330,11 @@ class Slow(Renderer):
     calling: float = 0.0
     compiling: float = 0.0
     noisy: bool = False
-    NAME, FAMILY = "{0.kind}-{0.samples}", "{0.kind}"
+    VARIED = "samples"
+
+    @property
+    def name(self):
+        return f"{self.kind}-{self.samples}"
 
     def prepare(self, scene):
         self.clock.now += self.preparing

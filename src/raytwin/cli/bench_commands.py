@@ -58,7 +58,7 @@ def list_command(methods: str = "*") -> None:
     from raytwin.bench import choose
 
     for method in choose(split(methods)):
-        say(f"{method.name:<28} {method.family}: {method.label}")
+        say(f"{method.name:<28} {method.family}")
 
 
 def stability_command(

@@ -66,21 +66,8 @@ PHOTOS = {
 """Endings of the photos that are read, and Pillow's name of their format."""
 
 UNREAD = (
-    ".heic",
-    ".heif",
-    ".avif",
-    ".jxl",
-    ".jp2",
-    ".gif",
-    ".dng",
-    ".cr2",
-    ".cr3",
-    ".nef",
-    ".arw",
-    ".raf",
-    ".rw2",
-    ".orf",
-)
+    ".heic", ".heif", ".avif", ".jxl", ".jp2", ".gif", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".rw2", ".orf",
+)  # fmt: skip
 """Endings of photos that are not read: a folder's are listed, so that whoever opens them says so."""
 
 A_PHOTO = "photo (JPEG, PNG, WebP, TIFF or BMP)"

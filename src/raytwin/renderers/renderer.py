@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 from raytwin.image import Image
 from raytwin.scene import Scene
@@ -16,28 +16,26 @@ Call = Callable[[int], Image]
 class Renderer(ABC):
     """A frozen record a kind, whose fields say what varies; `method(scene, seed)` makes the image. `rung`: of RUNGS.
 
-    To add a kind, write a record with a NAME made of its fields and a `prepare`, and add its rows to RENDERERS.
+    To add a kind, write a record with a `name` made of its fields and a `prepare`, and add its rows to RENDERERS.
     """
 
-    NAME, FAMILY, LABEL = "", "{0.name}", "{0.name}"
-    """How `name`, `family` and `label` are written with the fields: `"{0.engine}-{0.rung}"`."""
+    VARIED: ClassVar[str] = ""
+    """The field in which the members of a family differ, whose value is a part of the name."""
 
     rung: str = "shadow"
 
     @property
+    @abstractmethod
     def name(self) -> str:
         """Its own, made of its fields: how the command line, the bench and its saved runs call it."""
-        return self.NAME.format(self)
 
     @property
     def family(self) -> str:
-        """What a chart joins by a line."""
-        return self.FAMILY.format(self)
-
-    @property
-    def label(self) -> str:
-        """Its place in the family."""
-        return self.LABEL.format(self)
+        """What a chart joins by a line: the name without the value that varies in it."""
+        if not self.VARIED:
+            return self.name
+        before, _, after = self.name.rpartition(str(getattr(self, self.VARIED)))
+        return "-".join(part for part in (before.rstrip("-"), after.lstrip("-")) if part)
 
     @property
     def library(self) -> str:

@@ -18,7 +18,6 @@ from raytwin.tracer import STAGES, Stages
 class _ByEngine(Renderer):
     """`engine`: a row of ENGINES."""
 
-    FAMILY = "{0.engine} {0.rung}"
     engine: str = "numpy64"
     trim = "conic"
 
@@ -44,6 +43,7 @@ class Traced(_ByEngine):
     ray met.
     """
 
+    VARIED = "trim"
     trim: str = "conic"
     solver: str = "robust"
     in_place: bool = False
@@ -54,10 +54,6 @@ class Traced(_ByEngine):
     def name(self) -> str:
         solver = "" if self.solver == "robust" else f"-{self.solver}"
         return f"{self.engine}-{self.rung}-{'inplace' if self.in_place else self.trim}{solver}"
-
-    @property
-    def label(self) -> str:
-        return "in place" if self.in_place else self.trim
 
     def prepare(self, scene: Scene) -> Call:
         self.ready()
@@ -80,7 +76,7 @@ class PathTraced(_ByEngine):
     rung's own where not given.
     """
 
-    LABEL = "{0.samples}"
+    VARIED = "samples"
     rung: str = "path"
     samples: int = 16
     over: str = "area"
@@ -114,9 +110,13 @@ def fast_engine(variant: str) -> str:
 class Supersampled(_ByEngine):
     """The mean of `samples` rays on a regular grid within the pixel."""
 
-    NAME, FAMILY, LABEL = "{0.engine}-{0.rung}-{0.samples}spp", "{0.engine} supersampled", "{0.samples}"
+    VARIED = "samples"
     samples: int = 4
     sampling = "area"
+
+    @property
+    def name(self) -> str:
+        return f"{self.engine}-{self.rung}-{self.samples}spp"
 
     def prepare(self, scene: Scene) -> Call:
         self.ready()
@@ -142,9 +142,13 @@ def mean_of_shifts(scene: Scene, rung: str, engine: str, shifts: Sequence[tuple[
 class Speculated(_ByEngine):
     """Every n-th pixel traced and the others guessed, in a `way` of speculation's WAYS."""
 
-    NAME, FAMILY, LABEL = "{0.engine}-{0.rung}-{0.way}{0.n}", "speculation, {0.way}", "n={0.n}"
+    VARIED = "n"
     way: str = "careful"
     n: int = 8
+
+    @property
+    def name(self) -> str:
+        return f"{self.engine}-{self.rung}-{self.way}{self.n}"
 
     @property
     def step(self) -> int:
@@ -159,8 +163,11 @@ class Speculated(_ByEngine):
 class SmoothedSpeculation(Speculated):
     """The paper's speculation, whose guesses are then smoothed by non-local means."""
 
-    NAME, FAMILY = "{0.engine}-{0.rung}-{0.way}{0.n}-nlm", "speculation, non-local means"
     way: str = "paper"
+
+    @property
+    def name(self) -> str:
+        return f"{super().name}-nlm"
 
     def prepare(self, scene: Scene) -> Call:
         from raytwin.calib.denoise import non_local_means  # with OpenCV
@@ -173,10 +180,14 @@ class SmoothedSpeculation(Speculated):
 class PythonLoop(Renderer):
     """The paper's way: a Python loop over the pixels."""
 
-    NAME, FAMILY, LABEL = "loop-{0.rung}-{0.trim}", "Python loop {0.rung}", "{0.trim}"
+    VARIED = "trim"
     trim: str = "none"
     library = "python"
     precision = 64
+
+    @property
+    def name(self) -> str:
+        return f"loop-{self.rung}-{self.trim}"
 
     def prepare(self, scene: Scene) -> Call:
         return lambda seed: Image(loop(scene, self.rung, self.trim))
@@ -186,7 +197,7 @@ class PythonLoop(Renderer):
 class Filled(Renderer):
     """The frame filled with the sky: the least that any method can do."""
 
-    NAME = "fill"
+    name = "fill"
 
     def prepare(self, scene: Scene) -> Call:
         return lambda seed: Image(background(scene))

@@ -17,7 +17,7 @@ SHORT = {"llvm_ad_rgb": "llvm", "scalar_rgb": "scalar", "cuda_ad_rgb": "cuda"}
 class _ByVariant(Renderer):
     """`variant`: of Mitsuba, None for what works best here; `samples`: of each pixel."""
 
-    LABEL = "{0.samples}"
+    VARIED = "samples"
     variant: str | None = None
     samples: int = 1
 
@@ -45,10 +45,6 @@ class Twin(_ByVariant):
         return f"twin-{self.short}-{tail}"
 
     @property
-    def family(self) -> str:
-        return f"twin {self.short} {self.integrator if self.noisy else self.rung}"
-
-    @property
     def sampling(self) -> str:
         return "area" if self.noisy else "center"
 
@@ -70,8 +66,11 @@ class Twin(_ByVariant):
 class Plain(_ByVariant):
     """Mitsuba's own sensor, film and integrator; loading its scene is not timed, which flatters it."""
 
-    NAME, FAMILY = "mitsuba-{0.short}-{0.integrator}-{0.samples}", "Mitsuba {0.short} {0.integrator}"
     sampling, noisy = "area", True
+
+    @property
+    def name(self) -> str:
+        return f"mitsuba-{self.short}-{self.integrator}-{self.samples}"
 
     def prepare(self, scene: Scene) -> Call:
         loaded = twin.load_plain(scene, self.integrator, self.variant)

@@ -24,7 +24,6 @@ class UserRenderer(Renderer):
     its area.
     """
 
-    NAME = "{0.title}"
     title: str = ""
     render: Callable[..., Any] | None = None
     describe: Callable[[Scene, str], Any] = as_arrays
@@ -35,6 +34,10 @@ class UserRenderer(Renderer):
     rays: str = "center"
     samples: int = 0
     library = "python"
+
+    @property
+    def name(self) -> str:
+        return self.title
 
     @property
     def sampling(self) -> str:

@@ -21,11 +21,11 @@ TRUTHS = {
 }
 
 COLOURS = {
-    "fill": "#6b7280", "Python loop": "#7c4a21", "numpy32": "#3b82c4", "numpy64": "#174a7c", "drjit32": "#e07b00",
-    "drjit64": "#a34700", "cuda32": "#2e9e44", "cuda64": "#12612a", "speculation": "#8e44ad", "twin": "#0f8b8d",
-    "Mitsuba": "#c02f4a",
+    "fill": "#6b7280", "loop": "#7c4a21", "careful": "#8e44ad", "paper": "#8e44ad", "numpy32": "#3b82c4",
+    "numpy64": "#174a7c", "drjit32": "#e07b00", "drjit64": "#a34700", "cuda32": "#2e9e44", "cuda64": "#12612a",
+    "twin": "#0f8b8d", "mitsuba": "#c02f4a",
 }  # fmt: skip
-"""By the family's first word."""
+"""By the first of these that is a part of the family's name."""
 
 OWN_COLOUR = "#111827"
 """Colour of renderers that are no methods of the table."""
@@ -47,7 +47,7 @@ def family_of(method: str) -> str:
 def colour_of(method: str) -> str:
     if method not in RENDERERS:
         return OWN_COLOUR
-    return next((c for start, c in COLOURS.items() if RENDERERS[method].family.startswith(start)), SOFT)
+    return next((colour for part, colour in COLOURS.items() if part in method), SOFT)
 
 
 def megapixels(size: tuple[int, int]) -> str:

@@ -11,6 +11,7 @@ from raytwin.report.bench_charts import (
     COLOURS,
     OWN_COLOUR,
     TRUTHS,
+    colour_of,
     error_chart,
     measured,
     megapixels,
@@ -118,9 +119,9 @@ def never(bench: Bench) -> list[str]:
 
 
 def kinds(bench: Bench) -> list[tuple[str, str]]:
-    """(first words of families, colour) of what was measured, for the key."""
-    measured = {RENDERERS[r.method].family for r in bench.rows if r.method in RENDERERS}
-    listed = [(start, colour) for start, colour in COLOURS.items() if any(f.startswith(start) for f in measured)]
+    """(part of names, colour) of what was measured, for the key."""
+    used = {colour_of(r.method) for r in bench.rows if r.method in RENDERERS}
+    listed = [(part, colour) for part, colour in COLOURS.items() if colour in used]
     own = any(r.method not in RENDERERS for r in bench.rows)
     return [*([("yours", OWN_COLOUR)] if own else []), *listed]
 
