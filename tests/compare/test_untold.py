@@ -9,7 +9,8 @@ from scipy.ndimage import uniform_filter
 
 from raytwin.compare import compare
 from raytwin.compare.noise import residual
-from raytwin.compare.scatter import LEVEL, borne_out, patterned
+from raytwin.compare.patterns import patterned
+from raytwin.compare.untold import LEVEL, borne_out
 from raytwin.image import Image
 
 TRUTH = picture(48, 64)
