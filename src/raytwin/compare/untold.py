@@ -86,5 +86,5 @@ def _own_noise(test: Pixels, reference: Pixels) -> Float64[np.ndarray, "by bx"]:
 def _within_cells(x: Float[np.ndarray, "h w c"]) -> Float[np.ndarray, "he we c"]:
     """`x` less the mean of its cell of 2 x 2 pixels; an odd row or column is left out."""
     h, w = x.shape[0] // 2, x.shape[1] // 2
-    cells = x[: 2 * h, : 2 * w].reshape(h, 2, w, 2, -1)
-    return np.asarray((cells - cells.mean(axis=(1, 3), keepdims=True)).reshape(2 * h, 2 * w, -1))
+    cells = x[: 2 * h, : 2 * w].reshape(h, 2, w, 2, x.shape[2])
+    return np.asarray((cells - cells.mean(axis=(1, 3), keepdims=True)).reshape(2 * h, 2 * w, x.shape[2]))
