@@ -10,7 +10,8 @@ from measure.noise_models import KINDS, exact, picture, render, untold
 
 from raytwin.compare import compare
 from raytwin.compare.noise import Residual
-from raytwin.compare.radiance_test import RadianceTest, may_be_noise, unexplained
+from raytwin.compare.radiance_test import RadianceTest
+from raytwin.compare.untold import dense, unexplained
 from raytwin.errors import InputError
 from raytwin.files import read_scene
 from raytwin.image import Image
@@ -140,7 +141,7 @@ def blocks(few: float, many: float, count: int) -> np.ndarray:
 def test_scatter_may_be_noise_where_it_is_dense_wherever_it_is(square, carrying, pixels, noise):
     known = np.full((5, 5, 3), 0.1)
     shown = Residual(square, carrying, np.full((5, 5, 3), float(pixels)))
-    assert may_be_noise(shown, known, least=0.01) == noise
+    assert dense(shown, known, least=0.01) == noise
 
 
 @pytest.mark.parametrize(("count", "factor", "beyond"), [(13, 1.21, True), (13, 1.19, False), (12, 9.0, False)])

@@ -34,7 +34,7 @@ An event that *nobody* sampled cannot be distinguished from a bias.
 """
 
 import math
-from functools import partial
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -197,110 +197,151 @@ def decide(
 
     `look`: `rate` as a share of the false-alarm rate of the whole sequence of looks.
     """
-    a, b = survey(test, reference.mean), survey(reference, test.mean)
-    ratio = variance_ratio(test, reference, (SILENT * bound.least) ** 2)
-    noisy = [s for s in (a, b) if s is not None]
     share = sidak(rate, TESTS)
-    behind = (samples_behind(i, s, SILENT * bound.least) for i, s in ((test, a), (reference, b)))
+    pair = _pair_of(test, reference, bound, share, rounding, look)
+    noise_free, values, failed_pixels = NoiseFree(), Family(Worst(), pair.level, 0, test.mean.size), 0
+    sums: list[Sums] = []
+    without: list[Sums] = []
+    for strip in pair.strips():
+        noise_free = _exact_values(noise_free, strip)
+        if by_value:
+            values, failed = _noisy_values(values, strip, pair.dof)
+            failed_pixels += failed
+        sums.append(_block_sums(pair, strip))
+        if pair.mostly:
+            without.append(_block_sums_without_fireflies(pair, strip, sums[-1]))
+    grids = _joined(sums)
+    blocks = ((grids["va"] + grids["vb"]) / grids["n"]).astype(np.float32)
+    shared = inflation(test.mean, reference.mean, blocks)
+    estimators = [Estimator(grids, pair.allowance, pair.ratio, shared)]
+    if pair.mostly:
+        (_, a, _), (_, b, _) = pair.sides
+        fewer = pair.allowance._replace(by_test=_without_fireflies(pair.allowance.by_test, a))
+        fewer = fewer._replace(by_reference=_without_fireflies(pair.allowance.by_reference, b))
+        estimators.append(Estimator(_joined(without), fewer, pair.ratio, shared))
+    tile, image = (family(estimators, share, test.shape[:2]) for family in (_tiles, _image))
+    return Decision(values, tile, image, noise_free, failed_pixels, shared)
+
+
+NoisyImage = tuple[Image, Side | None, float]
+"""An image, its noise, and the degrees of freedom of its variance."""
+
+
+class Strip(NamedTuple):
+    """Rows from `y0` on, in blocks of `rows`: t - r, r, and the variance of t - r, infinite where there is no noise.
+
+    `allowed`: the bound of noise-free values; `granted`: what a single value may err by for other reasons, too;
+    `silent`: values without noise; `calm`: those whose samples agree, and prove little; `event`: what one unseen event
+    would have changed.
+    """
+
+    y0: int
+    rows: int
+    error: Float32[np.ndarray, "h w 3"]
+    radiance: Float32[np.ndarray, "h w 3"]
+    variance: Float32[np.ndarray, "h w 3"]
+    allowed: Float32[np.ndarray, "h w 3"]
+    granted: Float32[np.ndarray, "h w 3"]
+    silent: Bool[np.ndarray, "h w 3"]
+    calm: Bool[np.ndarray, "..."]
+    event: Float32[np.ndarray, "..."]
+
+
+class Pair(NamedTuple):
+    """Two images and what is known of their noise before a value is tested; `level`: of each value's test.
+
+    `mostly`: fireflies carry most of the variance; `proven`: where no variance means no noise; `unit`: of variances,
+    so that their squares fit float32.
+    """
+
+    sides: tuple[NoisyImage, NoisyImage]
+    rounding: Rounding | None
+    allowance: Allowance
+    ratio: float | None
+    level: float
+    dof: float
+    mostly: bool
+    proven: Bool[np.ndarray, "h w 1"]
+    unit: np.float32
+
+    def strips(self) -> Iterator[Strip]:
+        (test, a, _), (reference, b, _) = self.sides
+        bound, unseen = self.allowance.bound, self.allowance.unseen
+        for y0, y1, rows in strips(test.shape):
+            r = np.asarray(reference.mean[y0:y1], np.float32)
+            d = np.subtract(test.mean[y0:y1], r, dtype=np.float32)
+            va = regularised(test.variance, a, y0, y1, rows)
+            vb = regularised(reference.variance, b, y0, y1, rows)
+            allowed, v = bound.of(r), va + vb
+            least = np.square(np.float32(SILENT) * allowed)
+            silent = v <= least
+            v = larger_variance(va, vb, self.ratio, v)
+            rounded = np.float32(0) if self.rounding is None else self.rounding.value[y0:y1]
+            granted = self.allowance.of(d, 1, r, allowed) + rounded
+            calm, event = np.zeros((), bool), np.zeros((1, 1, 1), np.float32)
+            if unseen:
+                calm = _agreeing(test, reference, y0, y1, least) & ~self.proven[y0:y1]
+                silent &= ~calm
+                np.maximum(v, least, out=v, where=calm)
+                event = np.where(calm, allowed / np.float32(bound.share), np.float32(0))
+                granted = granted + np.float32(self.allowance.events_missed(self.level) * unseen) * event
+            v[silent] = np.inf
+            yield Strip(y0, rows, d, r, v, allowed, granted, silent, calm, event)
+
+
+def _pair_of(test: Image, reference: Image, bound: Bound, share: float, rounding: Rounding | None, look: float) -> Pair:
+    a, b = survey(test, reference.mean), survey(reference, test.mean)
+    sides = (test, a, degrees_of_freedom(test)), (reference, b, degrees_of_freedom(reference))
+    noisy = [s for s in (a, b) if s is not None]
+    behind = (samples_behind(image, side, SILENT * bound.least) for image, side, _ in sides)
     unseen = max((1 / n for n in behind if n), default=0.0)
     seen = any(s.fireflies[0].size for s in noisy)
     light = reference.mean.mean(axis=(0, 1), dtype=np.float64) if seen else np.ones(3)
     missing = missed(a, b, (test.samples, reference.samples), math.prod(test.shape[:2]), share, light)
-    allowance = Allowance(bound, *missing, unseen, look)
-    proven = _proven(reference, unseen)
-    carried = sum(float(s.second.sum()) for s in noisy)
-    mostly = carried > MOSTLY_FIREFLIES * sum(s.mean for s in noisy) * test.mean.size
-    sides = (test, a, degrees_of_freedom(test)), (reference, b, degrees_of_freedom(reference))
-    dof = welch([(s.mean, nu) for _, s, nu in sides if s is not None])
-    level = sidak(share, test.mean.size)
-    threshold = float(quantile(level, dof))
-    unit = np.float32(max(sum(s.mean for s in noisy), 1e-30))  # keeps v^2 within float32
-
-    sums: dict[str, list[np.ndarray]] = {}
-    without: dict[str, list[np.ndarray]] = {}
-    noise_free, values = NoiseFree(), Family(Worst(), level, 0, test.mean.size)
-    failed_pixels = 0
-    for y0, y1, rows in strips(test.shape):
-        r = np.asarray(reference.mean[y0:y1], np.float32)
-        d = np.subtract(test.mean[y0:y1], r, dtype=np.float32)
-        va = regularised(test.variance, a, y0, y1, rows)
-        vb = regularised(reference.variance, b, y0, y1, rows)
-        error = np.abs(d)
-        allowed = bound.of(r)
-        v = va + vb
-        least = np.square(np.float32(SILENT) * allowed)
-        silent = v <= least
-        v = larger_variance(va, vb, ratio, v)
-        more = np.float32(0) if rounding is None else rounding.value[y0:y1]
-        granted = allowance.of(d, 1, r, allowed) + more
-        calm, size = np.zeros((), bool), np.zeros((1, 1, 1), np.float32)
-        if unseen:
-            calm = _agreeing(test, reference, y0, y1, least) & ~proven[y0:y1]
-            silent &= ~calm
-            np.maximum(v, least, out=v, where=calm)
-            size = np.where(calm, allowed / np.float32(bound.share), np.float32(0))
-            granted = granted + np.float32(allowance.events_missed(level) * unseen) * size
-        if silent.any():
-            still = np.where(silent, error, np.float32(0))
-            noise_free = noise_free.plus(still, int(np.count_nonzero(silent)), allowed, granted - allowed, y0)
-            v[silent] = np.inf
-            d[silent] = 0
-        if by_value:
-            np.maximum(error - granted, 0, out=error)
-            error *= error
-            error /= v
-            values, failed = _more_values(values, error, d, dof, threshold, y0)
-            failed_pixels += failed
-
-        add_up = partial(_sums, d, r, silent, sides, rounding, y0, rows, unit, mostly)
-        made = add_up()
-        if unseen:
-            made |= {"calm": block_sums(calm.astype(np.float32), rows), "size": block_sums(size, rows)}
-        for k, total in made.items():
-            sums.setdefault(k, []).append(total)
-        places = [_within(side, y0, y1) for side in noisy if mostly]
-        if any(y.size for y, _, _ in places):
-            for place in places:
-                d[place], silent[place] = 0, True
-            made |= add_up()
-        for k, total in made.items():
-            without.setdefault(k, []).append(total)
-
-    grids = {k: np.concatenate(v) for k, v in sums.items()}
-    blocks = ((grids["va"] + grids["vb"]) / grids["n"]).astype(np.float32)
-    shared = inflation(test.mean, reference.mean, blocks)
-    estimators = [Estimator(grids, allowance, ratio, shared)]
-    if mostly:
-        fewer = allowance._replace(by_test=_without_fireflies(allowance.by_test, a))
-        fewer = fewer._replace(by_reference=_without_fireflies(allowance.by_reference, b))
-        estimators.append(Estimator({k: np.concatenate(v) for k, v in without.items()}, fewer, ratio, shared))
-    return Decision(
-        values,
-        _tiles(estimators, share, test.shape[:2]),
-        _image(estimators, share, test.shape[:2]),
-        noise_free,
-        failed_pixels,
-        shared,
+    carried, total = sum(float(s.second.sum()) for s in noisy), sum(s.mean for s in noisy)
+    return Pair(
+        sides,
+        rounding,
+        Allowance(bound, *missing, unseen, look),
+        variance_ratio(test, reference, (SILENT * bound.least) ** 2),
+        sidak(share, test.mean.size),
+        welch([(s.mean, nu) for _, s, nu in sides if s is not None]),
+        carried > MOSTLY_FIREFLIES * total * test.mean.size,
+        _proven(reference, unseen),
+        np.float32(max(total, 1e-30)),
     )
 
 
-def _more_values(
-    values: Family, square: Float32[np.ndarray, "h w 3"], d: Float32[np.ndarray, "h w 3"], dof: float,
-    threshold: float, y0: int,
-) -> tuple[Family, int]:  # fmt: skip
-    """Return the family with the rows from y0 on added, whose z² is `square`, and how many of their pixels fail."""
-    peak = int(square.argmax())
+# ------------------------------------------------------------------------------------------------ values
+
+
+def _exact_values(found: NoiseFree, strip: Strip) -> NoiseFree:
+    """|t - r| <= bound, of each value without noise."""
+    if not strip.silent.any():
+        return found
+    still = np.where(strip.silent, np.abs(strip.error), np.float32(0))
+    count = int(np.count_nonzero(strip.silent))
+    return found.plus(still, count, strip.allowed, strip.granted - strip.allowed, strip.y0)
+
+
+def _noisy_values(found: Family, strip: Strip, dof: float) -> tuple[Family, int]:
+    """z = max(|t - r| - granted, 0) / sqrt(v), Student's t, of each value; and how many pixels of the strip fail."""
+    square = np.maximum(np.abs(strip.error) - strip.granted, 0)
+    square *= square
+    square /= strip.variance
+    peak, threshold = int(square.argmax()), float(quantile(found.level, dof))
     z = math.sqrt(square.flat[peak])
-    if z > values.worst.z:
+    if z > found.worst.z:
         y, x, c = (int(i) for i in np.unravel_index(peak, square.shape))
-        values = values._replace(worst=Worst(z, float(two_sided(z, dof)), x, y + y0, 1, 1, c, float(d[y, x, c])))
+        error = float(strip.error[y, x, c])
+        found = found._replace(worst=Worst(z, float(two_sided(z, dof)), x, y + strip.y0, 1, 1, c, error))
     if not z > threshold:
-        return values, 0
+        return found, 0
     failed = square > threshold**2
     pixels = np.asarray(failed.any(axis=-1))
-    places = (*values.places, *blocks_of(pixels, y0))[:MOST_PLACES]
-    count = values.failed + int(np.count_nonzero(failed))
-    return values._replace(failed=count, places=places), int(np.count_nonzero(pixels))
+    places = (*found.places, *blocks_of(pixels, strip.y0))[:MOST_PLACES]
+    count = found.failed + int(np.count_nonzero(failed))
+    return found._replace(failed=count, places=places), int(np.count_nonzero(pixels))
 
 
 def _agreeing(
@@ -309,11 +350,6 @@ def _agreeing(
     """Whether all samples agree: a value's own variances, of both images, add up to a 16th of `least` at most."""
     parts = [i.variance[y0:y1] for i in (test, reference) if i.variance is not None]
     return np.asarray(sum(parts, np.zeros_like(least)) <= least / 16)
-
-
-def _without_fireflies(missing: Missed, side: Side | None) -> Missed:
-    """What is granted where a side's fireflies, if it has any, are left out."""
-    return missing.always if side is not None and side.fireflies[0].size else missing
 
 
 def _proven(reference: Image, unseen: float) -> Bool[np.ndarray, "h w 1"]:
@@ -327,6 +363,67 @@ def _proven(reference: Image, unseen: float) -> Bool[np.ndarray, "h w 1"]:
     return np.asarray(~binary_dilation(reference.surface.mask, np.ones((3, 3), bool))[..., None])
 
 
+# ------------------------------------------------------------------------------------------------ sums
+
+
+def _block_sums(pair: Pair, strip: Strip, out: Bool[np.ndarray, "h w 3"] | None = None) -> Sums:
+    """Σ(t - r), Σr, n, Σv of both images, Σv²/ν, Σrounding over blocks of 8 x 8: what z of any tile is made from.
+
+        z = max(|Σ(t - r)| / n - granted, 0) / (sqrt(Σva + Σvb) / n),  ν = (Σva + Σvb)² / Σ(v²/ν) - 1
+
+    `out`: values that are left out, by default those without noise. Where fireflies carry most of the variance, each is
+    one event, with one degree of freedom.
+    """
+    out = strip.silent if out is None else out
+    y0, y1, some_out = strip.y0, strip.y0 + len(strip.error), bool(out.any())
+    d = np.where(out, np.float32(0), strip.error) if some_out else strip.error
+    found: Sums = {"d": block_sums(d, strip.rows), "r": block_sums(strip.radiance, strip.rows)}
+    found["n"], none = block_counts(d, strip.rows), np.zeros_like(found["d"])
+    found["vv"] = none
+    for key, (image, side, nu) in zip(("va", "vb"), pair.sides, strict=True):
+        if side is None or image.variance is None:
+            found[key] = none
+            continue
+        v = np.where(out, np.float32(0), image.variance[y0:y1]) if some_out else image.variance[y0:y1]
+        found[key] = block_sums(v, strip.rows)
+        vv = doubt(v, image.mean[y0:y1], nu)
+        if pair.mostly:
+            vv[_within(side, y0, y1)] = 1
+        v = v / pair.unit
+        vv *= v
+        vv *= v
+        found["vv"] = found["vv"] + block_sums(vv, strip.rows) * float(pair.unit) ** 2
+    found["round"] = none if pair.rounding is None else block_sums(pair.rounding.mean[y0:y1], strip.rows)
+    if pair.allowance.unseen:
+        found["calm"] = block_sums(strip.calm.astype(np.float32), strip.rows)
+        found["size"] = block_sums(strip.event, strip.rows)
+    return found
+
+
+def _joined(strips_sums: list[Sums]) -> Sums:
+    return {key: np.concatenate([sums[key] for sums in strips_sums]) for key in strips_sums[0]}
+
+
+# ------------------------------------------------------------------------------------------------ without fireflies
+
+
+def _block_sums_without_fireflies(pair: Pair, strip: Strip, whole: Sums) -> Sums:
+    """The same sums over the values that are no firefly of either image; `whole`: those over all."""
+    ends = strip.y0, strip.y0 + len(strip.error)
+    places = [_within(side, *ends) for _, side, _ in pair.sides if side is not None]
+    if not any(y.size for y, _, _ in places):
+        return whole
+    out = strip.silent.copy()
+    for place in places:
+        out[place] = True
+    return _block_sums(pair, strip, out)
+
+
+def _without_fireflies(missing: Missed, side: Side | None) -> Missed:
+    """What is granted where a side's fireflies, if it has any, are left out."""
+    return missing.always if side is not None and side.fireflies[0].size else missing
+
+
 def _within(side: Side, y0: int, y1: int) -> tuple[Int[np.ndarray, " n"], ...]:
     """The fireflies in rows y0 to y1, as places within them."""
     y, x, c = side.fireflies
@@ -334,38 +431,7 @@ def _within(side: Side, y0: int, y1: int) -> tuple[Int[np.ndarray, " n"], ...]:
     return y[inside] - y0, x[inside], c[inside]
 
 
-NoisyImage = tuple[Image, Side | None, float]
-
-
-def _sums(
-    d: Float32[np.ndarray, "h w 3"], r: Float32[np.ndarray, "h w 3"], silent: Bool[np.ndarray, "h w 3"],
-    sides: tuple[NoisyImage, NoisyImage], rounding: Rounding | None, y0: int, rows: int, unit: np.float32,
-    mostly: bool,
-) -> Sums:  # fmt: skip
-    """KEYS of the rows from y0 on, over blocks: pixels, errors, radiance, variances, variances² / ν, rounding.
-
-    `mostly`: fireflies carry most of the variance: each is one event, with one degree of freedom.
-    """
-    found: Sums = {"d": block_sums(d, rows), "r": block_sums(r, rows), "n": block_counts(d, rows)}
-    none = np.zeros_like(found["d"])
-    found["vv"], some_silent = none, bool(silent.any())
-    for key, (image, side, nu) in zip(("va", "vb"), sides, strict=True):
-        if side is None or image.variance is None:
-            found[key] = none
-            continue
-        v = image.variance[y0 : y0 + len(d)]
-        if some_silent:
-            v = np.where(silent, np.float32(0), v)
-        found[key] = block_sums(v, rows)
-        vv = doubt(v, image.mean[y0 : y0 + len(d)], nu)
-        if mostly:
-            vv[_within(side, y0, y0 + len(d))] = 1
-        v = v / unit
-        vv *= v
-        vv *= v
-        found["vv"] = found["vv"] + block_sums(vv, rows) * float(unit) ** 2
-    found["round"] = none if rounding is None else block_sums(rounding.mean[y0 : y0 + len(d)], rows)
-    return found
+# ------------------------------------------------------------------------------------------------ tiles and the image
 
 
 class Estimator(NamedTuple):

@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.array_types import Float
 from raytwin.compare.blocks import Pixels
 from raytwin.compare.comparison import Statistics
 from raytwin.compare.decision import TESTS, Decision, Rounding, decide
@@ -14,24 +13,15 @@ from raytwin.compare.finding import Finding, Place, notes
 from raytwin.compare.messages import agreement, noise_findings, percent, what_could_be_seen
 from raytwin.compare.metrics import METRICS, p999_abs
 from raytwin.compare.noise import Residual, block_means, capped, estimated, rare_light, residual
+from raytwin.compare.patterns import patterned
 from raytwin.compare.scale import Bound
-from raytwin.compare.scatter import borne_out, patterned
 from raytwin.compare.shift import Shift, shift_findings
 from raytwin.compare.significance import sidak
+from raytwin.compare.untold import ESTIMATED, GIVE, UNEXPLAINED, borne_out, dense, unexplained
 from raytwin.image import Image
 from raytwin.scene import Tolerance
 
-DENSE = 1 / 6
-"""Noise is everywhere: the effective share of a block's values that carry its scatter. Gaussian noise has a third."""
-
-HARDLY = 1 / 24
-"""The same for noise of one sample a pixel: the exponential's has a sixth, and its blocks scatter widely around it."""
-
-TINY = np.float32(1e-30)
-
-MOSTLY = 0.8
-"""Least share of the scattering blocks that is dense, if the scatter is to count as unreported noise."""
-
+TINY, ZERO = np.float32(1e-30), np.zeros(3)
 
 SHARED = (
     "undecided: the test errs by no more than the noise it claims, but all its pixels alike: equal random numbers in "
@@ -64,10 +54,6 @@ RARE = (
     "undecided: {:.0f} % of the light of {} comes from rare events, of which a pixel saw very few: take more samples, "
     "or sample the brightest light directly"
 )
-
-UNEXPLAINED = "the images differ from pixel to pixel by more than the reference's own noise explains"
-
-GIVE = "give a variance (variance=, --variance-a), the samples per pixel (--samples-a) or several renders"
 
 
 class Outcome(NamedTuple):
@@ -107,22 +93,18 @@ class RadianceTest:
     def run(self) -> Outcome:
         """By the stated noise; where that fails and a side states none, by what the scatter shows."""
         filled = self._filled()
-        unstated = [
-            name for name, i in (("the test", filled.test), ("the reference", filled.reference)) if not states_noise(i)
-        ]
+        sides = ("the test", filled.test), ("the reference", filled.reference)
+        unstated = [name for name, image in sides if not states_noise(image)]
         first = filled._by_stated_noise()
-        if first.findings and any(hardly_sampled(i) for i in (filled.test, filled.reference)):
+        if first.findings and any(hardly_sampled(image) for _, image in sides):
             return first._replace(doubts=(FEW_SAMPLES,))
-        if not unstated:
-            return first
         claims = [block_means(i.variance) for i in (self.test, self.reference) if i.variance is not None]
-        if not (claims or first.findings):
+        if not unstated or not (claims or first.findings):
             return first
-        known = sum(claims, np.zeros(3))
-        shown = residual(self.test.mean, self.reference.mean, carrying=True)
-        if (first.findings or unexplained(shown, known)) and may_be_noise(shown, known, self.bound.least):
-            return self._by_scatter(first, unstated, shown)
-        return first
+        known, shown = sum(claims, ZERO), residual(self.test.mean, self.reference.mean, carrying=True)
+        doubtful = bool(first.findings) or unexplained(shown, known)
+        noisy = doubtful and dense(shown, known, self.bound.least)
+        return self._by_scatter(first, unstated, shown) if noisy else first
 
     def exactly(self) -> Outcome:
         """Compare images without noise, value by value."""
@@ -191,11 +173,7 @@ class RadianceTest:
             return outcome._replace(doubts=(RARE.format(100 * max(rare)[0], max(rare)[1]),))
         if much > 0.5 and outcome.findings and self._shares_noise(shown):
             return outcome._replace(doubts=(SHARED,))
-        if (
-            a.variance is not None
-            and not outcome.findings
-            and patterned(a.mean, b.mean, block_means(a.variance), claimed=True)
-        ):
+        if a.variance is not None and not outcome.findings and patterned(a.mean, b.mean, block_means(a.variance)):
             bare = replace(self, test=replace(self.test, variance=None, samples=0, batches=None))._by_stated_noise()
             if bare.findings:
                 return bare._replace(findings=[Finding("tile", PATTERN), *bare.findings])
@@ -265,24 +243,16 @@ class RadianceTest:
 
         It may fail an image, but passes one only if the reference's own noise confirms the scatter.
         """
-        t, r = self.test.mean, self.reference.mean
         outcome = self._answered(self._decided_by_scatter(), self.reference)
-        known = borne_out(t, r, shown, self.bound.least)
+        known = borne_out(self.test.mean, self.reference.mean, shown, self.bound.least)
         if outcome.findings:
             return outcome if known or not any(f.kind == "exact" for f in first.findings) else first
-        if patterned(t, r, shown.square):
-            return first
-        have = "have" if len(unstated) > 1 else "has"
-        which = f"{' and '.join(unstated)} {have} no variance"
+        which = f"{' and '.join(unstated)} {'have' if len(unstated) > 1 else 'has'} no variance"
         if not known:
             return outcome._replace(doubts=(*outcome.doubts, f"undecided: {which}, and {UNEXPLAINED}: {GIVE}"))
-        note = (
-            f"{which}: noise was estimated from the difference within 8 x 8 pixels, where single wrong pixels go "
-            "unnoticed"
-        )
         if outcome.doubts:
-            return outcome._replace(doubts=(*outcome.doubts, f"{note}: {GIVE}"))
-        return outcome._replace(notes=(*outcome.notes, *notes([note])))
+            return outcome._replace(doubts=(*outcome.doubts, f"{which}: {ESTIMATED}: {GIVE}"))
+        return outcome._replace(notes=(*outcome.notes, *notes([f"{which}: {ESTIMATED}"])))
 
 
 def finite(x: float) -> float | None:
@@ -305,21 +275,3 @@ def hardly_sampled(image: Image) -> bool:
 def states_noise(image: Image) -> bool:
     """A variance; or one sample, which is how a renderer without noise comes."""
     return image.variance is not None or image.samples == 1
-
-
-def unexplained(shown: Residual, known: Float[np.ndarray, "*blocks 3"]) -> bool:
-    """Whether most blocks scatter clearly more than what is known of: by 20 % of the variance."""
-    noisy = np.broadcast_to(known > 0, shown.square.shape)
-    return (
-        bool(noisy.any()) and float(np.median(shown.square[noisy] / np.broadcast_to(known, noisy.shape)[noisy])) > 1.2
-    )
-
-
-def may_be_noise(shown: Residual, known: Float[np.ndarray, "*blocks 3"], least: float) -> bool:
-    """Whether the scatter beyond what is known of is dense wherever it is: a wrong edge or a wrong pixel is not.
-
-    Where most of the picture scatters, it is no edge, and may have the tails of few samples.
-    """
-    scatters = (shown.square > 1.5 * known + least**2) & (shown.pixels >= 16)
-    dense = shown.carrying >= (DENSE if scatters.mean() < 0.5 else HARDLY) * shown.pixels
-    return bool(scatters.any()) and float(dense[scatters].mean()) >= MOSTLY

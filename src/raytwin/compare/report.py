@@ -48,7 +48,7 @@ class Report(Record, frozen=True):
 
     def numbers(self) -> dict[str, Any]:
         """What comparison.json holds, in its order."""
-        about = {"scene": self.scene, "rung": self.rung}
+        about: dict[str, Any] = {"scene": self.scene, "rung": self.rung}
         made = msgspec.structs.asdict(self.comparison)
         own, *_ = (made.pop(key) for key in ("seconds", "failing", "excluded_bias", "findings"))
         about |= {"verdict": made.pop("verdict"), "reasons": self.comparison.reasons}

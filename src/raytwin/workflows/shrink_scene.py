@@ -15,7 +15,7 @@ NO_SUN = WrittenSun((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 
 def parts_of(scene: SceneFile) -> dict[str, Edit]:
     """Name -> what leaves the part out of this scene, in the order in which they can be left out together."""
-    things = *scene.spheres, *scene.planes
+    things: tuple[Any, ...] = (*scene.spheres, *scene.planes)
     shown = scene.scene
     labels = shown.names if len(set(shown.names)) == len(things) else shown.numbers
     found: dict[str, Edit] = {name: _without(thing) for name, thing in zip(labels, things, strict=True)}

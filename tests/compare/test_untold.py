@@ -9,7 +9,8 @@ from scipy.ndimage import uniform_filter
 
 from raytwin.compare import compare
 from raytwin.compare.noise import residual
-from raytwin.compare.scatter import LEVEL, borne_out, patterned
+from raytwin.compare.patterns import patterned
+from raytwin.compare.untold import LEVEL, borne_out
 from raytwin.image import Image
 
 TRUTH = picture(48, 64)
@@ -199,3 +200,10 @@ def test_independent_noise_of_any_distribution_does_not_repeat(size, channels):
         test = np.broadcast_to(draw(), (*size, 3)).astype(np.float32)
         reference = np.full((*size, 3), test.mean(), np.float32)
         assert not patterned(test, reference, residual(test, reference).square)
+
+
+@pytest.mark.parametrize("shape", [(41, 57), (9, 16), (25, 33)])
+def test_a_last_row_or_column_alone_is_compared_like_any(shape):
+    rng = np.random.default_rng(12)
+    a, b = (untold(render(rng, picture(*shape), samples=16)) for _ in range(2))
+    assert compare(a, b).verdict in ("pass", "undecided")

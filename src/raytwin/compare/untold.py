@@ -1,0 +1,90 @@
+"""Noise that nobody states: the pixels of a tile are the sample, if the reference scatters alike.
+
+    dense       Does t - r scatter in most values of a block, wherever it scatters? A wrong edge or pixel does not.
+    borne_out   Does the reference scatter, too? With t = s + n_t and r = s + n_r, the covariance of t - r with r is
+                -var(n_r), whatever s shows. An image without noise has none, so that wrong pixels beside it are never
+                excused; one with noise bears out at most 1 / LEVEL times its own variance.
+
+What is dense may fail an image by the means of its tiles; only what is borne out may pass one.
+"""
+
+import numpy as np
+
+from raytwin.array_types import Float, Float64
+from raytwin.compare.blocks import Pixels, block_counts, block_sums, strips
+from raytwin.compare.noise import Residual
+
+DENSE = 1 / 6
+"""Noise is everywhere: the effective share of a block's values that carry its scatter. Gaussian noise has a third."""
+
+HARDLY = 1 / 24
+"""The same for noise of one sample a pixel: the exponential's has a sixth, and its blocks scatter widely around it."""
+
+MOSTLY = 0.8
+"""Least share of the scattering blocks that is dense, if the scatter is to count as unreported noise."""
+
+LEVEL = 1 / 16
+"""The reference's share of the scatter's variance: at least this, so at most 4 of its own standard deviations."""
+
+REGION = 4
+"""Blocks of 8 x 8 pixels on the side of the region whose median block is asked."""
+
+ALMOST_ALL = 0.95
+"""The share of the regions that must bear the scatter out; edges and texture make a few of them doubtful."""
+
+UNEXPLAINED = "the images differ from pixel to pixel by more than the reference's own noise explains"
+
+GIVE = "give a variance (variance=, --variance-a), the samples per pixel (--samples-a) or several renders"
+
+ESTIMATED = "noise was estimated from the difference within 8 x 8 pixels, where single wrong pixels go unnoticed"
+
+
+def dense(shown: Residual, known: Float[np.ndarray, "*blocks 3"], least: float) -> bool:
+    """Whether the scatter beyond what is `known` of is dense wherever it is.
+
+    Where most of the picture scatters, it is no edge, and may have the tails of few samples. `least`: a standard
+    deviation below it is no scatter.
+    """
+    scatters = (shown.square > 1.5 * known + least**2) & (shown.pixels >= 16)
+    carried = shown.carrying >= (DENSE if scatters.mean() < 0.5 else HARDLY) * shown.pixels
+    return bool(scatters.any()) and float(carried[scatters].mean()) >= MOSTLY
+
+
+def unexplained(shown: Residual, known: Float[np.ndarray, "*blocks 3"]) -> bool:
+    """Whether most blocks scatter clearly more than what is known of: by 20 % of the variance."""
+    known = np.broadcast_to(known, shown.square.shape)
+    noisy = known > 0
+    return bool(noisy.any()) and float(np.median(shown.square[noisy] / known[noisy])) > 1.2
+
+
+def borne_out(test: Pixels, reference: Pixels, shown: Residual, least: float) -> bool:
+    """Whether the reference's own noise is LEVEL of the scatter's variance in almost all regions that scatter."""
+    scatter = shown.square.sum(axis=-1)
+    scatters = (shown.square > least**2).any(axis=-1) & (shown.pixels[..., 0] >= 16)
+    share = np.divide(_own_noise(test, reference), scatter, out=np.zeros_like(scatter), where=scatters)
+    high, wide = share.shape
+    places = [
+        (slice(y, y + REGION), slice(x, x + REGION)) for y in range(0, high, REGION) for x in range(0, wide, REGION)
+    ]
+    medians = [np.median(share[p][scatters[p]]) for p in places if np.count_nonzero(scatters[p]) > 1]
+    return bool(medians) and float(np.mean(np.array(medians) >= LEVEL)) >= ALMOST_ALL
+
+
+def _own_noise(test: Pixels, reference: Pixels) -> Float64[np.ndarray, "by bx"]:
+    """The reference's variance, summed over channels: minus the covariance of t - r with r within 2 x 2 pixels."""
+    found = []
+    for y0, y1, rows in strips(test.shape):
+        r = np.asarray(reference[y0:y1], np.float32)
+        d = _within_cells(np.subtract(test[y0:y1], r, dtype=np.float32))
+        product = np.zeros((*r.shape[:2], 1), np.float32)
+        product[: len(d), : d.shape[1]] = -(d * _within_cells(r)).sum(axis=-1, keepdims=True)
+        # Three of the four differences from a cell's mean are free.
+        found.append(block_sums(product, rows)[..., 0] / (0.75 * block_counts(product, rows)[..., 0]))
+    return np.concatenate(found)
+
+
+def _within_cells(x: Float[np.ndarray, "h w c"]) -> Float[np.ndarray, "he we c"]:
+    """`x` less the mean of its cell of 2 x 2 pixels; an odd row or column is left out."""
+    h, w = x.shape[0] // 2, x.shape[1] // 2
+    cells = x[: 2 * h, : 2 * w].reshape(h, 2, w, 2, x.shape[2])
+    return np.asarray((cells - cells.mean(axis=(1, 3), keepdims=True)).reshape(2 * h, 2 * w, x.shape[2]))
