@@ -117,6 +117,10 @@ class Levels(InNotebook):
     found: Table
     images: dict[str, Image]
 
+    @property
+    def choice(self) -> Row | None:
+        return self.found.choice
+
     def table(self) -> list[dict[str, Any]]:
         """Return a row per method, the cheapest first: what `pandas.DataFrame` takes."""
         return [row.to_dict() for row in self.found.rows]
