@@ -55,9 +55,9 @@ ENTRIES = (
         ("compare overlap --rung path --samples 64 --size 160x120 -o out",),
     ),
     Entry(
-        "ladder", "out/ladder.html", "The ladder of light",
-        "One scene at every light level, on both sides, with error against seconds.",
-        ("ladder overlap --size 160x120 -o out",),
+        "levels", "out/levels.html", "How much light is enough",
+        "Each light level's error and cost, and the cheapest one for a tolerance.",
+        ("levels overlap --tolerance 0.01 --size 160x120 -o out",),
     ),
     Entry(
         "atlas", "out/atlas.html", "The atlas of failures",

@@ -16,6 +16,7 @@ from raytwin.errors import InputError
 from raytwin.renderers.subject_renderers import fast_engine
 from raytwin.scene import Camera, Scene
 from raytwin.scene.lens import distort
+from raytwin.speed import light_parts
 
 SIZE = 80, 60
 
@@ -86,6 +87,26 @@ def test_each_part_is_its_term_of_the_series_and_can_be_dropped_below_the_tolera
         assert parts[name].can_be_dropped == (left_out < 0.03)
     assert parts["occlusion of the sky"].error == pytest.approx(0.25, rel=0.01)
     assert parts["shadows of the sun"].can_be_dropped
+
+
+@pytest.mark.parametrize("name", ["overlap", "studio"])
+def test_no_part_of_the_light_exceeds_what_is_certain_without_a_render(scenes, name):
+    """a E/π, a L, and a (E/π + L) a^(n+1) / (1 - a) with F <= 1, beside which a pixel's noise is 4.5 standard errors."""
+    scene = files.read_scene(scenes / name).scene
+    small = scene.with_camera(scene.camera.resized(*SIZE))
+    albedo = max(max(thing.material.albedo) for thing in scene.objects)
+    sun = max(scene.sun.irradiance) / np.pi
+    sky = scene.environment.radiance.max() if scene.environment else max(scene.sky.radiance)
+    parts = light_parts(small, fast_engine(twin.activate().variant), samples=64, depth=16)
+
+    def largest(*names):
+        mean, variance = (sum(getattr(parts[n], of).astype(float) for n in names) for of in ("mean", "variance"))
+        return (np.abs(mean) - 4.5 * np.sqrt(len(names) * variance)).max()
+
+    assert largest("shadow") <= albedo * sun
+    assert 0 < largest("occlusion") <= albedo * sky
+    for n, names in enumerate((("bounce 1", "bounce 2", "bounce 3+"), ("bounce 2", "bounce 3+"))):
+        assert 0 < largest(*names) <= albedo * (sun + sky) * albedo ** (n + 1) / (1 - albedo)
 
 
 def test_the_answer_does_not_depend_on_how_long_anything_takes(scenes, monkeypatch):

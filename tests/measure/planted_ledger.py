@@ -1,8 +1,8 @@
-"""Count the planted bugs that the ledger takes for rounding or for samples. None should be.
+"""Count the planted bugs that the ledger takes for rounding. None should be.
 
 `python -m measure.planted_ledger [COUNT]`, in tests/, plants COUNT (30) faults of the catalogue, spread over its
-stages, in small frames of three scenes, at `shadow` and at `path`, and splits the error of each as that of a subject
-that fails. A bug is taken for `numerics` or `its own samples` where that row keeps a tenth of its squared error.
+stages, in small frames of three scenes at `shadow`, and splits the error of each as that of a subject that fails. A bug
+is taken for `numerics` where that row keeps a tenth of its squared error.
 """
 
 import sys
@@ -15,25 +15,24 @@ import numpy as np
 from measure.correct_pairs import shipped
 
 from raytwin import twin
-from raytwin.analysis.ledger import split_error
+from raytwin.analysis.ledger import OWN, split_error
 from raytwin.analysis.light_parts import WholeLight
-from raytwin.analysis.own_error import OWN
 from raytwin.diagnose.catalogue import FAULTS
 from raytwin.diagnose.changes import Fault
 from raytwin.diagnose.predict import RIGHT, planted
 from raytwin.image import Image
-from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
+from raytwin.renderers.subject_renderers import Traced, fast_engine
 
 SCENES = "overlap", "single", "ball"
 WIDTH = 64
 HIDDEN = 0.1
-"""Share of the planted squared error that the row of rounding or samples may have."""
+"""Share of the planted squared error that the row of rounding may have."""
 SEEN = 0.01
 """Rms of a planted error, of the image's, below which it is too small for this question."""
 
 
 class Planted(NamedTuple):
-    """Shares of the planted squared error: that stays with rounding or samples, and that is the subject's own."""
+    """Shares of the planted squared error: that stays with rounding, and that is the subject's own."""
 
     innocent: float
     own: float
@@ -45,26 +44,23 @@ def light(name: str) -> WholeLight:
 
 
 @cache
-def right_image(name: str, level: str) -> Image:
-    scene, engine = light(name).scene, light(name).engine
-    subject = PathTraced(level, engine, 16, surface=True) if level == "path" else Traced(level, engine, surface=True)
-    return subject(scene, 0)
+def right_image(name: str) -> Image:
+    return Traced("shadow", light(name).engine, surface=True)(light(name).scene, 0)
 
 
-def ledger_of(name: str, level: str, fault: Fault) -> Planted | None:
-    """The ledger of a right image with what `fault` adds to it at level shadow; None where that is hardly anything."""
-    scene, right = light(name).scene, right_image(name, level)
+def ledger_of(name: str, fault: Fault) -> Planted | None:
+    """The ledger of a right image with what `fault` adds to it; None where that is hardly anything."""
+    scene, right = light(name).scene, right_image(name)
     exact, made = (planted(scene, way) for way in (RIGHT, fault.ways[0]))
     added = np.nan_to_num(np.clip(made - exact, -10, 10))
     energy = float(np.square(added).mean())
     if energy < SEEN**2 * float(np.square(right.mean).mean()):
         return None
     shown = replace(right, mean=(right.mean + added).astype(np.float32))
-    rows = {part.part: part for part in split_error(light(name), shown, level, True).parts}
-    before = {part.part: part for part in split_error(light(name), right, level, False).parts}
-    innocent = "its own samples" if level == "path" else "numerics"
-    kept = max(rows[innocent].rmse ** 2 - before[innocent].rmse ** 2, 0.0)
-    return Planted(kept / energy, sum(row.rmse**2 for part, row in rows.items() if part.startswith(OWN)) / energy)
+    rows = {part.part: part for part in split_error(light(name), shown, "shadow", True).parts}
+    before = {part.part: part for part in split_error(light(name), right, "shadow", False).parts}
+    kept = max(rows["numerics"].rmse ** 2 - before["numerics"].rmse ** 2, 0.0)
+    return Planted(kept / energy, rows[OWN].rmse ** 2 / energy)
 
 
 def chosen(count: int) -> tuple[Fault, ...]:
@@ -73,24 +69,21 @@ def chosen(count: int) -> tuple[Fault, ...]:
     return tuple(shown[k * len(shown) // count] for k in range(count))
 
 
-def results(count: int, level: str) -> Iterator[tuple[str, str, Planted]]:
+def results(count: int) -> Iterator[tuple[str, str, Planted]]:
     for name in SCENES:
         for fault in chosen(count):
-            if (found := ledger_of(name, level, fault)) is not None:
+            if (found := ledger_of(name, fault)) is not None:
                 yield name, fault.name, found
 
 
 def main(count: int = 30) -> int:
     """Print the bugs that hide, and the counts; return how many there are."""
-    hidden = 0
-    for level in ("shadow", "path"):
-        found = list(results(count, level))
-        wrong = [row for row in found if row[2].innocent > HIDDEN]
-        hidden += len(wrong)
-        for name, fault, (innocent, own) in wrong:
-            print(f"{name} {level} {fault}: {innocent:.2f} of it innocent, {own:.2f} the subject's own")
-        print(f"{level}: {len(found)} planted bugs, {len(wrong)} taken for rounding or samples", flush=True)
-    return hidden
+    found = list(results(count))
+    wrong = [row for row in found if row[2].innocent > HIDDEN]
+    for name, fault, (innocent, own) in wrong:
+        print(f"{name} {fault}: {innocent:.2f} of it innocent, {own:.2f} the subject's own")
+    print(f"{len(found)} planted bugs, {len(wrong)} taken for rounding", flush=True)
+    return len(wrong)
 
 
 if __name__ == "__main__":

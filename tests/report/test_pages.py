@@ -69,7 +69,7 @@ def comparison(folder: Path, make_result, scenes, spoiled: bool) -> list[Path]:
     result = make_result(photos=not spoiled, size=(90, 120) if spoiled else (120, 90), spoil=spoil if spoiled else None)
     h, w = result.twin.shape[:2]
     picture = np.full((h // 2, w // 2, 3), 0.01, np.float32)
-    rows = (Part("sun's shadow", rmse=0.01, noise=0.001, share_of_light=0.1, between=(EVIL,)), Part("noise", rmse=0.1))
+    rows = (Part("sun's shadow", rmse=0.01, noise=0.001, share_of_light=0.1), Part("noise", rmse=0.1))
     told = msgspec.structs.replace(result.report.saying(EVIL), scene=EVIL, ledger=rows)
     scene = msgspec.structs.replace(result.scene, name=EVIL)
     ledger = Ledger(rows, {"sun's shadow": picture}, picture, 2)

@@ -20,7 +20,7 @@ import msgspec
 import numpy as np
 
 from raytwin import files, twin
-from raytwin.analysis.converged import SQUARES, Error, Reference, converged, unbiased_error
+from raytwin.analysis.converged import SQUARES, UNCERTAINTY, Error, Reference, converged, unbiased_error
 from raytwin.calib.find_camera import find_camera
 from raytwin.errors import InputError, check_one_of
 from raytwin.image import Image
@@ -116,6 +116,10 @@ class Levels(InNotebook):
 
     found: Table
     images: dict[str, Image]
+
+    @property
+    def choice(self) -> Row | None:
+        return self.found.choice
 
     def table(self) -> list[dict[str, Any]]:
         """Return a row per method, the cheapest first: what `pandas.DataFrame` takes."""
@@ -251,12 +255,12 @@ class _Survey:
         return row
 
     def repeated(self, method: Renderer) -> Row:
-        """The row with the error's root mean square over REPEATS further images, and bounds as much closer."""
+        """The row with the mean over REPEATS further images, and the bounds that their scatter gives."""
         power = 2 if self.metric == "rmse" else 1
-        images = [method(self.scene, seed).mean for seed in range(1, REPEATS + 1)]
-        found = [self.whole.error(image, self.metric, noisy=True) for image in images]
-        value, most = (float(np.mean([x**power for x in column])) for column in list(zip(*found, strict=True))[::2])
-        most = value + (most - value) / math.sqrt(REPEATS)
+        found = [self.whole.error(method(self.scene, seed).mean, self.metric) for seed in range(1, REPEATS + 1)]
+        values, most_of_each = (np.array([error[k] for error in found]) ** power for k in (0, 2))
+        value, scatter = float(values.mean()), float(values.std(ddof=1)) / math.sqrt(REPEATS)
+        most = value + math.hypot(float((most_of_each - values).mean()), UNCERTAINTY * scatter)
         row = msgspec.structs.replace(
             self.known[method.name], error=value ** (1 / power), error_most=most ** (1 / power)
         )

@@ -16,8 +16,7 @@ class Part(Record, frozen=True):
 
     `seconds`: per frame, on the cheapest rung that has it. `share_of_light`: its mean divided by that of all light,
     signed: less than 0 where light is missing. `share_of_error`: its correlation with the whole error over that error's
-    square; all add up to 1. `noise`: the rms standard error of the part, where it was sampled. `between`: on which
-    object it is largest, and which other one has most to do with it.
+    square; all add up to 1. `noise`: the rms standard error of the part, where it was sampled.
     """
 
     part: str
@@ -26,7 +25,6 @@ class Part(Record, frozen=True):
     share_of_light: float | None = None
     share_of_error: float | None = None
     noise: float | None = None
-    between: tuple[str, ...] = ()
 
 
 class Report(Record, frozen=True):

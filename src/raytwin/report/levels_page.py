@@ -68,7 +68,8 @@ def answer(found: "Table") -> list[str]:
     choice, tracer = found.choice, [row for row in found.rows if row.side == "tracer"]
     said = [
         f"Cheapest with {goal}: {words(choice)} ({choice.method}).",
-        f"Its {found.metric} is {shown(choice.error, 2)}. It costs {choice.rays:.3g} rays per pixel, to the sun and between objects included.",
+        f"Its {found.metric} is {shown(choice.error, 2)}.",
+        f"It costs {choice.rays:.3g} rays per pixel, shadow rays included.",
     ]
     if place := tracer.index(choice):
         cheaper = tracer[place - 1]

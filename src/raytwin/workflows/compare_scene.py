@@ -222,7 +222,7 @@ def _explained(job: _Job, made: Image, reference: Image, comparison: Comparison)
     if RUNGS[subject.rung].lit:
         with stages.stage("ledger"):
             faulty = failed and not (causes and causes[0].kind == "rounding")
-            ledger = make_ledger(scene, made, subject.rung, job.engine, keep=chosen.cache, faulty=faulty)
+            ledger = make_ledger(scene, made, subject.rung, job.engine, faulty=faulty)
     if on_own_rung is not None:
         comparison = _expected_difference(comparison, on_own_rung, subject.rung, chosen.rung, ledger)
     return comparison.because(*causes), ledger
@@ -288,10 +288,8 @@ def _left_out(ledger: Ledger | None) -> tuple[str, ...]:
     remarks = []
     for row in sorted(rows, key=lambda row: -abs(row.share_of_light or 0)):
         share = 100 * (row.share_of_light or 0)
-        where = f", mostly on {row.between[0]}" if len(row.between) == 1 else ""
-        where = f", mostly between {' and '.join(row.between)}" if len(row.between) > 1 else where
         size = f"{abs(share):.2g} %" if abs(share) < HARDLY_LIT else "many times"  # of a scene with nearly no light
         remarks.append(
-            f"ignoring {HIDDEN.get(row.part, row.part)} makes it {size} too {'bright' if share > 0 else 'dark'}{where}"
+            f"ignoring {HIDDEN.get(row.part, row.part)} makes it {size} too {'bright' if share > 0 else 'dark'}"
         )
     return tuple(remarks)
