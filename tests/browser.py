@@ -25,6 +25,26 @@ SIDEWAYS = """(width) => new Promise((done) => {
 """Whether a page stays wider than its window once its canvases have followed it."""
 
 
+SKIPPED = """() => {
+  const seen = [...document.querySelectorAll("h1, h2, h3, h4, h5, h6")].filter((h) => h.checkVisibility());
+  const level = (h) => Number(h.tagName[1]);
+  return seen.filter((h, i) => level(h) > (i ? level(seen[i - 1]) : 0) + 1).map((h) => `${h.tagName} ${h.textContent}`);
+}"""
+"""Headings more than one level below the heading before them."""
+
+OVERPRINTED = """() => [...document.querySelectorAll("svg, .rt-ticks")].filter((s) => s.checkVisibility()).flatMap((chart) => {
+  const texts = [...chart.querySelectorAll("text, span")].filter((t) => t.checkVisibility() && t.textContent.trim());
+  const boxes = texts.map((t) => [t.textContent, t.getBoundingClientRect()]), found = [];
+  boxes.forEach(([a, p], i) => boxes.slice(i + 1).forEach(([b, q]) => {
+    const wide = Math.min(p.right, q.right) - Math.max(p.left, q.left);
+    const high = Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top);
+    if (wide > 1 && high > 0.35 * Math.min(p.height, q.height)) found.push(`${a} | ${b}`);
+  }));
+  return found;
+})"""
+"""Texts of a chart or a colour bar that lie over each other: lines of a font may touch by its leading."""
+
+
 def program() -> str | None:
     return next(filter(None, map(shutil.which, BROWSERS)), None)
 
@@ -55,8 +75,8 @@ def opened(chromium, address: str, width: int = 1400, height: int = 1200, **opti
 
 
 def barriers(page) -> list[str]:
-    """What axe-core calls serious or critical in a page of Playwright's on a phone and a desk, and where; and the
-    widths at which the page scrolls sideways."""
+    """What axe-core calls serious or critical in a page of Playwright's on a phone and a desk, and where; the widths
+    at which the page scrolls sideways; headings out of order; and texts of a chart over each other."""
     from axe_playwright_python.sync_playwright import Axe
 
     found = []
@@ -65,6 +85,8 @@ def barriers(page) -> list[str]:
         page.set_viewport_size({"width": width, "height": 1000})
         if page.evaluate(SIDEWAYS, width):
             found.append(f"{width}: it scrolls sideways")
+        found += [f"{scheme} {width}: heading out of order: {heading}" for heading in page.evaluate(SKIPPED)]
+        found += [f"{scheme} {width}: overprinted: {texts}" for texts in page.evaluate(OVERPRINTED)]
         rules = Axe().run(page).response["violations"] if width in (VIEWS[0][1], VIEWS[-1][1]) else ()
         found += [
             f"{scheme}: {rule['id']}: {node['html'][:120]} {' '.join(node.get('failureSummary', '').split())[:200]}"

@@ -595,7 +595,7 @@ def test_zoom_is_linked_and_a_pixels_light_paths_are_drawn_one_or_many(page):
     page.viewer("keep(40, 40)")
     page.until("document.getElementById('way').textContent.includes('Pixel 40, 40, sample 0')")  # without samples
     with page.change():
-        page.page.locator("#controls select").first.select_option("path")
+        page.page.locator(".levels").first.get_by_text("path").click()
     page.viewer("keep(50, 60)")
     page.until("document.getElementById('way').textContent.includes('8 samples')")
     assert "On average" in page.page.inner_text("#way")
@@ -606,7 +606,7 @@ def test_zoom_is_linked_and_a_pixels_light_paths_are_drawn_one_or_many(page):
 def test_noise_is_seen_in_the_difference_of_one_sample_per_pixel(page):
     """Scaled by its own deviation: of pixels that differ, half show a quarter of the full colour or more."""
     with page.change():
-        page.page.locator("#controls select").first.select_option("path")
+        page.page.locator(".levels").first.get_by_text("path").click()
     shares = page.page.evaluate(
         "((v) => Array.from(v.map()).filter((x) => x).map((x) => Math.abs(v.position(x))).sort((a, b) => a - b))"
         "(document.getElementById('viewer').viewer)"

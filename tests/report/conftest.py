@@ -106,7 +106,10 @@ def photographed(result: Result) -> Result:
 # ------------------------------------------------------------------------------------------ a browser
 
 PROBE = """async () => {
-  const until = async (test) => { while (!test()) await new Promise((done) => setTimeout(done, 20)); };
+  const until = async (test) => {
+    for (const last = performance.now() + 60_000; !test(); await new Promise((done) => setTimeout(done, 20)))
+      if (performance.now() > last) throw new Error(`never: ${test}`);
+  };
   const root = document.getElementById("viewer");
   await until(() => document.body.dataset.ready || root?.dataset.ready);
   const viewer = root?.viewer, drawn = () => viewer.drawn();

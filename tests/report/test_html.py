@@ -7,6 +7,7 @@ from html import unescape
 
 import numpy as np
 import pytest
+from browser import opened
 
 from raytwin import files
 from raytwin.image import Image
@@ -258,6 +259,22 @@ def test_the_pointer_reads_a_pixel_a_click_keeps_it_and_keys_go_on_from_there(lo
     assert abs(y - 59.5) <= 60.1 - 0.375 * span
     assert read["scrolls"][0] == read["scrolls"][1]  # a bare wheel is the page's
     assert read["stops"] == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_what_the_tolerance_allows_has_no_colour_of_an_error(spoiled, chromium, scheme):
+    with opened(chromium, spoiled[1].as_uri(), color_scheme=scheme) as page:
+        page.wait_for_selector("#viewer[data-ready]")
+        shades = page.evaluate(
+            "((v) => { const { allowed } = v.scale();"
+            " return [1e-3, 0.1, 1, 1.01, 10].flatMap((k) => [v.shade(k * allowed), v.shade(-k * allowed)]); })"
+            "(document.getElementById('viewer').viewer)"
+        )
+        said = page.inner_text("#viewer figure:has(.rt-legend)")
+    spread = [max(shade) - min(shade) for shade in shades]
+    assert max(spread[:6]) < 20
+    assert min(spread[6:]) > 40
+    assert "grey" in said
 
 
 def test_links_places_flip_wipe_and_maps_do_what_they_say(looked):

@@ -215,6 +215,13 @@ function choice(label, options, get, set, disabled = false) {
   return el("label", { className: "wide" }, label, input);
 }
 
+// The same with all options in sight.
+function levels(get, set) {
+  const all = about.rungs.map((level) => el("button", { type: "button", textContent: level, onclick: () => { set(level); refresh(); ask(); } }));
+  updates.push(() => { for (const one of all) one.ariaPressed = String(one.textContent === get()); });
+  return el("div", { className: "levels", role: "group", ariaLabel: "light level" }, ...all);
+}
+
 const button = (text, title, onclick) => el("button", { type: "button", textContent: text, title, onclick });
 const group = (title, ...children) => el("fieldset", {}, el("legend", { textContent: title }), ...children);
 const degrees = (x) => `${Math.round(x)}°`, centimetres = (x) => `${(100 * x).toFixed(1)} cm`;
@@ -337,10 +344,10 @@ function build() {
   fold.onclick = () => { fold.ariaExpanded = String($("controls").classList.toggle("folded") === false); };
   $("controls").append(fold,
     group("Tracer", ...(mine ? [el("p", { textContent: about.subject })] : []),
-      choice("light level", about.rungs, () => wanted.rung, (x) => { wanted.rung = x; }),
+      levels(() => wanted.rung, (x) => { wanted.rung = x; }),
       choice("engine", about.engines, () => wanted.engine, (x) => { wanted.engine = x; }, mine),
       choice("solver", about.solvers, () => wanted.solver, (x) => { wanted.solver = x; }, mine)),
-    group("Twin", choice("light level", about.rungs, () => wanted.twin_rung, (x) => { wanted.twin_rung = x; })),
+    group("Twin", levels(() => wanted.twin_rung, (x) => { wanted.twin_rung = x; })),
     group("Sampled light", range("depth", 2, 16, 1, () => wanted.depth, (x) => { wanted.depth = x; }, String),
       range("samples", 0, 12, 1, () => Math.log2(wanted.samples), (x) => { wanted.samples = 2 ** x; }, (x) => String(2 ** x))),
     group("Camera", range("turn", -180, 180, 0.5, () => turned().azimuth, (x) => orbit(x - turned().azimuth, 0), degrees),

@@ -19,8 +19,10 @@ const NIGHT = globalThis.matchMedia?.("(prefers-color-scheme: dark)").matches;
 const [DARKER, BRIGHTER] = NIGHT // around what agrees: the page's own ground
   ? [[[0.01, 0.013, 0.02], [0.03, 0.16, 0.6], [0.5, 0.78, 1]], [[0.01, 0.013, 0.02], [0.62, 0.09, 0.03], [1, 0.74, 0.5]]]
   : [[[1, 1, 1], [0.25, 0.55, 0.95], [0.01, 0.06, 0.45]], [[1, 1, 1], [0.95, 0.42, 0.22], [0.42, 0.005, 0.02]]];
+const ALLOWED = NIGHT ? [[0.01, 0.013, 0.02], [0.1, 0.1, 0.1]] : [[1, 1, 1], [0.5, 0.5, 0.5]]; // within the tolerance: no colour of an error
 const LOST = [0, 203, 0]; // NaN and infinity
-const OBJECTS = [[250, 250, 250], ...[206, 178, 221, 190, 168, 213, 184, 198].map((v) => [v, v, v]), [59, 66, 76], [230, 97, 0], [93, 58, 155], [214, 0, 110]];
+const GREYS = [206, 178, 221, 190, 168, 213, 184, 198].map((v) => (NIGHT ? v - 110 : v));
+const OBJECTS = [NIGHT ? [24, 29, 37] : [250, 250, 250], ...GREYS.map((v) => [v, v, v]), NIGHT ? [206, 212, 220] : [59, 66, 76], [230, 97, 0], [93, 58, 155], [214, 0, 110]];
 const TONING = ["exposure", "gamma", "tone"], MAPPING = ["map", "channel"]; // parts of the state, and what depends on them
 
 const rgba = ([r, g, b]) => ((255 << 24) | (b << 16) | (g << 8) | r) >>> 0;
@@ -122,7 +124,7 @@ class Colours {
 
   // From which value on a map has which colour: equal ratios between low and high where the images are exact.
   scale() {
-    const { map, scale } = this.state, { bound, noisy } = this.data, factor = 10 ** (scale / 2), evenly = (high) => ({ low: 0, high: high * factor, log: false });
+    const { map, scale } = this.state, { bound, noisy } = this.data, factor = 10 ** (scale / 2), evenly = (high) => ({ low: 0, high: high * factor, log: false, allowed: 0 });
     return this.remember("scale", [...MAPPING, "scale"], () => {
       if (map === "sigmas") return evenly(5);
       const all = this.map();
@@ -134,7 +136,7 @@ class Colours {
       const worst = all.reduce((most, v) => (Number.isFinite(v) ? Math.max(most, Math.abs(v)) : most), 0);
       const allowed = (bound?.share ?? 1e-5) * (map === "signed" ? bound?.scale ?? 1 : 1);
       const low = 10 ** (Math.floor(Math.log10(allowed)) - 2), high = Math.max(10 ** Math.ceil(Math.log10(worst || low) - 1e-9), 1e3 * low);
-      return { low: low * factor, high: high * factor, log: true };
+      return { low: low * factor, high: high * factor, log: true, allowed: bound?.held ? allowed : 0 };
     });
   }
 
@@ -146,7 +148,8 @@ class Colours {
 
   shade(v) {
     if (!Number.isFinite(v) && (Number.isNaN(v) || this.state.map !== "sigmas")) return LOST;
-    const t = this.position(v);
+    const t = this.position(v), { allowed } = this.scale();
+    if (allowed && Math.abs(v) <= allowed) return mix(ALLOWED, Math.abs(t) / this.position(allowed)).map((x) => Math.round(255 * encode(x)));
     return mix(t < 0 ? DARKER : BRIGHTER, Math.abs(t)).map((x) => Math.round(255 * encode(x)));
   }
 

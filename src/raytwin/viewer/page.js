@@ -104,14 +104,14 @@ class Viewer extends View {
       return el("label", {}, `${label} `, input, said);
     };
     const choice = (label, name, options, title = (x) => x) => {
-      const input = el("select", { onchange: () => this.set({ [name]: input.value }) });
+      const all = el("div", { className: "rt-group", role: "group", ariaLabel: label });
       this.controls.push(() => {
-        const all = options();
-        if (input.dataset.all !== all.join()) input.replaceChildren(...all.map((x) => el("option", { value: x, textContent: title(x) })));
-        input.dataset.all = all.join();
-        input.value = s[name];
+        const now = options();
+        if (all.dataset.all !== now.join()) all.replaceChildren(...now.map((x) => Object.assign(button(title(x), `${label}: ${title(x)}`, () => this.set({ [name]: x })), { of: x })));
+        all.dataset.all = now.join();
+        for (const one of all.children) one.ariaPressed = String(one.of === s[name]);
       });
-      return el("label", {}, `${label} `, input);
+      return el("div", { className: "rt-choice" }, el("span", { textContent: label }), all);
     };
     this.controls = [];
     const tick = el("input", { type: "checkbox", onchange: () => this.set({ outlines: tick.checked }) });
@@ -119,7 +119,7 @@ class Viewer extends View {
     const adjust = el("details", { className: "rt-adjust" }, el("summary", { textContent: "Exposure, tone, maps" }), el("div", {},
       range("Exposure", "exposure", -12, 12, 0.05, signed), range("Gamma", "gamma", 0.4, 3, 0.05, (x) => x.toFixed(2)),
       choice("Tone", "tone", () => Object.keys(TONES)), choice("Channel", "channel", () => CHANNELS),
-      ...(names.reference ? [choice("Map", "map", () => this.maps(), (x) => ({ signed: "signed", relative: "relative", sigmas: "in sigmas" })[x] ?? x),
+      ...(names.reference ? [choice("Map", "map", () => this.maps(), (x) => ({ signed: "signed", relative: "relative", sigmas: "in sigmas" })[x] ?? x.replace(PART, "")),
         range("Range", "scale", -8, 8, 1, (x) => `× ${short(Number((10 ** (x / 2)).toPrecision(2)))}`), el("label", {}, tick, " Outlines")] : []),
       button("Reset", "As it was (r)", () => this.reset())));
     const step = (text, title, by) => button(text, title, () => this.go(by));
@@ -155,7 +155,8 @@ class Viewer extends View {
     this.root.classList.add("rt");
     bar.append(adjust);
     this.box.append(inspector);
-    this.root.append(bar, this.box, el("details", { className: "rt-keys" }, el("summary", { textContent: "Mouse, fingers and keys" }), el("p", { textContent: keys })));
+    const heading = el("h2", { className: "rt-heading", textContent: "Pictures" }); // of the panes' own, for who listens
+    this.root.append(heading, bar, this.box, el("details", { className: "rt-keys" }, el("summary", { textContent: "Mouse, fingers and keys" }), el("p", { textContent: keys })));
     let wide = this.root.clientWidth;
     new ResizeObserver(() => {
       if (wide === this.root.clientWidth) return;
@@ -216,8 +217,8 @@ class Viewer extends View {
   legend() {
     const pane = [...this.panes.values()].find((p) => p.kind === "map");
     if (!pane || pane.figure.hidden || !pane.legend.clientWidth) return;
-    const { g, w, h, ink } = this.sheet(pane.legend), { map } = this.state, { low, high, log } = this.scale(), about = this.about();
-    const { names, bound } = this.data, bar = 14, top = h - bar, n = 101;
+    const { g, w, h, ink } = this.sheet(pane.legend), { low, high, log } = this.scale(), about = this.about();
+    const { names } = this.data, { allowed } = this.scale(), bar = 14, top = h - bar, n = 101;
     const value = (t) => Math.sign(t) * (log ? low * (high / low) ** Math.abs(t) : high * Math.abs(t)), at = (t) => ((t + 1) / 2) * w;
     const bins = this.remember(`bins ${w}`, [...MAPPING, "scale"], () => {
       const made = new Float64Array(n), all = this.map(), step = Math.max(1, Math.floor(all.length / 1e5));
@@ -234,7 +235,7 @@ class Viewer extends View {
       g.fillStyle = `rgb(${this.shade(value((2 * i) / (n - 1) - 1))})`;
       g.fillRect(x, top, w / n + 0.5, bar);
     });
-    const held = bound?.held && map === "signed" ? this.position(bound.share * bound.scale) : 0;
+    const held = this.position(allowed);
     for (const t of held ? [-held, held] : []) this.twice(g, () => { g.moveTo(at(t), top - 3); g.lineTo(at(t), h); });
     const decades = Math.log10(high / low), each = Math.max(1, Math.ceil(decades / (w < 420 ? 2 : 4)));
     const sizes = log ? Array.from({ length: Math.floor((decades - 1e-9) / each) + 1 }, (_, k) => 1 - (k * each) / decades).filter((t) => t > 0.12) : [1, 0.5];
@@ -245,12 +246,23 @@ class Viewer extends View {
       if (Math.abs(t) === 1) span.style.transform = t < 0 ? "none" : "translateX(-100%)";
       return span;
     }));
+    this.thin_out([...pane.ticks.children]);
     const signs = about.part ? `Red: it makes the ${names.test} brighter. Blue: darker.` : `Blue: ${names.test} darker. Red: brighter.`;
     const faint = log && !about.part ? ` Differences below ${short(low)} are blank.` : "";
-    const ticks = held && !about.part ? ` Ticks mark the tolerance (${short(bound.share * bound.scale)}).` : "";
+    const ticks = held ? ` Ticks mark the tolerance (${short(allowed)}), below it all is grey.` : "";
     const seen = about.part ? "" : log ? " Zoomed out, each point shows its worst pixel." : this.data.noisy ? " Zoomed out, each point shows a mean." : "";
     const what = about.part ? "A part of the error" : `${names.test} − ${names.reference}`;
     pane.said.textContent = `${what}, ${about.unit}. ${signs}${faint}${ticks}${seen}`;
+  }
+
+  // Hides what would touch another; the ends and the middle stay.
+  thin_out(spans) {
+    const kept = [], at = (span) => span.getBoundingClientRect(), order = [0, spans.length - 1, (spans.length - 1) / 2];
+    for (const span of new Set([...order.map((i) => spans[i]), ...spans])) {
+      const { left, right } = at(span), free = kept.every((other) => right + 5 < other.left || left - 5 > other.right);
+      if (free) kept.push(at(span));
+      else span.hidden = true;
+    }
   }
 
   histogram() {

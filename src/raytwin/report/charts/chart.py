@@ -25,7 +25,7 @@ from raytwin.report.charts.svg import (
 LEFT, TOP, WIDTH, HEIGHT, RIGHT, BOTTOM = 80, 50, 740, 600, 30, 60
 """Pixels: the frame's corner, its size, and what is right of it and below."""
 FLOOR = "#eef0f3"
-LETTER, LINE = 0.66, 13.0
+LETTER, LINE = 0.66, 14.0
 """Average width of a label's letter, as a share of its size; and pixels from one label down to the next."""
 
 
@@ -133,32 +133,53 @@ def svg_text(chart: Chart) -> str:
 
 
 def label_shapes(chart: Chart) -> Iterator[str]:
-    """Write the labels beside their points, those of strong points first, as near to their height as the labels
-    before them leave room for."""
-    placed: list[tuple[float, float, float]] = []
+    """Write the labels beside their points, those of strong points first, as near as points and the labels before
+    them leave room for."""
+    points = [chart.axes.at(p.x, p.y) for p in chart.points]
+    placed = [_box((LEFT + 6, TOP + HEIGHT - 9), LETTER * 10 * 31)]  # of the floor's text
     for p in sorted((p for p in chart.points if p.label), key=lambda p: not p.strong):
         at, long = chart.axes.at(p.x, p.y), LETTER * 11 * len(p.label)
-        free = (place for place in places(at, long, p.left) if not covered(place, long, placed))
-        x, y = next(free, (max(LEFT, min(at[0] + 9, LEFT + WIDTH - long)), at[1]))  # or over another
-        placed.append((x, y, long))
+        free = [place for place in places(at, long, p.left) if not covered(_box(place, long), placed)]
+        clear = (place for place in free if not any(_inside(point, _box(place, long)) for point in points))
+        x, y = next(clear, free[0] if free else (LEFT, at[1]))
+        placed.append(_box((x, y), long))
         if abs(y - at[1]) > LINE:
-            yield stroke((at, (x if x > at[0] else x + long, y)), faded(p.colour, 0.7), 0.6, role="label")
+            yield stroke((at, (min(max(at[0], x), x + long), y)), faded(p.colour, 0.7), 0.6, role="label")
         size = 11 if p.strong else 10
         yield words(p.label, (x, y), size, p.colour, bold=p.strong, halo=True, role="label")
 
 
+Box = tuple[float, float, float, float]
+"""Left, top, right and bottom of a text."""
+
+
 def places(at: XY, long: float, left: bool) -> Iterator[XY]:
-    """Yield left ends of a label `long` pixels wide: right and left of a point, ever higher and lower."""
-    sides = sorted((at[0] + 9, at[0] - 9 - long), reverse=not left)
+    """Yield left ends of a label `long` pixels wide, ever higher and lower: right and left of a point, and, where it
+    lies above or below, as near to the middle as the frame allows."""
+    beside = sorted((at[0] + 9, at[0] - 9 - long), reverse=not left)
+    middle = max(LEFT, min(at[0] - long / 2, LEFT + WIDTH - long))
     for k in range(2 * int(HEIGHT / LINE) + 2):
         y = at[1] + (k // 2 + k % 2) * LINE * (-1 if k % 2 else 1)
-        if TOP <= y <= TOP + HEIGHT:
-            yield from ((x, y) for x in sides if LEFT <= x <= LEFT + WIDTH - long)
+        if TOP + LINE / 2 <= y <= TOP + HEIGHT - LINE / 2:
+            yield from ((x, y) for x in beside if LEFT <= x <= LEFT + WIDTH - long)
+            if k:
+                yield middle, y
 
 
-def covered(place: XY, long: float, placed: Sequence[tuple[float, float, float]]) -> bool:
+def covered(label: Box, placed: Iterable[Box]) -> bool:
+    left, top, right, bottom = label
+    return any(left < r and right > x and top < b and bottom > y for x, y, r, b in placed)
+
+
+def _box(place: XY, long: float) -> Box:
     x, y = place
-    return any(abs(y - v) < LINE - 0.5 and x < u + wide and u < x + long for u, v, wide in placed)
+    return x, y - LINE / 2, x + long, y + LINE / 2
+
+
+def _inside(point: XY, label: Box) -> bool:
+    x, y = point
+    left, top, right, bottom = label
+    return left - 5 < x < right + 5 and top - 2 < y < bottom + 2
 
 
 def chart_html(chart: Chart) -> str:
