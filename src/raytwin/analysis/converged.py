@@ -30,8 +30,10 @@ UNCERTAINTY = 2.0
 """Standard errors between an error's value and its bounds."""
 SEEDS = 10_001, 20_001
 """Of the two halves. No other render of raytwin has these."""
-MAX_TIMED_SAMPLES, MAX_SAMPLES = 16, 256
-"""Most samples per pixel of one render: where a time limit is checked after each, and where there is none."""
+MAX_SAMPLES = 256
+"""Samples per pixel of one render, at most."""
+MAX_TIMED_SAMPLES = 16
+"""The same where a time limit is checked after each render."""
 SQUARES = "rmse", "relmse"
 """Metrics that are means of squares, so that two halves give an unbiased estimate."""
 R2 = np.array([0.7548776662466927, 0.5698402909980532])

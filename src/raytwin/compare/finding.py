@@ -17,6 +17,7 @@ class Kind(NamedTuple):
 
 
 HARD = 0
+"""The rank of what no tolerance allows."""
 KINDS = {
     "shape": Kind(HARD, "no such image"),
     "NaN": Kind(HARD, "not a number"),
