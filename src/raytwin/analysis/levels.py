@@ -45,6 +45,7 @@ DEPTHS = 2, 3, 4, 8
 SAMPLES = 1, 4, 16, 64
 """Samples per pixel of the table. A tolerance tries all powers of two up to MAX_SAMPLES."""
 MAX_SAMPLES = 1024
+"""Samples per pixel, at most, of a method that is tried for a tolerance."""
 REFERENCE_DEPTH, REFERENCE_SAMPLES, MAX_REFERENCE_SAMPLES = 16, 256, 4096
 """Samples per pixel without a tolerance; with one, at most."""
 FLOOR = 0.1, 1 / 3
