@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,9 @@ from raytwin import files
 from raytwin.image import Image
 from raytwin.scene import Scene
 from raytwin.speed import ENGINES
-from raytwin.speed.sampling import pixel_draws
+from raytwin.speed.sampling import BATCHES, sobol_pair
 from raytwin.tracer import trace_paths
+from raytwin.tracer.path import Draw
 
 SHIPPED = ("single", "overlap", "distorted", "grazing")
 
@@ -74,6 +76,19 @@ def single(scenes) -> Scene:
 @pytest.fixture(scope="session")
 def overlap(scenes) -> Scene:
     return files.read_scene(scenes / "overlap").scene
+
+
+def sample_indices(samples: int) -> list[tuple[int, int]]:
+    """(batch, index within it) of each of a pixel's samples; the first batches have one more where they differ."""
+    number = min(BATCHES, samples)
+    return [(b, i) for b in range(number) for i in range(samples // number + (b < samples % number))]
+
+
+def pixel_draws(image_size: tuple[int, int], samples: int, seed: int = 0) -> list[Draw]:
+    """The numbers of all pixels of a frame (width, height), for each of its samples: what `speed.walk` uses."""
+    w, h = image_size
+    pixel, like = np.arange(w * h).reshape(h, w), np.zeros((h, w))
+    return [partial(sobol_pair, like, pixel, batch, i, seed & 0xFFFFFFFF) for batch, i in sample_indices(samples)]
 
 
 def plain_paths(scene: Scene, depth: int = 8, samples: int = 16, seed: int = 0) -> Image:

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from engines import plain_paths
+from engines import pixel_draws, plain_paths, sample_indices
 
 from raytwin import speed
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
-from raytwin.speed.sampling import BATCHES, pixel_draws, sample_indices
+from raytwin.speed.sampling import BATCHES
 from raytwin.tracer import trace_paths
 
 DOWN = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))

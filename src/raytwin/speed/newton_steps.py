@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from raytwin.scene import Camera
-from raytwin.scene.lens import STEPS, check_lens, distort, has_no_ray
+from raytwin.scene.lens import STEPS, check_lens, distort, undone
 from raytwin.tracer.pixel_to_ray import undistort
 
 ALIKE = 1e-4
@@ -22,13 +22,11 @@ def newton_steps(camera: Camera, precision: str = "float64") -> int:
     if not any(dist):
         return 0
     check_lens(camera)
-    u = np.linspace(-0.5, camera.width - 0.5, 33)
-    v = np.linspace(-0.5, camera.height - 0.5, 33)[:, None]
-    xd, yd = np.broadcast_arrays((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy)
-    xd, yd = (a[~has_no_ray(camera, u, v)] for a in (xd, yd))
+    known = undone(camera.K, camera.dist, camera.image_size)
+    xd, yd = ((known.pixels[known.found] - (camera.cx, camera.cy)) / (camera.fx, camera.fy)).T
+    x, y = known.ideal[known.found].T
     enough = 2e-14 if precision == "float64" else 2e-8
     with np.errstate(all="ignore"):
-        x, y = undistort(xd, yd, dist)
         for steps in range(STEPS):
             ended = undistort(xd, yd, dist, steps)
             back = distort(*ended, dist)

@@ -7,23 +7,15 @@ spread of the batches gives the error of their mean, and shuffles the points of 
 "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020). For a smooth integrand the error falls faster than by chance.
 """
 
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from raytwin.arrays import library
 from raytwin.lights.lookup import as_floats
-from raytwin.tracer.path import Draw
 
 BATCHES = 16
 """Independent means of a pixel's samples, whose spread gives the variance: as many as the twin's."""
-
-
-def sample_indices(samples: int) -> list[tuple[int, int]]:
-    """(batch, index within it) of each of a pixel's samples; the first batches have one more where they differ."""
-    number = min(BATCHES, samples)
-    return [(b, i) for b in range(number) for i in range(samples // number + (b < samples % number))]
 
 
 def sobol_pair(like: Any, pixel: Any, batch: Any, index: Any, seed: Any, bounce: Any) -> tuple[Any, Any]:
@@ -42,13 +34,6 @@ def sobol_pair(like: Any, pixel: Any, batch: Any, index: Any, seed: Any, bounce:
     digits = scrambled(reverse_bits(as_unsigned(like, index)), z)
     a, b = scrambled(digits, x), scrambled(second_of_sobol(digits), y)
     return as_floats(like, a >> 8) * 2.0**-24, as_floats(like, b >> 8) * 2.0**-24
-
-
-def pixel_draws(image_size: tuple[int, int], samples: int, seed: int = 0) -> list[Draw]:
-    """The numbers of all pixels of a frame (width, height), for each of its samples: what `speed.walk` uses."""
-    w, h = image_size
-    pixel, like = np.arange(w * h).reshape(h, w), np.zeros((h, w))
-    return [partial(sobol_pair, like, pixel, batch, i, seed & 0xFFFFFFFF) for batch, i in sample_indices(samples)]
 
 
 def second_of_sobol(index: Any) -> Any:
