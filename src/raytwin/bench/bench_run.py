@@ -113,8 +113,9 @@ def bench_scenes(
             rows, errors, left = rows + own, errors + whole, missing | left
         made.append(
             Bench(
-                scene.name, machine(), versions(), deadline - began, clock() - began,
-                tuple(camera.image_size for camera in cameras), tuple(rows), tuple(errors), left, subjects,
+                scene=scene.name, machine=machine(), versions=versions(), budget=deadline - began,
+                seconds=clock() - began, sizes=tuple(camera.image_size for camera in cameras), rows=tuple(rows),
+                errors=tuple(errors), left_out=left, subjects=subjects,
             )
         )  # fmt: skip
     if not any(one.rows for one in made):
