@@ -36,9 +36,9 @@ ERRORS = ("rmse", "relmse", "p999_abs")
 """The metrics that a row carries: rows of compare.METRICS."""
 WHOLE = "path-area"
 """The reference with all light, which every method is compared with, whatever part of it the method computes."""
-REFERENCE_SHARE, PREPARE_SHARE = 0.3, 0.6
+REFERENCE_SHARE, PREPARE_SHARE = 0.3, 0.47
 """Shares of a size's time: references end after the first, and no method is prepared after the second. Each warm call
-takes no longer than its first one did, so that a round of timed calls fits into what is left."""
+takes no longer than its first one did, so that three rounds of timed calls fit into what is left."""
 OUT_OF_TIME = "no time"
 """How the reason begins where a larger budget would help."""
 
