@@ -238,7 +238,7 @@ def mine(tmp_path):
 
 
 def test_several_scenes_have_a_result_each_and_a_crash_costs_its_own_row_alone(mine, scenes):
-    methods = ["fill", as_method(f"{mine}:right", "right"), as_method(f"{mine}:unlit", "unlit")]
+    methods = ["fill", *(as_method(f"{mine}:{name}", name) for name in ("right", "unlit"))]
     methods += [as_method("numpy32-shadow-none"), "numpy32-shadow-none"]
     overlap, single = bench.bench_scenes([scenes / "overlap", scenes / "single"], methods=methods, **FEW)
     rows = {(b.scene, r.method): r.verdict for b in (overlap, single) for r in b.rows}
@@ -251,6 +251,18 @@ def test_several_scenes_have_a_result_each_and_a_crash_costs_its_own_row_alone(m
     assert "IndexError: seven" in single.left_out["right"]
     assert overlap.subjects == single.subjects == ("right", "unlit", "numpy32-shadow-none")
     assert (overlap.exit_code, single.exit_code) == (1, 2)
+
+
+def test_a_crash_in_a_later_render_leaves_the_renderer_out(scenes):
+    def moody(scene, seed):
+        if seed > 1:
+            raise IndexError("eight")
+        return np.zeros((scene["height"], scene["width"], 3))
+
+    found = bench.bench(scenes / "overlap", methods=["fill", as_method(moody)], **FEW)
+    assert [row.method for row in found.rows] == ["fill"]
+    assert "IndexError: eight" in found.left_out["moody"]
+    assert found.exit_code == 2
 
 
 def test_sampled_light_through_the_pixels_center_is_judged_by_the_twin_of_the_same(mine, scenes):

@@ -36,9 +36,9 @@ ERRORS = ("rmse", "relmse", "p999_abs")
 """The metrics that a row carries: rows of compare.METRICS."""
 WHOLE = "path-area"
 """The reference with all light, which every method is compared with, whatever part of it the method computes."""
-REFERENCE_SHARE, PREPARE_SHARE = 0.3, 0.6
+REFERENCE_SHARE, PREPARE_SHARE = 0.3, 0.47
 """Shares of a size's time: references end after the first, and no method is prepared after the second. Each warm call
-takes no longer than its first one did, so that a round of timed calls fits into what is left."""
+takes no longer than its first one did, so that three rounds of timed calls fit into what is left."""
 OUT_OF_TIME = "no time"
 """How the reason begins where a larger budget would help."""
 
@@ -113,8 +113,9 @@ def bench_scenes(
             rows, errors, left = rows + own, errors + whole, missing | left
         made.append(
             Bench(
-                scene.name, machine(), versions(), deadline - began, clock() - began,
-                tuple(camera.image_size for camera in cameras), tuple(rows), tuple(errors), left, subjects,
+                scene=scene.name, machine=machine(), versions=versions(), budget=deadline - began,
+                seconds=clock() - began, sizes=tuple(camera.image_size for camera in cameras), rows=tuple(rows),
+                errors=tuple(errors), left_out=left, subjects=subjects,
             )
         )  # fmt: skip
     if not any(one.rows for one in made):
@@ -175,7 +176,7 @@ def _nothing(left: dict[str, str], subjects: Collection[str], budget: float, spe
 @dataclass(eq=False)
 class _Run:
     """A method while it is measured: `first`, `seconds` of its first call and of the timed ones; `turn`: of its latest
-    call and what was done with the image; `errors`: reference -> ERRORS of each image."""
+    call and what was done with the image; `errors`: reference -> ERRORS of each image; `failed`: what went wrong."""
 
     method: Renderer
     call: Call
@@ -184,6 +185,7 @@ class _Run:
     seconds: list[float] = field(default_factory=list)
     errors: dict[str, list[list[float]]] = field(default_factory=dict)
     judged: Comparison | None = None
+    failed: str = ""
 
 
 def reference_of(method: Renderer) -> str:
@@ -222,8 +224,10 @@ def measure_size(
 
     runs, left = first_calls(scene, methods, subjects, look, start + PREPARE_SHARE * given, progress)
     rounds(runs, look, deadline, repeats)
-    left |= {run.method.name: f"{OUT_OF_TIME} left for a timed call" for run in runs if not run.seconds}
-    runs = sorted((run for run in runs if run.seconds), key=lambda run: methods.index(run.method))
+    for run in runs:
+        if run.failed or not run.seconds:
+            left[run.method.name] = run.failed or f"{OUT_OF_TIME} left for a timed call"
+    runs = [run for method in methods for run in runs if run.method is method and method.name not in left]
     size = scene.camera.image_size
     rows = []
     for name in names:
@@ -290,12 +294,17 @@ def rounds(runs: Sequence[_Run], look: Look, deadline: float, repeats: int) -> N
     for number in range(1, repeats + 1):
         for i in rng.permutation(len(runs)):
             run, begun = runs[i], clock()
-            if begun + run.turn > deadline:
+            if run.failed or begun + run.turn > deadline:
                 continue
             gc.disable()
-            image = run.call(number)
+            try:
+                image = run.call(number)
+            except InputError as error:  # of one seed alone
+                run.failed = str(error)
+                continue
+            finally:
+                gc.enable()
             run.seconds.append(clock() - begun)
-            gc.enable()
             if run.method.noisy:
                 look(run, image)
             run.turn = clock() - begun
