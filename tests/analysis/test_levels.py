@@ -91,7 +91,7 @@ def test_each_part_is_its_term_of_the_series_and_can_be_dropped_below_the_tolera
 
 @pytest.mark.parametrize("name", ["overlap", "studio"])
 def test_no_part_of_the_light_exceeds_what_is_certain_without_a_render(scenes, name):
-    """a E/π, a L, and a (E/π + L) a^(n+1) / (1 - a) with F <= 1, beside which a pixel's noise is 4.5 standard errors."""
+    """a E/π, a L, and a (E/π + L) a^(n+1) / (1 - a) with F <= 1. A pixel's noise is granted 4.5 standard errors."""
     scene = files.read_scene(scenes / name).scene
     small = scene.with_camera(scene.camera.resized(*SIZE))
     albedo = max(max(thing.material.albedo) for thing in scene.objects)
