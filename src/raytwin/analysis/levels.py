@@ -20,14 +20,14 @@ import msgspec
 import numpy as np
 
 from raytwin import files, twin
-from raytwin.analysis.converged import SQUARES, UNCERTAINTY, Error, Reference, converged, unbiased_error
+from raytwin.analysis.converged import SQUARES, Error, Reference, converged, unbiased_error
 from raytwin.calib.find_camera import find_camera
 from raytwin.errors import InputError, check_one_of
 from raytwin.image import Image
 from raytwin.notebook import InNotebook
 from raytwin.progress import Progress, Stages, silent
 from raytwin.renderers.renderer import Renderer
-from raytwin.renderers.subject_renderers import Filled, PathTraced, Supersampled, Traced, fast_engine
+from raytwin.renderers.subject_renderers import Filled, PathTraced, Traced, fast_engine
 from raytwin.renderers.twin_renderers import Twin
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Lambert, Record, Scene, SceneFile, Sky
@@ -38,8 +38,6 @@ METRICS = *SQUARES, "mae", "max_abs", "p999_abs", "p999_rel"
 """Metrics that are 0 for equal images."""
 WIDTH = 320
 """Pixels across by default."""
-GRIDS = 1, 4, 16
-"""Rays per pixel where a formula gives the light."""
 DEPTHS = 2, 3, 4, 8
 """Depths of random walks: no bounce, one, two, and six."""
 SAMPLES = 1, 4, 16, 64
@@ -52,8 +50,6 @@ FLOOR = 0.1, 1 / 3
 """Shares of the tolerance: the floor that the reference is rendered to, and the one that is too high to answer."""
 PART_SAMPLES, PART_SEEDS = 64, (31, 32)
 """Samples per pixel of each half of the light's parts."""
-REPEATS = 8
-"""Images of a method whose error is below the tolerance but, from one image, not surely so."""
 STILL = 0.05
 """Pixels: lens coefficients that move no pixel farther can be dropped."""
 
@@ -198,8 +194,7 @@ def _table(engine: str) -> Iterator[Renderer]:
     """The tracer's methods."""
     yield Filled()
     for rung in ("lambert", "shadow"):
-        for n in GRIDS:
-            yield Traced(rung, engine) if n == 1 else Supersampled(rung, engine, n)
+        yield Traced(rung, engine)
     for depth in DEPTHS:
         for n in SAMPLES:
             yield walks(engine, depth, n)
@@ -216,7 +211,7 @@ def method_of(row: Row) -> Renderer:
     engine = row.method.partition("-")[0]
     if row.depth is not None:
         return walks(engine, row.depth, row.samples)
-    return Traced(row.rung, engine) if row.samples == 1 else Supersampled(row.rung, engine, row.samples)
+    return Traced(row.rung, engine)
 
 
 class _Survey:
@@ -249,22 +244,9 @@ class _Survey:
         if rung != "none":
             self.images[f"{side}: {rung}"] = image  # the last, with the most samples, is shown
         row = Row(
-            method.name, side, rung, depth, method.sampling, method.samples, self.rays(method), min(taken), error.value,
-            error.most,
+            method.name, side, rung, depth, method.sampling, method.samples if method.noisy else 1, self.rays(method),
+            min(taken), error.value, error.most,
         )  # fmt: skip
-        self.known[method.name] = row
-        return row
-
-    def repeated(self, method: Renderer) -> Row:
-        """The row with the mean over REPEATS further images, and the bounds that their scatter gives."""
-        power = 2 if self.metric == "rmse" else 1
-        found = [self.whole.error(method(self.scene, seed).mean, self.metric) for seed in range(1, REPEATS + 1)]
-        values, most_of_each = (np.array([error[k] for error in found]) ** power for k in (0, 2))
-        value, scatter = float(values.mean()), float(values.std(ddof=1)) / math.sqrt(REPEATS)
-        most = value + math.hypot(float((most_of_each - values).mean()), UNCERTAINTY * scatter)
-        row = msgspec.structs.replace(
-            self.known[method.name], error=value ** (1 / power), error_most=most ** (1 / power)
-        )
         self.known[method.name] = row
         return row
 
@@ -274,9 +256,7 @@ class _Survey:
             return 0.0
         depth = _depth(method)
         if depth is None:
-            return (1 if isinstance(method, Twin) else method.samples) * (
-                1 + (self.surfaces[0] if RUNGS[method.rung].shadows else 0.0)
-            )
+            return 1 + (self.surfaces[0] if RUNGS[method.rung].shadows else 0.0)
         each = 3 if self.scene.environment else 2
         return method.samples * (1 + each * sum(self.surfaces[: depth - 1]))
 
@@ -298,8 +278,6 @@ class _Survey:
         while queue:
             method = queue.pop(min(range(len(queue)), key=lambda i: self.rays(queue[i])))
             row = self.measure(method)
-            if method.noisy and row.error <= tolerance < row.error_most:
-                row = self.repeated(method)
             if row.error_most <= tolerance:
                 return row, ""
             if method.noisy and 2 * method.samples <= MAX_SAMPLES and not self.hopeless(method, tolerance):
