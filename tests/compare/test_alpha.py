@@ -8,6 +8,7 @@ from PIL import Image as Pillow
 from raytwin import files
 from raytwin.compare import compare
 from raytwin.compare.alpha import alpha_findings
+from raytwin.compare.judging import Judging
 from raytwin.image import Image
 from raytwin.image_input import as_image
 from raytwin.image_pool import ImagePool
@@ -111,5 +112,5 @@ def test_a_layers_own_alpha_is_read(tmp_path):
 def test_alphas_of_another_shape_fail():
     image, other = Image(RGB, alpha=SOFT), Image(RGB)
     object.__setattr__(other, "alpha", SOFT[1:])
-    (found,), _ = alpha_findings(other, image, 1e-5, 1e-3, (None, None))
+    (found,), _ = alpha_findings(other, image, Judging(), (None, None))
     assert found.text == "the alpha has the shape (31, 40), the reference's (32, 40)"

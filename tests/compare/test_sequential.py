@@ -38,9 +38,9 @@ def test_no_two_looks_share_a_level_and_they_are_a_fourth_of_an_octave_apart():
 def test_the_levels_that_a_run_uses_are_four_in_an_octave_at_most_and_sum_to_less_than_the_rate(size):
     rng, used = np.random.default_rng(6), []
 
-    def judge(*images, **options):
-        used.append(options["false_alarm_rate"])
-        return compare(*images, **options)
+    def judge(*images, judging, **options):
+        used.append(judging.false_alarm_rate)
+        return compare(*images, judging, **options)
 
     check = SequentialComparison(detectable_bias=1e-9, judge=judge)
     for _ in range(100 // size):

@@ -67,16 +67,17 @@ def check_command(
     Renders stop as soon as the verdict is certain. Exit with 1 if one fails, otherwise with 2 if one is missing or
     damaged.
     """
+    from raytwin.compare import Judging
     from raytwin.workflows import make_reference
     from raytwin.workflows.rounds import parse_budget
 
+    judging = Judging(detectable_bias=detectable_bias, detectable_tile_bias=detectable_tile_bias)
     folder, checked, most = _source(folder), [], parse_budget(budget)
     for scene, one, found in _cases(scenes, rung, placed=False):
         with show_progress() as progress:
             done = make_reference.check(
-                scene, one, folder, budget=most, detectable_bias=detectable_bias,
-                detectable_tile_bias=detectable_tile_bias, found=found, progress=progress,
-            )  # fmt: skip
+                scene, one, folder, budget=most, judging=judging, found=found, progress=progress
+            )
         checked.append(done)
         say(f"{WORDS[done.exit_code]}  {done.path.parent.name}/{done.path.stem}")
         for problem in done.problems:

@@ -6,6 +6,7 @@ import numpy as np
 
 from raytwin.compare.blocks import Pixels
 from raytwin.compare.finding import Finding, Place, at, plural
+from raytwin.compare.judging import Judging
 from raytwin.image import Image
 
 EIGHT_BITS = 0.5001 / 255
@@ -17,7 +18,7 @@ SIDE = 8
 
 
 def alpha_findings(
-    test: Image, reference: Image, tolerance: float, rate: float, half_steps: tuple[Pixels | None, Pixels | None]
+    test: Image, reference: Image, judging: Judging, half_steps: tuple[Pixels | None, Pixels | None]
 ) -> tuple[list[Finding], tuple[str, ...]]:
     """Return what differs, and a note where only one image has an alpha that is not 1 everywhere.
 
@@ -32,13 +33,13 @@ def alpha_findings(
         return [], (f"alpha was not compared: only the {'reference' if a is None else 'test image'} has it",)
     if a.shape != b.shape:
         return [Finding("silhouettes", f"the alpha has the shape {a.shape}, the reference's {b.shape}")], ()
-    allowed = tolerance + EIGHT_BITS * sum(half is not None for half in half_steps)
+    allowed = judging.bounds.p999_abs + EIGHT_BITS * sum(half is not None for half in half_steps)
     size = 1
     if test.variance is not None or reference.variance is not None:
         size = min(SIDE, *a.shape)
         a, b = _means(a, size), _means(b, size)
         each = sum(1 / max(image.samples, 1) for image in (test, reference)) / size**2
-        allowed += math.sqrt(math.log(2 * a.size / rate) * each / 2)
+        allowed += math.sqrt(math.log(2 * a.size / judging.false_alarm_rate) * each / 2)
     with np.errstate(invalid="ignore"):
         off = ~(np.abs(a.astype(float) - b) <= allowed)
     if off.sum() <= FEW * off.size:

@@ -10,6 +10,7 @@ from raytwin.compare.comparison import Statistics
 from raytwin.compare.decision import TESTS, Decision, Rounding, decide
 from raytwin.compare.exact import NoiseFree, count_noise_free
 from raytwin.compare.finding import Finding, Place, notes
+from raytwin.compare.judging import Judging
 from raytwin.compare.messages import agreement, noise_findings, percent, what_could_be_seen
 from raytwin.compare.metrics import METRICS, p999_abs
 from raytwin.compare.noise import Residual, block_means, capped, estimated, rare_light, residual
@@ -19,7 +20,6 @@ from raytwin.compare.shift import Shift, shift_findings
 from raytwin.compare.significance import sidak
 from raytwin.compare.untold import ESTIMATED, GIVE, UNEXPLAINED, borne_out, dense, unexplained
 from raytwin.image import Image
-from raytwin.scene import Tolerance
 
 TINY, ZERO = np.float32(1e-30), np.zeros(3)
 
@@ -71,20 +71,22 @@ class Outcome(NamedTuple):
 class RadianceTest:
     """Two finite images of one shape, in units of `unit`, and how closely they must agree.
 
-    `detectable`: the relative biases of the whole image, and of 24 x 24 pixels, that a pass must not have missed.
+    `look`: the false-alarm rate as a share of that of a whole sequence of looks.
     """
 
     test: Image
     reference: Image
-    tolerance: Tolerance
+    judging: Judging
     bound: Bound
     unit: float
-    rate: float
     look: float
     half_steps: tuple[Pixels | None, Pixels | None]
     excused: int
     shift: Shift | None
-    detectable: tuple[float, float]
+
+    @property
+    def rate(self) -> float:
+        return self.judging.false_alarm_rate
 
     @property
     def pixels(self) -> int:
@@ -203,14 +205,14 @@ class RadianceTest:
             relative = METRICS["p999_rel"].function(t, r)
             text = f"99.9 % quantile of the error: {p999:.3g} absolute, {relative:.3g} relative"
             findings.append(Finding("exact", text))
-        allowed = self.tolerance.p999_abs * self.bound.scale * self.unit
+        allowed = self.judging.bounds.p999_abs * self.bound.scale * self.unit
         statistics = Statistics(pixel_fail_fraction=noise_free.outliers / self.pixels)
         noise_free = noise_free._replace(error=noise_free.error * self.unit)
         return Outcome(findings, statistics, (agreement(p999, allowed, noise_free),), failing=noise_free.places)
 
     def _noise_free_findings(self, noise_free: NoiseFree) -> list[Finding]:
         noise_free = noise_free._replace(error=noise_free.error * self.unit)
-        return noise_free.findings(self.tolerance, self.bound.scale * self.unit, self.pixels, self.excused)
+        return noise_free.findings(self.judging.bounds, self.bound.scale * self.unit, self.pixels, self.excused)
 
     def _answered(self, made: Decision, reference: Image) -> Outcome:
         findings = self._noise_free_findings(made.noise_free) + noise_findings(made, reference, self.unit)
@@ -229,7 +231,7 @@ class RadianceTest:
         of = (seen, "the whole image's mean"), (made.tile.detectable, "24 x 24 pixels")
         missed = [
             f"{percent(found)} of {what} (a pass needs {percent(limit)})"
-            for (found, what), limit in zip(of, self.detectable, strict=True)
+            for (found, what), limit in zip(of, self.judging.detectable, strict=True)
             if found > limit
         ]
         if not findings and missed:

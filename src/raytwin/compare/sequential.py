@@ -17,15 +17,16 @@ rate: no look is worth its time before one of the three can be expected.
 import math
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import msgspec
 
 from raytwin.compare.comparison import Comparison
 from raytwin.compare.finding import notes
+from raytwin.compare.judging import Judging
 from raytwin.compare.messages import percent, what_could_be_seen
-from raytwin.compare.verdict import DETECTABLE_BIAS, compare
+from raytwin.compare.verdict import compare
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.image_input import LoadedImage, as_image
@@ -80,10 +81,10 @@ class SequentialComparison:
                 break
 
     `test` and `reference` are the sides that stay as they are; what is added to a side takes its place. Each is
-    whatever `raytwin.compare` takes. Options are those of `compare` (`tolerance`, `noise`, `half_steps`). `next_look`
-    says how many samples per pixel, or renders where their samples are unknown, the next verdict needs; `comparison`
-    is the last one, decided or not. A `detectable_bias` or `detectable_tile_bias` that is given must be met for a
-    pass, which takes at least `fewest_to_pass` samples per pixel.
+    whatever `raytwin.compare` takes. `judging` and options are those of `compare` (`tolerance`, `noise`, `half_steps`).
+    `next_look` says how many samples per pixel, or renders where their samples are unknown, the next verdict needs;
+    `comparison` is the last one, decided or not. A `detectable_bias` or `detectable_tile_bias` that is given must be
+    met for a pass, which takes at least `fewest_to_pass` samples per pixel.
     """
 
     def __init__(
@@ -91,20 +92,15 @@ class SequentialComparison:
         reference: Any = None,
         *,
         test: Any = None,
-        false_alarm_rate: float = 1e-3,
-        detectable_bias: float | None = None,
-        detectable_tile_bias: float | None = None,
+        judging: Judging | None = None,
         fewest_to_pass: int = FEWEST_TO_PASS,
         judge: Callable[..., Comparison] = compare,
         **options: Any,
     ) -> None:
-        if not 0 < false_alarm_rate < 1:
-            raise InputError("false_alarm_rate", "a probability between 0 and 1", false_alarm_rate)
-        for name, value in (("detectable_bias", detectable_bias), ("detectable_tile_bias", detectable_tile_bias)):
-            if value is not None and not value > 0:
-                raise InputError(name, "a number > 0", value)
-        self.rate, self._asked = false_alarm_rate, (detectable_bias, detectable_tile_bias)
-        self._sought = (detectable_bias or SOUGHT_BIAS, detectable_tile_bias or SOUGHT_TILE_BIAS)
+        own = {field.name: options.pop(field.name) for field in fields(Judging) if field.name in options}
+        self.judging = replace(judging or Judging(), **own)
+        image, tile = self.judging.detectable_bias, self.judging.detectable_tile_bias
+        self._sought = image or SOUGHT_BIAS, tile or SOUGHT_TILE_BIAS
         self.looks, self.next_look, self.fewest_to_pass = 0, FIRST, fewest_to_pass
         self.comparison: Comparison | None = None
         self.decided = False
@@ -167,8 +163,7 @@ class SequentialComparison:
             raise InputError("renders", "at least one", "none")
         if self.decided:
             return made
-        image, tile = self._asked
-        enough = self._shortfall(made, image or DETECTABLE_BIAS, tile or math.inf) <= 1
+        enough = self._shortfall(made, *self.judging.detectable) <= 1
         if made.verdict == "pass" and enough and self.samples >= self.fewest_to_pass:
             return self._certain(made, f"all {spent or self._counted()} were taken")
         doubts = made.findings if made.verdict == "undecided" else notes([self._what_it_takes(made, spent)])
@@ -184,18 +179,19 @@ class SequentialComparison:
         self._loaded[name] = as_image(given)
         return self._loaded[name].image
 
-    def _judged(self, **options: Any) -> Comparison:
+    def _judged(self, judging: Judging, **options: Any) -> Comparison:
         """The comparison of what there is."""
+        options |= self._options
         test, reference = self.image("test"), self.image("reference")
         if any(loaded.rounding.half is not None for loaded in self._loaded.values()):
             none = LoadedImage(reference)
             halves = tuple(self._loaded.get(name, none).rounding.half for name in ("test", "reference"))
             options = {"half_steps": halves} | options
-        return self._judge(test, reference, **options)
+        return self._judge(test, reference, judging=judging, **options)
 
     def _pass_without_noise(self) -> Comparison | None:
         """Pass where all renders so far are equal, and agree with the other side as images without noise do."""
-        made = self._judged(**self._options)
+        made = self._judged(replace(self.judging, detectable_bias=None, detectable_tile_bias=None))
         return self._certain(made, EQUAL) if made.verdict == "pass" and made.statistics.z_mean is None else None
 
     def _give_up(self) -> Comparison:
@@ -227,8 +223,10 @@ class SequentialComparison:
         """Compare what there is; `exact`: nothing more will come, since all renders are equal."""
         n = self.samples
         self._number = max(look_number(n), self._number + 1)
-        level = self.rate if exact else look_level(self.rate, self._number)
-        made = self._judged(false_alarm_rate=level, sequence_rate=self.rate, detectable_bias=math.inf, **self._options)
+        rate = self.judging.false_alarm_rate
+        level = rate if exact else look_level(rate, self._number)
+        at_look = replace(self.judging, false_alarm_rate=level, detectable_bias=math.inf, detectable_tile_bias=None)
+        made = self._judged(at_look, sequence_rate=rate)
         self.looks, self._looked_at = self.looks + 1, n
         self.comparison = _with(made, looks=self.looks)
         known = made.statistics.z_mean is not None
@@ -246,7 +244,9 @@ class SequentialComparison:
         self.decided = True
         if made.verdict == "pass" and made.statistics.z_mean is not None:
             image, tile = self._seen(made)
-            made = made.judged("pass", *what_could_be_seen(image, tile, 1.0, self.rate), *made.findings[1:])
+            made = made.judged(
+                "pass", *what_could_be_seen(image, tile, 1.0, self.judging.false_alarm_rate), *made.findings[1:]
+            )
         made = made.saying(said, *self._repeated())
         if made.verdict != "undecided":
             made = _with(made, samples_to_certainty=self.samples)
@@ -283,7 +283,7 @@ class SequentialComparison:
         if made.verdict == "pass" and self.samples < self.fewest_to_pass:
             after = f" after {spent}" if spent else ""
             return f"undecided{after}: {self._counted()} can fail, but a pass takes at least {self.fewest_to_pass}"
-        image, tile = (s if a is None else a for s, a in zip((DETECTABLE_BIAS, math.inf), self._asked, strict=True))
+        image, tile = self.judging.detectable
         short, (_, seen) = self._shortfall(made, image, tile), self._seen(made)
         short = max(short, (made.statistics.minimum_detectable_bias or 0.0) / image)
         more = f"about {_rounded(self.samples * short**2)} would decide" if 1 < short < math.inf else "more may decide"

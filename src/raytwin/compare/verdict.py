@@ -4,7 +4,7 @@ import math
 import time
 from dataclasses import replace
 from functools import partial
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -15,21 +15,17 @@ from raytwin.compare.comparison import Comparison, Perceptual, Radiance, Verdict
 from raytwin.compare.finding import HARD, Finding, notes, plural
 from raytwin.compare.geometry import geometry_findings, without_ties
 from raytwin.compare.invalid import shape_findings, value_findings
+from raytwin.compare.judging import Judging
 from raytwin.compare.metrics import measure
 from raytwin.compare.radiance_test import RadianceTest
 from raytwin.compare.scale import Bound, scale_of, unit_of
 from raytwin.compare.shift import find_shift, shift_finding
-from raytwin.errors import InputError
 from raytwin.image import Image
-from raytwin.scene import Tolerance
 
 SURE_SHIFT = 0.5
 """A shift whose standard deviation is larger, pixels, is not reported."""
 
 TIED = "both are equally far, either is right, and these were not compared"
-
-DETECTABLE_BIAS = 0.1
-"""A pass that could have missed a relative bias of the whole image above this is reported as undecided."""
 
 SAFE_UNITS = 2.0**-10, 2.0**10
 """Scales whose squares and fourth powers float32 holds: others are brought to 1, by a power of two, which is exact."""
@@ -40,34 +36,24 @@ SAFE_UNITS = 2.0**-10, 2.0**10
 def compare(
     test: Image,
     reference: Image,
+    judging: Judging | None = None,
     *,
-    tolerance: Tolerance = Tolerance(),  # noqa: B008 (frozen)
-    false_alarm_rate: float = 1e-3,
     sequence_rate: float | None = None,
-    detectable_bias: float = DETECTABLE_BIAS,
-    detectable_tile_bias: float | None = None,
-    noise: Literal["both", "reference", "none"] = "both",
     half_steps: tuple[Pixels | None, Pixels | None] = (None, None),
     flip: bool = False,
+    **options: Any,
 ) -> Comparison:
     """Compare `test` with `reference` and return the verdict, its reasons in words, and every number behind it.
 
     Invalid values are checked first (missing, NaN, infinite, negative, black), then geometry if both images have a
-    surface, then radiance. Values without noise must meet `tolerance`; for noisy ones `false_alarm_rate` is the
-    probability that two images fail that differ by noise alone. A pass that could have missed a bias of
-    `detectable_bias` of the whole image, or of `detectable_tile_bias` of 24 x 24 pixels anywhere, is undecided instead.
+    surface, then radiance. `judging` or `options`: fields of Judging, `compare(a, b, false_alarm_rate=1e-4)`.
     `sequence_rate`: the rate of a whole sequence of looks at more and more samples, if this comparison is one of them.
-
-    `noise="reference"` ignores the variance that the test claims; `noise="none"` treats both images as noise-free, as
-    for a tracer with one ray per pixel. `half_steps` (H, W, 3) is what the file formats may have rounded off. `flip`
-    adds NVIDIA's perceptual metric, which is slow. A bad image does not raise InputError: it fails.
+    `half_steps` (H, W, 3) is what the file formats may have rounded off. `flip` adds NVIDIA's perceptual metric, which
+    is slow. A bad image does not raise InputError: it fails.
     """
-    if not 0 < false_alarm_rate < 1:
-        raise InputError("false_alarm_rate", "a probability between 0 and 1", false_alarm_rate)
-    if noise not in ("both", "reference", "none"):
-        raise InputError("noise", "both, reference or none", noise)
-    detectable = detectable_bias, math.inf if detectable_tile_bias is None else detectable_tile_bias
-    rates = false_alarm_rate, 1.0 if sequence_rate is None else false_alarm_rate / sequence_rate
+    judging = replace(judging or Judging(), **options)
+    tolerance, noise = judging.bounds, judging.noise
+    look = 1.0 if sequence_rate is None else judging.false_alarm_rate / sequence_rate
     made = partial(_made, time.perf_counter())
     if findings := shape_findings(test, reference):
         return made(findings)
@@ -103,10 +89,10 @@ def compare(
     mismatch = geometry.mask_mismatch_pixels or 0
     excused = mismatch if mismatch <= tolerance.mask_pixels else 0
     bound = Bound(tolerance.p999_abs, scale)
-    asked = RadianceTest(test, reference, tolerance, bound, unit, *rates, half_steps, excused, shift, detectable)
+    asked = RadianceTest(test, reference, judging, bound, unit, look, half_steps, excused, shift)
     outcome = asked.exactly() if noise == "none" else asked.run()
     findings += outcome.findings
-    different, unknown = alpha_findings(test, reference, tolerance.p999_abs, false_alarm_rate, half_steps)
+    different, unknown = alpha_findings(test, reference, judging, half_steps)
     findings += different
     shift_named = any(f.kind == "shift" for f in findings)
     if findings and not outcome.doubts and shift is not None and shift.certain and not shift_named:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgspec
 import numpy as np
@@ -27,13 +27,18 @@ from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.rungs import RUNGS
-from raytwin.scene import MitsubaScene, Scene, SceneFile, Tolerance
+from raytwin.scene import MitsubaScene, Scene, SceneFile
 from raytwin.scene.lens import without_ray
 from raytwin.workflows.compared import Compared
 from raytwin.workflows.nothing_in_view import judged_in_view
 from raytwin.workflows.rounds import render_sides
 from raytwin.workflows.settings import CompareSettings
 from raytwin.workflows.versions import versions
+
+if TYPE_CHECKING:
+    from raytwin.calib import photos  # with OpenCV, which a scene whose camera is given needs not
+    from raytwin.calib.lighting.light_file import WrittenLight
+    from raytwin.twin.backend import Backend
 
 HARDLY_LIT = 1e4
 """Per cent of the light: a larger share is written as "many times", since the scene has nearly no light."""
@@ -63,14 +68,23 @@ class Result(Compared):
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """A subject on a scene of raytwin's own; `engine`: the fastest here."""
+    """A subject on a scene of raytwin's own, and how its camera was found; `engine`: the fastest here."""
 
     subject: Renderer
-    scene: Scene
-    tolerance: Tolerance
     chosen: CompareSettings
-    engine: str
     stages: Stages
+    written: SceneFile
+    scene: Scene
+    backend: "Backend"
+    light: "WrittenLight | None" = None
+    photo: Path | None = None
+    calibration: "photos.Calibration | None" = None
+    pose: "photos.PoseReport | None" = None
+    truth: tuple[TruthRow, ...] = ()
+
+    @property
+    def engine(self) -> str:
+        return fast_engine(self.backend.variant)
 
     @property
     def alike(self) -> bool:
@@ -111,69 +125,60 @@ def compare_scene(
         from raytwin.workflows.compare_mitsuba import compare_mitsuba
 
         return compare_mitsuba(path, chosen, progress=progress)
-    subject = _subject(chosen)
-    stages = Stages(progress)
-    written, light = files.read_scene(path), None
+    job = _prepared(path, chosen, Stages(progress))
+    noisy = RUNGS[chosen.rung].sampled(chosen.sampling)
+    judge = partial(compare_with_twin, scene=job.scene, tolerance=job.written.tolerance, flip=chosen.flip)
+    made, reference, found = render_sides(job.subject, job.scene, job.twin, judge, chosen, job.stages, noisy, job.alike)
+    return _result(job, made, reference, *_explained(job, made, reference, found))
+
+
+def _prepared(path: str | Path | Scene | SceneFile, chosen: CompareSettings, stages: Stages) -> _Job:
+    """Read the scene, find its camera, and wake the backend."""
+    subject, written, light = _subject(chosen), files.read_scene(path), None
     if chosen.light is not None:
-        from raytwin.calib.lighting.light_file import photo_exposure, read_light
+        from raytwin.calib.lighting.light_file import read_light
 
         light = read_light(chosen.light)
         written = light.on(written)
     with stages.stage("calibrate"):
-        scene, photo_path, calibration, pose = find_camera(written, chosen.photo, stages)
+        scene, photo, calibration, pose = find_camera(written, chosen.photo, stages)
     with stages.stage("backend"):
         backend = twin.activate()
-        engine = fast_engine(backend.variant)
     truth: tuple[TruthRow, ...] = ()
-    if photo_path is not None and calibration is not None and (truth_file := photo_path.parent / "truth.toml").exists():
+    if photo is not None and calibration is not None and (truth_file := photo.parent / "truth.toml").exists():
         from raytwin.calib import synthetic_photos
 
-        truth = compare_truth(synthetic_photos.read_truth(truth_file), calibration, scene.camera, photo_path.name, pose)
+        truth = compare_truth(synthetic_photos.read_truth(truth_file), calibration, scene.camera, photo.name, pose)
     if chosen.size is not None:
         scene = scene.with_camera(scene.camera.resized(*chosen.size))
-    job = _Job(subject, scene, written.tolerance, chosen, engine, stages)
-    noisy = RUNGS[chosen.rung].sampled(chosen.sampling)
-    judge = partial(compare_with_twin, scene=scene, tolerance=written.tolerance, flip=chosen.flip)
-    made, reference, found = render_sides(subject, scene, job.twin, judge, chosen, stages, noisy, job.alike)
-    comparison, ledger = _explained(job, made, reference, found)
-    comparison = judged_in_view(comparison, reference, scene)
-    picture = augmented = None
-    if photo_path is not None:
-        from raytwin.calib import boards
-        from raytwin.calib.augment import augment
+    return _Job(subject, chosen, stages, written, scene, backend, light, photo, calibration, pose, truth)
 
-        with stages.stage("augment"):
-            picture = files.read_photo(photo_path)
-            if chosen.size is None:
-                exposure: float | np.ndarray = 1.0
-                if light is not None and written.photos is not None:
-                    board = boards.read_board(Path(written.folder) / written.photos.board)
-                    exposure = photo_exposure(photo_path, scene.camera, board, light)
-                augmented = augment(picture, scene, engine=engine, exposure=exposure).pixels
+
+def _result(job: _Job, made: Image, reference: Image, comparison: Comparison, ledger: Ledger | None) -> Result:
+    """The record of all that was found, the objects drawn into the photo with it."""
+    subject, chosen, scene = job.subject, job.chosen, job.scene
+    picture, augmented = _photos(job)
     of_subject = subject.name if chosen.subject else chosen.engine
+    backend = {"twin_variant": job.backend.variant, "tracer_engine": of_subject, "libllvm": job.backend.libllvm}
+    report = Report(
+        scene.name,
+        chosen.rung,
+        judged_in_view(comparison, reference, scene).saying(*_folded(scene)),
+        dict(job.stages.seconds),
+        backend | {"solver": chosen.solver},
+        ledger.parts if ledger else (),
+    )
     return Result(
         scene=scene,
-        tolerance=written.tolerance,
-        report=Report(
-            scene.name,
-            chosen.rung,
-            comparison,
-            dict(stages.seconds),
-            {
-                "twin_variant": backend.variant,
-                "tracer_engine": of_subject,
-                "libllvm": backend.libllvm,
-                "solver": chosen.solver,
-            },
-            ledger.parts if ledger else (),
-        ).saying(*_folded(scene)),
+        tolerance=job.written.tolerance,
+        report=report,
         test=made,
         reference=reference,
         photo=picture,
         augmented=augmented,
-        calibration=calibration,
-        pose=pose,
-        truth=truth,
+        calibration=job.calibration,
+        pose=job.pose,
+        truth=job.truth,
         settings={
             "subject": subject.name,
             "rung of the tracer": subject.rung,
@@ -187,6 +192,25 @@ def compare_scene(
         versions=versions(),
         ledger=ledger,
     )
+
+
+def _photos(job: _Job) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """The photo, and with the scene's objects in it where it has the camera's size."""
+    if job.photo is None:
+        return None, None
+    from raytwin.calib import boards
+    from raytwin.calib.augment import augment
+    from raytwin.calib.lighting.light_file import photo_exposure
+
+    with job.stages.stage("augment"):
+        picture = files.read_photo(job.photo)
+        exposure: float | np.ndarray = 1.0
+        if job.chosen.size is not None:
+            return picture, None
+        if job.light is not None and job.written.photos is not None:
+            board = boards.read_board(Path(job.written.folder) / job.written.photos.board)
+            exposure = photo_exposure(job.photo, job.scene.camera, board, job.light)
+        return picture, augment(picture, job.scene, engine=job.engine, exposure=exposure).pixels
 
 
 def _subject(chosen: CompareSettings) -> Renderer:
@@ -205,7 +229,7 @@ def _explained(job: _Job, made: Image, reference: Image, comparison: Comparison)
     if not job.alike and comparison.verdict != "pass":
         with stages.stage("compare"):
             level = job.twin_at_own_level()
-            own = compare_with_twin(made, level, scene, job.tolerance)
+            own = compare_with_twin(made, level, scene, job.written.tolerance)
         if subject.rung != chosen.rung:
             compared_with = level
         elif own.verdict == "pass":

@@ -80,18 +80,14 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
     made_of = test_side.loaded, reference_side.loaded
     test, reference = made_of[1].fitted(made_of[0].image), made_of[0].fitted(made_of[1].image)
     read = time.perf_counter() - start
-    limit = Tolerance(p999_abs=chosen.tolerance)
+    limit = chosen.bounds
     if reference_side.tolerance is not None and chosen.tolerance == DiffSettings.tolerance:
         limit = reference_side.tolerance
     made = compare_images(
         test,
         reference,
-        tolerance=limit,
-        false_alarm_rate=chosen.false_alarm_rate,
+        replace(chosen.judging, tolerance=limit, noise="both" if made_of[0].measured else chosen.noise),
         flip=chosen.flip,
-        noise="both" if made_of[0].measured else chosen.noise,
-        detectable_bias=chosen.detectable_bias,
-        detectable_tile_bias=chosen.detectable_tile_bias,
         half_steps=(made_of[0].rounding.half, made_of[1].rounding.half),
     )
     start = time.perf_counter()

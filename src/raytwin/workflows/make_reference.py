@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 
 from raytwin import files, twin
-from raytwin.compare import Comparison, SequentialComparison, compare
+from raytwin.compare import Comparison, Judging, SequentialComparison, compare
 from raytwin.errors import InputError, check_one_of
 from raytwin.image import Image
 from raytwin.image_pool import ImagePool
@@ -260,16 +260,15 @@ def check(
     folder: str | Path,
     *,
     budget: Budget = Budget(samples=CHECKED_SAMPLES),  # noqa: B008 (immutable)
-    detectable_bias: float | None = None,
-    detectable_tile_bias: float | None = None,
+    judging: Judging | None = None,
     found: SceneFile | MitsubaScene | None = None,
     progress: Progress = silent,
 ) -> Check:
     """Is the file there and whole, its scene the one on disk, and today's render the same but for noise?
 
-    Today's render comes in rounds, until the verdict is certain or the `budget` is spent; the biases are those of
-    SequentialComparison. Its seeds are its own, always the same: the answer changes when the software does, not by
-    chance.
+    Today's render comes in rounds, until the verdict is certain or the `budget` is spent. `judging`: how, but for the
+    tolerance, which is the reference's. Its seeds are its own, always the same: the answer changes when the software
+    does, not by chance.
     """
     found = found or read_scene(scene)
     path = path_of(folder, found.name, rung)
@@ -291,10 +290,7 @@ def check(
                 return twin.render_mitsuba(files.with_film(found, width=width, height=height), samples, seed)
             return replace(twin.render(old.origin(), rung, sampling=sampling, samples=samples, seed=seed), surface=None)
 
-        check = SequentialComparison(
-            old.image, tolerance=old.tolerance, detectable_bias=detectable_bias,
-            detectable_tile_bias=detectable_tile_bias,
-        )  # fmt: skip
+        check = SequentialComparison(old.image, judging=judging, tolerance=old.tolerance)
         names = (f"{path.parent.name}/{rung}", "twin")
         comparison = Rounds(check, render_round, None, seed, Stages(progress), names=names).decide(budget)
         today = check.image("test")

@@ -140,7 +140,6 @@ def render_sides(
     both have the same light; a subject with other light and noise of its own is compared at its own level, which is
     done once.
     """
-    asked: dict[str, Any] = {name: getattr(chosen, name) for name in ("detectable_bias", "detectable_tile_bias")}
     ours = isinstance(subject, PathTraced) and not chosen.subject  # a method's name says its samples
     theirs = isinstance(subject, UserRenderer) and subject.seeded
     takes = ours or theirs
@@ -152,7 +151,7 @@ def render_sides(
         with stages.stage("twin"):
             right = reference(chosen.twin_samples, chosen.seed)
         with stages.stage("compare"):
-            return made, right, judge(made, right, **{name: bias for name, bias in asked.items() if bias is not None})
+            return made, right, judge(made, right, judging=chosen.judging)
 
     def test(samples: int, seed: int) -> Image:
         if not isinstance(subject, UserRenderer):
@@ -166,7 +165,9 @@ def render_sides(
     with stages.stage("twin"):
         fixed |= {} if noisy else {"reference": reference(1, chosen.seed)}
     fewest = {} if alike else {"fewest_to_pass": FEWEST_TO_PASS_UNLIKE}
-    check = SequentialComparison(fixed.get("reference"), test=fixed.get("test"), judge=judge, **asked, **fewest)
+    check = SequentialComparison(
+        fixed.get("reference"), test=fixed.get("test"), judge=judge, judging=chosen.judging, **fewest
+    )
     calls = (CALLS if subject.samples else math.inf) if theirs else 1
     rounds = Rounds(check, test if takes else None, reference if noisy else None, chosen.seed, stages, calls)
     found = rounds.decide(chosen.spending)

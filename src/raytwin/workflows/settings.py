@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from raytwin.compare.judging import Judging
 from raytwin.errors import InputError, check_one_of
 from raytwin.rungs import MOST_SAMPLES, RUNGS, SAMPLINGS
 
@@ -64,13 +65,17 @@ class CompareSettings:
             raise InputError("--samples", f"a whole number from 1 to {MOST_SAMPLES}", self.samples)
         if self.samples is not None and self.budget is not None:
             raise InputError("--budget", "no --samples beside it, which takes just as many", self.budget)
-        biases = {"--detectable-bias": self.detectable_bias, "--detectable-tile-bias": self.detectable_tile_bias}
-        for name, bias in biases.items():
-            if bias is not None and not bias > 0:
-                raise InputError(name, "a number > 0", bias)
-        self.spending  # noqa: B018 (checked)
+        self.judging, self.spending  # noqa: B018 (checked)
         check_one_of("--tracer-rung", self.climbed, list(RUNGS)[: list(RUNGS).index(self.rung) + 1])
         check_rows("shadow", self.engine, self.solver, self.trim)
+
+    @property
+    def judging(self) -> Judging:
+        """What a pass must exclude."""
+        try:
+            return Judging(detectable_bias=self.detectable_bias, detectable_tile_bias=self.detectable_tile_bias)
+        except InputError as error:  # named as it is typed
+            raise InputError(f"--{error.where.replace('_', '-')}", *error.fields[1:]) from None
 
     @property
     def climbed(self) -> str:

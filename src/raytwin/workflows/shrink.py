@@ -5,7 +5,7 @@ silhouettes, depth, normals, NaN, an error. Nothing else is known of it.
 """
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -37,8 +37,6 @@ SECONDS_IN_ALL = 300.0
 """Seconds after which no further step is tried."""
 SMALLEST = 24
 """Pixels of a side below which the picture is not cropped: less shows nobody anything."""
-COARSEST = 90
-"""Pixels of a side below which the resolution is not lowered."""
 
 
 class Failure(NamedTuple):
@@ -144,9 +142,9 @@ class _Search:
                 small = parts[name](small)
             return small
 
-        whole = self._repeated(scene, self._coarser)
+        whole = self._cropped(scene)
         kept = minimized(list(parts), lambda kept: self._fails(only(kept, whole)))
-        small = self._repeated(only(kept, whole), self._halves)
+        small = self._cropped(only(kept, whole))
         simpler: list[str] = []
         if isinstance(self.subject, UserRenderer):  # a method has a level of its own
             own = self.subject
@@ -159,17 +157,14 @@ class _Search:
         sizes = [s.scene.camera.image_size for s in (small, scene)]
         if sizes[0] != sizes[1]:
             simpler.append("most of the picture ({} x {} of {} x {} pixels remain)".format(*sizes[0], *sizes[1]))
-        cause = next((f.text for f in self._causes(small) if f.names_a_cause), "")
+        images = self.failure.images
+        causes = stage_causes(self.subject) or (explain(*images, small.scene, self.subject.rung) if images else ())
+        cause = causes[0].text if causes and causes[0].names_a_cause else ""
         removed = tuple(name for name in parts if name not in kept)
         return Shrunk(
             scene, small, self.subject.rung, self.failure, cause, removed, tuple(kept), tuple(simpler), self.count,
             time.perf_counter() - began, self.stopped,
         )  # fmt: skip
-
-    def _causes(self, scene: SceneFile) -> Iterable[Any]:
-        images = self.failure.images
-        yield from stage_causes(self.subject)
-        yield from explain(*images, scene.scene, self.subject.rung) if images else ()
 
     def _fails(self, scene: SceneFile) -> bool:
         """Whether the subject fails on it as on the whole scene; the last failure is remembered."""
@@ -182,33 +177,30 @@ class _Search:
         self.failure = found
         return True
 
-    def _repeated(self, scene: SceneFile, smaller: Callable[[SceneFile], Iterable[SceneFile]]) -> SceneFile:
-        while (found := next(filter(self._fails, smaller(scene)), None)) is not None:
+    def _cropped(self, scene: SceneFile) -> SceneFile:
+        """Take a half of the picture while one fails, along its longer side first, the one with more of the error."""
+        while (found := next(filter(self._fails, self._halves(scene)), None)) is not None:
             scene = found
         return scene
 
-    def _coarser(self, scene: SceneFile) -> Iterable[SceneFile]:
-        """Half of the resolution, which keeps all that is seen."""
-        width, height = (n // 2 for n in scene.scene.camera.image_size)
-        if min(width, height) >= COARSEST:
-            yield scene.with_camera(scene.scene.camera.resized(width, height))
-
     def _halves(self, scene: SceneFile) -> Iterable[SceneFile]:
-        """Both halves along the longer side, then along the other; of each first the one with more of the error."""
-        camera, images = scene.scene.camera, self.failure.images
+        camera, off = scene.scene.camera, self._error()
         width, height = camera.image_size
-        for across in (width >= height, width < height):
-            length = width if across else height
-            if length < 2 * SMALLEST:
-                continue
+        for across, length in sorted(((True, width), (False, height)), key=lambda side: -side[1]):
             half, starts = -(-length // 2), [0, length // 2]
-            if images and images[0].shape == images[1].shape == (height, width, 3):
-                off = np.nan_to_num(np.abs(images[0].mean - images[1].mean), nan=0, posinf=0).sum(axis=2)
+            if off is not None and off.shape == (height, width):
                 sums = off.sum(axis=0 if across else 1)
-                starts.sort(key=lambda a: -float(sums[a : a + half].sum()))
-            for a in starts:
+                starts.sort(key=lambda first: -float(sums[first : first + half].sum()))
+            for first in starts if length >= 2 * SMALLEST else ():
                 size = (half, height) if across else (width, half)
-                yield scene.with_camera(camera.grid(a * across, a * (not across), size=size))
+                yield scene.with_camera(camera.grid(first * across, first * (not across), size=size))
+
+    def _error(self) -> np.ndarray | None:
+        """|t - r| of the last failure, (H, W); None where there is none to see."""
+        images = self.failure.images
+        if images is None or images[0].shape != images[1].shape:
+            return None
+        return np.asarray(np.nan_to_num(np.abs(images[0].mean - images[1].mean), nan=0, posinf=0).sum(axis=2))
 
     def _look(self, scene: SceneFile) -> Failure | None:
         """How it fails beyond doubt."""

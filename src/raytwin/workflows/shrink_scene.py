@@ -18,10 +18,11 @@ def parts_of(scene: SceneFile) -> dict[str, Edit]:
     things: tuple[Any, ...] = (*scene.spheres, *scene.planes)
     shown = scene.scene
     labels = shown.names if len(set(shown.names)) == len(things) else shown.numbers
-    found: dict[str, Edit] = {name: _without(thing) for name, thing in zip(labels, things, strict=True)}
+    found: dict[str, Edit] = {name: _with(thing) for name, thing in zip(labels, things, strict=True)}
     for name, thing in zip(labels, things, strict=True):
         if thing.specular is not UNSET:
-            found[f"the highlight of {name}"] = _matt(thing)
+            matt = msgspec.structs.replace(thing, specular=UNSET, exponent=UNSET)
+            found[f"the highlight of {name}"] = _with(thing, matt)
     if any(scene.sun.irradiance):
         found["the sun"] = lambda scene: msgspec.structs.replace(scene, sun=NO_SUN)
     if scene.sky.texels is not UNSET:
@@ -35,21 +36,15 @@ def parts_of(scene: SceneFile) -> dict[str, Edit]:
     return found
 
 
-def _without(thing: Any) -> Edit:
+def _with(thing: Any, *instead: Any) -> Edit:
+    """Return what puts others in the place of a sphere or plane."""
+
     def edit(scene: SceneFile) -> SceneFile:
-        spheres, planes = (tuple(t for t in kind if t is not thing) for kind in (scene.spheres, scene.planes))
+        spheres, planes = (
+            tuple(new for t in kind for new in (instead if t is thing else (t,)))
+            for kind in (scene.spheres, scene.planes)
+        )
         return msgspec.structs.replace(scene, spheres=spheres, planes=planes, pyramids=())
-
-    return edit
-
-
-def _matt(thing: Any) -> Edit:
-    matt = msgspec.structs.replace(thing, specular=UNSET, exponent=UNSET)
-
-    def edit(scene: SceneFile) -> SceneFile:
-        kinds = (scene.spheres, scene.planes)
-        spheres, planes = (tuple(matt if t is thing else t for t in kind) for kind in kinds)
-        return msgspec.structs.replace(scene, spheres=spheres, planes=planes)
 
     return edit
 
