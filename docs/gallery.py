@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from html import escape
 from pathlib import Path
 from typing import NamedTuple
 
@@ -191,15 +192,16 @@ def page() -> str:
         " open one, zoom, change the exposure, click a pixel.\n"
     ]
     for entry in ENTRIES:
-        folder = MADE / entry.folder
-        address = f"{MADE.name}/{entry.folder}"
-        parts.append(f"## {entry.title}\n\n{entry.sentence}\n")
-        if (folder / "thumb.webp").exists():
-            parts.append(f"[![{entry.title}: the page]({address}/thumb.webp)]({address}/{entry.page})\n")
+        folder, address = MADE / entry.folder, f"{MADE.name}/{entry.folder}"
+        sentence = re.sub("`(.*?)`", r"<code>\1</code>", entry.sentence)
+        about = [f"<b>{entry.title}</b>", sentence]
         if (folder / entry.page).exists():
-            parts.append(f"[Open the page]({address}/{entry.page})\n")
+            about[0] = f'<b><a href="{address}/{entry.page}">{entry.title}</a></b>'
         else:
-            parts.append("`python docs/build.py` makes this page.\n")
-        shown = "\n".join(f"raytwin {command}".replace("{root}/", "") for command in entry.commands)
-        parts.append(f"```text\n{shown}\n```\n")
-    return "\n".join(parts)
+            about.append("<code>python docs/build.py</code> makes this page.")
+        picture = f'<img src="{address}/thumb.webp" alt="{entry.title}: the page">'
+        if (folder / "thumb.webp").exists():
+            about.insert(0, f'<a href="{address}/{entry.page}" tabindex="-1" aria-hidden="true">{picture}</a>')
+        shown = "<br>".join(escape(f"raytwin {command}".replace("{root}/", "")) for command in entry.commands)
+        parts.append(f'<div class="card">{" ".join(about)}<p class="made-by"><code>{shown}</code></p></div>')
+    return "\n".join([parts[0], '<div class="cards">', *parts[1:], "</div>", ""])

@@ -32,7 +32,7 @@ SKIPPED = """() => {
 }"""
 """Headings more than one level below the heading before them."""
 
-OVERPRINTED = """() => [...document.querySelectorAll("svg, .rt-ticks")].filter((s) => s.checkVisibility()).flatMap((chart) => {
+OVERPRINTED = """() => [...document.querySelectorAll("svg, .rt-ticks")].flatMap((chart) => {
   const texts = [...chart.querySelectorAll("text, span")].filter((t) => t.checkVisibility() && t.textContent.trim());
   const boxes = texts.map((t) => [t.textContent, t.getBoundingClientRect()]), found = [];
   boxes.forEach(([a, p], i) => boxes.slice(i + 1).forEach(([b, q]) => {

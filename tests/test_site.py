@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import barriers_of
+from browser import barriers_of, opened
 from PIL import Image as Picture
 
 import raytwin
@@ -75,10 +75,24 @@ def test_it_builds_without_a_warning_and_has_every_command_and_every_exported_na
 
 
 @pytest.mark.parametrize(
-    "page", ["index", "tutorials/instructor", "reference/commands", "reference/examples", "measured/verdict", "faults"]
+    "page",
+    [
+        "index",
+        "tutorials/instructor",
+        "reference/commands",
+        "reference/examples",
+        "measured/verdict",
+        "faults",
+        "gallery",
+    ],
 )
 def test_axe_core_finds_nothing_serious(chromium, site, page):
     assert barriers_of(chromium, site / f"{page}.html") == []
+
+
+def test_the_search_has_a_name(chromium, site):
+    with opened(chromium, (site / "index.html").as_uri()) as page:
+        assert page.get_by_role("dialog", name="Search", include_hidden=True).count() == 1
 
 
 MEASURED = sorted((BUILD.parent / "measured").glob("*.md"))

@@ -1,5 +1,6 @@
-// What scrolls sideways can be reached by the keyboard.
+// The search has a name; what scrolls sideways can be reached by the keyboard.
 addEventListener("load", () => {
+  document.querySelector(".md-search[role=dialog]")?.setAttribute("aria-label", "Search");
   for (const box of document.querySelectorAll(".md-typeset__scrollwrap, .md-typeset pre > code")) box.tabIndex = 0;
 });
 

@@ -72,3 +72,13 @@ def test_a_png_keeps_every_byte_and_a_noisy_picture_becomes_a_jpeg():
     url, lossless = data_urls.picture_url(noisy)
     assert not lossless
     assert loaded(url).size == (800, 600)
+
+
+def test_a_photo_of_many_pixels_is_made_smaller_and_says_so():
+    pixels = np.zeros((3000, 4000, 3), np.uint8)
+    url, note = data_urls.small_jpeg(pixels, pixels.shape)
+    assert loaded(url).size == (2000, 1500)
+    assert "1/2" in note
+    part, _ = data_urls.small_jpeg(pixels[:320, :160], pixels.shape)  # of the same picture: as much smaller
+    assert loaded(part).size == (80, 160)
+    assert data_urls.small_jpeg(pixels[:320], (320, 4000, 3))[1] == "JPEG"

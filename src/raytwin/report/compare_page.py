@@ -120,19 +120,20 @@ def packed_and_panes(view: PairView) -> tuple[viewer.Packed, list[dict[str, Any]
 
 
 def photos(view: PairView) -> list[dict[str, Any]]:
-    """The photo, and the augmented one as what it changed, laid over it."""
+    """The photo, and the augmented one as what it changed, laid over it; smaller where they have too many pixels."""
     photo, augmented = view.pair.photo, view.pair.augmented
     panes: list[dict[str, Any]] = []
     if photo is not None:
-        panes.append({"key": "photo", "kind": "picture", "title": "Photo", "tab": "photo", "note": "JPEG"})
-        panes[0]["url"] = data_urls.jpeg_url(photo)
+        url, note = data_urls.small_jpeg(photo, photo.shape)
+        panes.append({"key": "photo", "kind": "picture", "title": "Photo", "tab": "photo", "url": url, "note": note})
     if augmented is not None:
         pane: dict[str, Any] = {"key": "augmented", "kind": "picture", "title": "Augmented photo", "tab": "augmented"}
         x, y, w, h = (0, 0, *augmented.shape[1::-1])
         if photo is not None and photo.shape == augmented.shape == view.reference.shape:
             x, y, w, h = data_urls.changed(photo, augmented)
             pane |= {"over": "photo", "box": (x, y, w, h)}
-        panes.insert(0, pane | {"url": data_urls.jpeg_url(augmented[y : y + h, x : x + w]), "note": "JPEG"})
+        url, note = data_urls.small_jpeg(augmented[y : y + h, x : x + w], augmented.shape)
+        panes.insert(0, pane | {"url": url, "note": note})
     return panes
 
 

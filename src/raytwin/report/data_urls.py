@@ -7,7 +7,7 @@ import numpy as np
 from raytwin import files
 from raytwin.compare import error_map, error_scale
 from raytwin.image import Image, Surface
-from raytwin.viewer.packing import binned
+from raytwin.viewer.packing import MOST_PIXELS, binned
 
 MARKS = 300
 """Most pixels that get a ring drawn around them."""
@@ -86,6 +86,16 @@ def png_url(pixels: np.ndarray) -> str:
 def jpeg_url(pixels: np.ndarray) -> str:
     """sRGB uint8 (H, W, 3) as a JPEG in a data URL: sensor noise would make a PNG of several megabytes."""
     return files.data_url(pixels, "jpeg", quality=87)
+
+
+def small_jpeg(pixels: np.ndarray, whole: tuple[int, ...]) -> tuple[str, str]:
+    """Return (data URL, a note) of sRGB uint8 (h, w, 3), made smaller as a picture of the shape `whole` must be."""
+    n = math.ceil(math.sqrt(whole[0] * whole[1] / MOST_PIXELS))
+    if n <= 1:
+        return jpeg_url(pixels), "JPEG"
+    from PIL import Image as Pillow
+
+    return jpeg_url(np.asarray(Pillow.fromarray(pixels).reduce(n))), f"JPEG, 1/{n} of its width and height"
 
 
 def changed(before: np.ndarray, after: np.ndarray) -> tuple[int, int, int, int]:

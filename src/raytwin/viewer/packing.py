@@ -18,17 +18,17 @@ noise, which would be the noisiest, the block's mean with its variance.
 import base64
 import math
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from raytwin.image import Image, Surface
 
-MOST_PIXELS = 4_200_000
-"""Above this the browser would hold more than 100 MB of values: the planes are thinned."""
+MOST_PIXELS = 4_000_000
+"""Above this the browser would hold more than 100 MB of values: planes are thinned, and photos are made smaller."""
 
 BUDGET = 4_500_000
 """Deflated bytes of all planes. Noise does not shrink; where it exceeds this, the planes are thinned."""
@@ -96,18 +96,17 @@ def pack(
     `means`: thinned as noise is, though no variance says so.
     """
     height, width = test.shape[:2]
-    planes = _planes(test, reference, surfaces)
-    thin = max(1, math.ceil(math.sqrt(height * width / most_pixels)))
-    # An eighth of the rows, in bands, tells what the whole will take.
-    bands = (np.arange(height) // 8 % 8 == 0) if height > 64 else np.ones(height, bool)
-    sample = {n: p._replace(words=p.words[bands]) for n, p in planes.items()}
-    estimate = sum(len(p.data) for p in _deflated(sample)) * 0.75 * height / max(int(bands.sum()), 1)
-    thin = max(thin, math.ceil(math.sqrt(estimate / budget)))
     means = means or test.variance is not None or reference.variance is not None
-    if thin > 1 and means:
-        planes = _planes(binned(test, thin), binned(reference, thin), surfaces)
-    elif thin > 1:
-        planes = _thinned(planes, thin)
+    thin = max(1, math.ceil(math.sqrt(height * width / most_pixels)))
+    planes = _thinned(test, reference, surfaces, thin, means)
+    lines = next(iter(planes.values())).words.shape[0]
+    # An eighth of the rows, in bands, tells what the whole will take.
+    bands = (np.arange(lines) // 8 % 8 == 0) if lines > 64 else np.ones(lines, bool)
+    sample = {n: p._replace(words=p.words[bands]) for n, p in planes.items()}
+    estimate = sum(len(p.data) for p in _deflated(sample)) * 0.75 * lines / max(int(bands.sum()), 1)
+    if estimate > budget:
+        thin = math.ceil(thin * math.sqrt(estimate / budget))
+        planes = _thinned(test, reference, surfaces, thin, means)
     lines, columns = next(iter(planes.values())).words.shape
     return Packed(width, height, thin, columns, lines, _deflated(planes), means and thin > 1)
 
@@ -238,21 +237,36 @@ def to_noise(values: np.ndarray, sigma: np.ndarray) -> np.ndarray:
 # ------------------------------------------------------------------------------------------ fewer, and deflated
 
 
-def _thinned(planes: Mapping[str, _Raw], n: int) -> dict[str, _Raw]:
-    """Return each block's pixel of the largest error (the first of equals); `at` is row * n + column."""
-    d = [planes["d" + c] for c in "RGB"]
-    size = np.max([np.abs(np.ldexp(p.words.astype(np.float32), p.shift)) for p in d], axis=0)
+def _thinned(test: Image, reference: Image, surfaces: bool, n: int, means: bool) -> dict[str, _Raw]:
+    """Return planes of one value for each block of n x n: its mean, or that of its worst pixel, which `at` tells."""
+    if n == 1:
+        return _planes(test, reference, surfaces)
+    if means:
+        return _planes(binned(test, n), binned(reference, n), surfaces)
+    at, chosen = _worst_of_blocks(test, reference, n)
+    fewer = (replace(i, mean=chosen(i.mean), surface=_chosen_surface(i.surface, chosen)) for i in (test, reference))
+    return _planes(*fewer, surfaces) | {"at": _Raw("steps", at.astype(np.int16))}
+
+
+def _worst_of_blocks(test: Image, reference: Image, n: int) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
+    """Return row * n + column of each block's pixel of the largest error (the first of equals), and what takes these
+    pixels from an array (H, W, ...)."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        r, g, b = (np.abs(np.asarray(test.mean[..., c], np.float32) - reference.mean[..., c]) for c in range(3))
+        size = np.maximum(np.maximum(r, g), b)
     size[np.isnan(size)] = np.inf
     h, w = size.shape
     lines, columns = math.ceil(h / n), math.ceil(w / n)
     padded = np.full((lines * n, columns * n), -1, np.float32)
     padded[:h, :w] = size
-    blocks = padded.reshape(lines, n, columns, n).transpose(0, 2, 1, 3).reshape(lines, columns, n * n)
-    at = blocks.argmax(axis=-1)
+    at = padded.reshape(lines, n, columns, n).transpose(0, 2, 1, 3).reshape(lines, columns, n * n).argmax(axis=-1)
     y, x = np.ogrid[:lines, :columns]
-    flat = (y * n + at // n) * w + x * n + at % n
-    fewer = {name: p._replace(words=p.words.ravel()[flat]) for name, p in planes.items()}
-    return fewer | {"at": _Raw("steps", at.astype(np.int16))}
+    rows, places = y * n + at // n, x * n + at % n
+    return at, lambda values: values[rows, places]
+
+
+def _chosen_surface(surface: Surface | None, chosen: Callable[[np.ndarray], np.ndarray]) -> Surface | None:
+    return None if surface is None else Surface(*map(chosen, (surface.ids, surface.depth, surface.normal)))
 
 
 def _deflated(planes: Mapping[str, _Raw]) -> tuple[Plane, ...]:

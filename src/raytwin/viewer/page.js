@@ -255,13 +255,14 @@ class Viewer extends View {
     pane.said.textContent = `${what}, ${about.unit}. ${signs}${faint}${ticks}${seen}`;
   }
 
-  // Hides what would touch another; the ends and the middle stay.
+  // Hides what would touch another, on both sides alike; the ends and the middle stay.
   thin_out(spans) {
-    const kept = [], at = (span) => span.getBoundingClientRect(), order = [0, spans.length - 1, (spans.length - 1) / 2];
-    for (const span of new Set([...order.map((i) => spans[i]), ...spans])) {
-      const { left, right } = at(span), free = kept.every((other) => right + 5 < other.left || left - 5 > other.right);
-      if (free) kept.push(at(span));
-      else span.hidden = true;
+    const last = spans.length - 1, boxes = spans.map((span) => span.getBoundingClientRect()), kept = [];
+    const free = (i) => kept.every((k) => boxes[i].right + 5 < boxes[k].left || boxes[i].left - 5 > boxes[k].right);
+    for (const i of new Set([0, last / 2, ...spans.keys()])) {
+      const pair = [...new Set([i, last - i])];
+      if (pair.every(free)) kept.push(...pair);
+      else for (const k of pair) spans[k].hidden = !kept.includes(k);
     }
   }
 
