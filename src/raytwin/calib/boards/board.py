@@ -56,8 +56,8 @@ class BoardTag(Record, frozen=True):
 class Board(Record, frozen=True):
     """Tags of one family with black edges of `tag_edge` metres: either a `grid`, or a list of `tags`.
 
-    `border_bits`: how many cells wide the tags' black border is; Kalibr prints two. `offsets`: how the sheet is bent, as
-    a calibration finds it; flat without any.
+    `border_bits`: how many cells wide the tags' black border is; Kalibr prints two. `offsets`: how the sheet is bent,
+    as a calibration finds it; flat without any.
     """
 
     family: str

@@ -44,7 +44,7 @@ STEPS, SETTLED = 100, 1e-10
 """Most steps; the fit has converged once a step is predicted to lower the sum of squares by less than this fraction."""
 
 PRIOR = np.array([1e-5, 1e-5, 2e-3])
-"""Metres, one standard deviation of a tag's offset before any photo: x and y as printers place ink, z as paper bends."""
+"""Metres, one standard deviation of a tag's offset before any photo: x, y as printers place ink, z as paper bends."""
 
 IN_PLANE = 1e-6
 """Metres, the same of the heights' mean and tilt, which belong to the poses."""
