@@ -50,7 +50,7 @@ def test_without_options_it_is_a_board_that_a4_holds_and_photos_beside_it_are_ca
     photos.mkdir()
     for i in range(4):
         shutil.copy(shoot()[0] / f"photo_0{i}.jpg", photos)
-    run = raytwin("calibrate", "photos", "--model", "k1", cwd=tmp_path)
+    run = raytwin("calibrate", "photos", "--model", "k1k2", cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     assert "board.toml" in run.stdout.splitlines()[0]
     (tmp_path / "board.toml").unlink()

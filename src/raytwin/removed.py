@@ -13,7 +13,7 @@ COMMANDS: dict[str, str] = {
     "board --name": "Use a board.toml: one file per board.",
     "board --unit": "Use a board.toml, whose lengths are metres.",
     "board --y-down": "Use a board.toml, whose Y points up.",
-    "calibrate --bend": "Use the number in mm that calibrate prints; --json has the board's heights.",
+    "calibrate --bend": "Use the number in mm that calibrate prints; --json has each tag's offset.",
     "calibrate --uncertainty": "Use -o camera.toml: the page beside it has the map of uncertainty.",
     "diff --allow-failures": "Use OpenImageIO's idiff -allowfailures.",
     "diff --allowfailures": "Use OpenImageIO's idiff -allowfailures.",

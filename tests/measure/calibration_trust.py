@@ -108,6 +108,8 @@ SETS: dict[str, Callable[[], Set]] = {
     "flat, too": lambda: drawn(1),
     "bent by 1 mm": lambda: drawn(2, 1e-3),
     "bent by 1 mm, too": lambda: drawn(3, 1e-3),
+    "bent by 2 mm": lambda: drawn(11, 2e-3),
+    "bent by 2 mm, too": lambda: drawn(12, 2e-3),
     "bent by 3 mm": lambda: drawn(4, 3e-3),
     "bent by 3 mm, too": lambda: drawn(5, 3e-3),
     "blurred": lambda: drawn(6, spoil=blurred),

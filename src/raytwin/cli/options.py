@@ -88,7 +88,7 @@ LEVELS = "surface", "lambert", "shadow", "sky", "path"
 ENGINES = "numpy64", "numpy32", "drjit32", "drjit64", "cuda32", "cuda64"
 SOLVERS = "robust", "stable", "paper", "textbook"
 TRIMS = "conic", "corners", "none"
-MODELS = "auto", "none", "k1", "k1k2", "k1k2p1p2", "k1k2k3", "full5"
+MODELS = "auto", "none", "k1k2", "full5"
 ANY_SCENE = "A scene's folder, its scene.toml or its name; or a Mitsuba file (XML)."
 METRICS = "rmse", "relmse", "mae", "max_abs", "p999_abs", "p999_rel"
 OF_SHRINK = "subject", "rung", "samples", "seed", "size", "light"
@@ -223,7 +223,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "calibrate": {
         "photos": _arg("Photos of the board, or their folder.", "PHOTOS..."),
         "board": _opt("TOML file of the board (board.toml beside the photos).", "BOARD"),
-        "model": _opt("Lens model: auto, none, k1, k1k2, k1k2p1p2, k1k2k3 or full5.", among=MODELS),
+        "model": _opt("Lens model: auto, none, k1k2 or full5.", among=MODELS),
         "photo": _opt("Photo whose pose is written (the first).", "NAME"),
         "out": _opt("Write the camera, as TOML, and a page beside it.", "FILE", *OUT),
     },

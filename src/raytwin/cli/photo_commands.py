@@ -57,7 +57,7 @@ def _write_camera(out: Path, calibration, paths: list[Path], photo: str | None) 
 
     shown = [view.photo for view in calibration.views]
     name, board = photo or shown[0], calibration.basis.board
-    check_one_of("--photo", name, [*shown, *calibration.basis.repeated])
+    check_one_of("--photo", name, dict.fromkeys([*shown, *(Path(p).name for p in calibration.basis.found)]))
     path = next(p for p in paths if name in (p.name, str(p)))
     camera = taken.camera_of_photo(calibration, path, board)
     comment = f"Calibrated from {len(shown)} photos, rms {calibration.rms_px:.3f} px."

@@ -8,7 +8,7 @@ import pytest
 from photo_helpers import BOARD, SMALL, a_camera
 
 from raytwin import files
-from raytwin.calib.boards import Board, BoardTag, Grid, Heights, write_board
+from raytwin.calib.boards import Board, BoardTag, Grid, write_board
 from raytwin.calib.photos import (
     camera_at,
     pose_of_photo,
@@ -20,7 +20,7 @@ from raytwin.cli.photo_commands import calibrate_command
 from raytwin.errors import InputError
 from raytwin.workflows import augment_photos
 
-BENT = msgspec.structs.replace(SMALL, heights=Heights(2, (1e-3, 0.0, -2e-4)))
+BENT = msgspec.structs.replace(SMALL, offsets=tuple((0.0, 1e-5, 1e-4 * i) for i in range(35)))
 
 
 def test_augment_uses_the_boards_shape_in_the_camera_file(shoot, bent_found, scenes, tmp_path, monkeypatch):
@@ -47,7 +47,7 @@ def test_the_file_gives_the_same_camera_and_the_same_board_back(tmp_path):
     shapes = read_board_shapes(tmp_path / "c.toml")
     assert with_shape(SMALL, shapes) == BENT
     as_tags = Board(SMALL.family, SMALL.tag_edge, tags=tuple(BoardTag(i, xy) for i, xy in SMALL.centers().items()))
-    assert with_shape(as_tags, shapes).heights == BENT.heights
+    assert with_shape(as_tags, shapes).offsets == BENT.offsets
     np.testing.assert_array_equal(with_shape(as_tags, shapes).points(range(35)), BENT.points(range(35)))
 
 
@@ -77,11 +77,12 @@ def test_a_camera_file_without_shapes_still_reads(tmp_path):
 def test_a_shape_that_is_none_is_refused_with_its_place(tmp_path):
     write_camera_file(tmp_path / "c.toml", a_camera(), BENT)
     text = (tmp_path / "c.toml").read_text()
-    (tmp_path / "c.toml").write_text(text.replace("degree = 2", "degree = 3"))
-    with pytest.raises(InputError, match=r"c.toml: boards\[0\]: heights.coefficients: expected 7 finite numbers"):
-        read_board_shapes(tmp_path / "c.toml")
-    (tmp_path / "c.toml").write_text(text.replace("degree = 2", 'degree = "two"'))
-    with pytest.raises(InputError, match=r"c.toml: boards\[0\].heights.degree: expected a whole number"):
+    of_34 = msgspec.structs.replace(BENT, offsets=BENT.offsets[:-1])
+    write_camera_file(tmp_path / "short.toml", a_camera(), of_34)
+    with pytest.raises(InputError, match=r"boards: offsets: expected three finite numbers for each of 35 tags, got 34"):
+        with_shape(SMALL, read_board_shapes(tmp_path / "short.toml"))
+    (tmp_path / "c.toml").write_text(text.replace("offsets = ", "heights = "))
+    with pytest.raises(InputError, match=r"c.toml: boards\[0\]: expected offsets, .* got heights, removed in 0.2.0"):
         read_board_shapes(tmp_path / "c.toml")
 
 

@@ -1,5 +1,7 @@
 """What a calibration says of itself holds: its sigmas, the board's bend, and which photo or board is at fault."""
 
+import re
+
 import cv2
 import msgspec
 import numpy as np
@@ -14,7 +16,6 @@ from raytwin.calib.photos import (
     pose_of_photo,
     rotation_degrees,
 )
-from raytwin.calib.photos.bias import center_bias
 from raytwin.calib.photos.fit import ModelSpec, Sighting, fit
 from raytwin.calib.photos.uncertainty import fit_uncertainty, leave_one_out
 from raytwin.calib.synthetic_photos import bow_of, poses
@@ -142,9 +143,7 @@ def test_over_a_hundred_sets_the_truth_lies_as_far_off_as_sigma_says():
             found = calibrate_detections(tags, SIZE, SMALL, "k1k2")
             K, sigma = found.K, [found.sigma[n] for n in FOUR]
         else:  # what `calibrate_detections` ends in, without what it need not find out here
-            made = fit(
-                [Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, SMALL, ModelSpec("k1k2", 4 * (i % 5 == 2))
-            )
+            made = fit([Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, SMALL, ModelSpec("k1k2", i % 5 == 2))
             K, sigma = made.K, np.sqrt(np.diag(fit_uncertainty(made).covariance)[:4])
         off = np.array([K[0][0], K[1][1], K[0][2], K[1][2]]) - (camera.fx, camera.fy, camera.cx, camera.cy)
         z.append(off / sigma)
@@ -173,40 +172,13 @@ def test_few_photos_that_disagree_lie_as_far_off_as_sigma_says():
     assert np.sqrt(np.mean(np.square(z))) < 1.55
 
 
-def test_what_may_lead_all_tags_astray_widens_sigma_by_what_it_does():
-    """Were all tags led systematic by one pixel to the right, cx would be wrong by one, and nothing else."""
-    _, _, tags = views(bend=1e-3)
-    found = fit([Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, SMALL, ModelSpec("k1k2", 6))
-    systematic = np.zeros_like(found.residuals)
-    systematic[..., 0] = found.observations.weight
-    more = fit_uncertainty(found, [systematic]).covariance - fit_uncertainty(found).covariance
-    assert more[2, 2] == pytest.approx(1, rel=1e-6)
-    assert np.abs(np.diag(more)[[0, 1, 3]]).max() < 1e-9
-
-
-class BentOn:
-    """A board in a photographer's bow, which bends on beyond its outermost tags."""
-
-    def __init__(self, board: Board, bend: float):
-        self.board, self.bow, self.tag_edge, self.centers = board, bow_of(board, bend), board.tag_edge, board.centers
-
-    def points(self, ids) -> np.ndarray:
-        return self.bow.bent(self.board.points(ids)[:, :2])
-
-    def rise(self, xy: np.ndarray, straight: bool = True) -> np.ndarray:
-        return self.bow.height((xy - self.bow.middle) @ self.bow.across)
-
-
 def test_large_tags_on_a_sheet_that_bends_on_beyond_them_leave_k_within_sigma():
     """Four rows tell no fourth degree: a polynomial that goes on to the outermost edges puts fx 4 sigma off."""
     board, camera = Board("tag36h11", 0.020, Grid(4, 4, 0.027)), a_camera(*SIZE)
-    bent, rng, tags = BentOn(board, 2e-3), np.random.default_rng(5), {}
-    for i, (R, t) in enumerate(poses(board, camera, 12, rng)):
-        R, t, ids = np.array(R), np.array(t), list(board.centers())
-        places = lens_model.project(bent.points(ids), R, t, camera.K, camera.dist)
-        places = rng.normal(places + center_bias(ids, bent, R, t, camera.K, camera.dist), 0.03)
-        (found,) = seen(camera, [(R, t)], board).values()
-        at = dict(zip(ids, places, strict=True))
+    rng, tags = np.random.default_rng(5), {}
+    for i, stand in enumerate(poses(board, camera, 12, rng)):
+        (found,) = seen(camera, [stand], board).values()
+        at = dict(zip(board.centers(), rng.normal(crossings(2e-3, camera, stand, board), 0.03), strict=True))
         tags[f"view_{i:02d}"] = [moved(tag, at[tag.id]) for tag in found if inside(at[tag.id])]
     found = calibrate_detections(tags, SIZE, board, "k1k2")
     assert found.board.bend_mm == pytest.approx(2, rel=0.1)
@@ -220,7 +192,7 @@ def test_sigma_is_the_larger_of_the_jackknifes_and_that_of_errors_alike():
     _, _, tags = views(noise=0.1, breath=1e-3)
     known = [Sighting(p, tuple(t)) for p, t in tags.items()]
     found = fit(known, SIZE, SMALL, ModelSpec("k1k2"))
-    alike = found.variance * np.linalg.inv(found.H.sum(axis=0))
+    alike = found.variance * np.linalg.inv(found.total)
     without = [fit(known[:i] + known[i + 1 :], SIZE, SMALL, ModelSpec("k1k2")).shared for i in range(12)]
     V = 11 / 12 * ((np.array(without) - found.shared) ** 2).sum(axis=0)
     wider = np.sqrt(np.maximum(V / np.diag(alike), 1))
@@ -263,12 +235,12 @@ def test_a_poses_sigma_counts_the_tags_that_it_rests_on_and_no_others():
 # ---------------------------------------------------------------------------------- the board's own shape
 
 
-def crossings(bend: float, camera, stand) -> np.ndarray:
+def crossings(bend: float, camera, stand, board: Board = BOARD) -> np.ndarray:
     """(n, 2) pixels: where the diagonals cross of straight lines through bent tags' edges."""
     s, one = np.linspace(-0.767, 0.767, 5), np.ones(5)
-    around = np.stack([np.c_[s, -one], np.c_[one, s], np.c_[-s, one], np.c_[-one, -s]]) * BOARD.tag_edge / 2
-    flat = np.array(list(BOARD.centers().values()))[:, None, None] + around
-    edges = bow_of(BOARD, bend).bent(flat.reshape(-1, 2))
+    around = np.stack([np.c_[s, -one], np.c_[one, s], np.c_[-s, one], np.c_[-one, -s]]) * board.tag_edge / 2
+    flat = np.array(list(board.centers().values()))[:, None, None] + around
+    edges = bow_of(board, bend).bent(flat.reshape(-1, 2))
     pixels = lens_model.project(edges, *stand, camera.K, camera.dist).reshape(-1, 4, 5, 2)
     middle = pixels.mean(axis=2)
     along = np.linalg.svd(pixels - middle[:, :, None])[2][:, :, 0]
@@ -293,7 +265,7 @@ def test_on_a_bent_board_the_camera_lies_as_far_off_as_sigma_says():
             tags[f"{i}"] = [moved(t, at[t.id]) for t in found if inside(at[t.id])]
         found = calibrate_detections(tags, SIZE, BOARD, "k1k2")
         assert found.board.bend_mm == pytest.approx(bend, abs=0.06)
-        assert found.basis.taken == "k1k2, bent 6"  # no photo tells what a poorer shape leaves out
+        assert found.basis.taken == "k1k2, bent"
         off = four(found) - (camera.fx, camera.fy, camera.cx, camera.cy)
         z.append(off / [found.sigma[n] for n in FOUR])
     assert np.sqrt(np.square(z).mean()) < 1.6, z
@@ -307,22 +279,8 @@ def test_on_photos_of_a_bent_board_the_bend_and_the_camera_are_the_truth(shoot, 
     assert board.bend_mm == pytest.approx(3, rel=0.02)
     true = np.array([truth.K[0][0], truth.K[1][1], truth.K[0][2], truth.K[1][2]])
     assert (np.abs(four(found) - true) < 2 * np.array([found.sigma[n] for n in FOUR])).all()
-    assert codes(found) == {"bent-board"}
-    assert found.warnings[0].text.startswith(f"the board is bent by {board.bend_mm:.2g}")
+    assert codes(found) == set()
     assert truth.bend_mm == 3
-
-
-def test_what_few_rows_do_not_tell_of_a_shape_stays_nought():
-    """Four rows tell no fourth degree: its coefficient is 0, and the sheet between the rows not left to chance."""
-    board = Board("tag36h11", 0.001, Grid(6, 4, 0.038))
-    camera = a_camera(*SIZE)
-    stands = poses(msgspec.structs.replace(board, tag_edge=0.03), camera, 8, np.random.default_rng(1))
-    tags = seen(camera, stands, board, 0.05, np.random.default_rng(2))
-    found = fit([Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, board, ModelSpec("k1k2", 4))
-    shape = found.shape
-    assert shape.coefficients[-1] == 0
-    assert found.determined == len(found.shared) - 1
-    assert np.abs(shape.coefficients).max() < 1e-3
 
 
 # ---------------------------------------------------------------------------------- odd photos
@@ -354,7 +312,7 @@ def test_a_photo_at_odds_with_the_rest_is_named_and_no_other(spoil, seed):
     _, _, tags = views(seed, count=14, noise=0.03)
     tags["view_05"] = spoil(tags["view_05"])
     found = calibrate_detections(tags, SIZE, SMALL, "k1k2")
-    assert [w.text.split(":")[0] for w in found.warnings if w.code == "odd-photo"] == ["view_05"]
+    assert [re.split("[: ]", w.text)[0] for w in found.warnings if w.code in ("odd-photo", "no-tags")] == ["view_05"]
 
 
 def test_a_photo_far_off_hides_no_other():
@@ -400,21 +358,13 @@ def stretched(board: Board, by: float) -> Board:
     return Board(board.family, board.tag_edge, tags=tags)
 
 
-@pytest.mark.parametrize(("by", "count", "bend"), [(1.09, 6, 0.0), (1.01, 12, 1e-3)])
-def test_a_pitch_wrong_in_one_direction_is_said_and_fitted_so_that_k_is_right(by, count, bend):
-    camera, _, tags = views(count=count, bend=bend, seed=1)
-    found = calibrate_detections(tags, SIZE, stretched(SMALL, 1 / by))
-    (text,) = [w.text for w in found.warnings if w.code == "board-pitch"]
-    assert abs(float(text.split()[6]) - by) < 5e-4, text
-    assert "(board" not in text  # there is but one
-    assert codes(found) <= {"board-pitch", "few-views", "bent-board"}
+def test_a_pitch_wrong_in_one_direction_widens_sigma():
+    """By 3 % in y: fx and fy of photos taken upright and sideways cannot make up for it."""
+    camera, _, tags = views(count=12, seed=1)
+    found = calibrate_detections(tags, SIZE, stretched(SMALL, 1 / 1.03))
     off = four(found) - (camera.fx, camera.fy, camera.cx, camera.cy)
     assert np.abs(off / [found.sigma[n] for n in FOUR]).max() < 3
-    board = found.board
-    assert board.heights.stretch == pytest.approx(by - 1, abs=5e-4)
-    assert board.bend_mm == pytest.approx(1e3 * bend, abs=0.1)
-    shaped = found.shaped(stretched(SMALL, 1 / by)).points(SMALL.centers())
-    assert np.ptp(shaped[:, 1]) == pytest.approx(np.ptp(SMALL.points(SMALL.centers())[:, 1]), rel=2e-3)
+    assert found.sigma["fx"] > 5
 
 
 def test_a_mirrored_description_is_told_what_to_write():

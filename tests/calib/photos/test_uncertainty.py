@@ -19,7 +19,7 @@ def views():
     return camera, stands, seen(camera, stands, noise=0.2, rng=np.random.default_rng(1))
 
 
-@pytest.mark.parametrize("model", ["none", "k1k2p1p2"])
+@pytest.mark.parametrize("model", ["none", "full5"])
 def test_the_covariance_holds_the_variances_that_opencv_gives(views, model):
     found = calibrate_detections(views[2], SIZE, SMALL, model)
     C = np.array(found.evidence.covariance)

@@ -5,10 +5,11 @@ from raytwin.calib.boards.board import (
     Board,
     BoardTag,
     Grid,
+    Offsets,
     check_board,
-    check_heights,
+    check_offsets,
     draw_board,
     read_board,
+    refuse_heights,
     write_board,
 )
-from raytwin.calib.boards.shape import Heights

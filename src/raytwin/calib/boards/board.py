@@ -5,16 +5,17 @@ The board frame: X to the right, Y up, Z out of the printed face towards the vie
 
 import hashlib
 import os
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 import cv2
 import msgspec
 import numpy as np
+from scipy.interpolate import RBFInterpolator
 
 from raytwin import files
-from raytwin.calib.boards.shape import Heights, bending, count, heights_at
 from raytwin.errors import InputError
-from raytwin.scene import Positive, Record
+from raytwin.scene import Positive, Record, Vector
 
 FAMILIES = {
     "tag36h11": cv2.aruco.DICT_APRILTAG_36h11,
@@ -28,6 +29,9 @@ PAPER, INK = 0.85, 0.04
 
 Count = Annotated[int, msgspec.Meta(ge=1, le=1000)]
 TagId = Annotated[int, msgspec.Meta(ge=0)]
+
+Offsets = tuple[Vector, ...]
+"""By how much each of a board's tags lies off its place on the flat sheet, metres, in the order of `Board.centers`."""
 
 
 class Grid(Record, frozen=True):
@@ -52,8 +56,8 @@ class BoardTag(Record, frozen=True):
 class Board(Record, frozen=True):
     """Tags of one family with black edges of `tag_edge` metres: either a `grid`, or a list of `tags`.
 
-    `border_bits`: how many cells wide the tags' black border is; Kalibr prints two. `heights`: how the sheet is bent,
-    as a calibration finds it; flat without one.
+    `border_bits`: how many cells wide the tags' black border is; Kalibr prints two. `offsets`: how the sheet is bent,
+    as a calibration finds it; flat without any.
     """
 
     family: str
@@ -61,7 +65,7 @@ class Board(Record, frozen=True):
     grid: Grid | None = None
     tags: tuple[BoardTag, ...] | None = None
     border_bits: Literal[1, 2] = 1
-    heights: Heights | None = None
+    offsets: Offsets | None = None
 
     def centers(self) -> dict[int, tuple[float, float]]:
         """id -> (x, y) of the tag's centre on the flat sheet, metres, board frame."""
@@ -76,23 +80,22 @@ class Board(Record, frozen=True):
         }
 
     def points(self, ids) -> np.ndarray:
-        """(n, 3) float64: the centres of the tags `ids`, metres, board frame, where the sheet's shape puts them."""
-        centers, ids = self.centers(), list(ids)
-        flat = np.array([(*centers[i], 0.0) for i in ids]).reshape(-1, 3)
-        if self.heights is None:
-            return flat
-        place = {tag: i for i, tag in enumerate(centers)}
-        xy = np.array(list(centers.values()))
-        moved = bending(tuple(centers.values()), self.heights.degree).move(np.array(self.heights.coefficients))
-        moved[:, 1] += self.heights.stretch * (xy[:, 1] - xy[:, 1].mean())
-        return flat + moved[[place[i] for i in ids]].reshape(-1, 3)
+        """(n, 3) float64: the centres of the tags `ids`, metres, board frame, where they lie on the bent sheet."""
+        centers = self.centers()
+        places = {i: (*xy, 0.0) for i, xy in centers.items()}
+        if self.offsets is not None:
+            moved = np.array(list(places.values())) + self.offsets
+            places = dict(zip(places, moved, strict=True))
+        return np.array([places[i] for i in ids], float).reshape(-1, 3)
 
-    def rise(self, xy: np.ndarray, straight: bool = True) -> np.ndarray:
-        """(...): the sheet's height over the board's plane at xy (..., 2), metres; `straight`: see `heights_at`."""
-        if self.heights is None:
+    def rise(self, xy: np.ndarray) -> np.ndarray:
+        """(...): the sheet's height over the board's plane at xy (..., 2), metres: as smooth as the tags' allow."""
+        if self.offsets is None:
             return np.zeros(xy.shape[:-1])
-        centers = tuple(self.centers().values())
-        return heights_at(xy, centers, self.heights.degree, straight) @ np.array(self.heights.coefficients)
+        centers = np.array(list(self.centers().values()))
+        # Goes on beyond the outermost centres with the curvature that it has there.
+        sheet = RBFInterpolator(centers, np.array(self.offsets)[:, 2], kernel="quintic")
+        return np.asarray(sheet(xy.reshape(-1, 2))).reshape(xy.shape[:-1])
 
     @property
     def kind(self) -> str:
@@ -111,7 +114,7 @@ class Board(Record, frozen=True):
 
     def flat(self) -> "Board":
         """The same board on a flat sheet."""
-        return self if self.heights is None else msgspec.structs.replace(self, heights=None)
+        return self if self.offsets is None else msgspec.structs.replace(self, offsets=None)
 
 
 def read_board(path: str | os.PathLike) -> Board:
@@ -126,9 +129,16 @@ def read_board(path: str | os.PathLike) -> Board:
     for keys, where in (([key for key in Grid.__struct_fields__ if key in data], "below"), (above, "above")):
         if keys:
             raise InputError(path, f"{', '.join(keys)} {where} the line [grid]", "them elsewhere")
+    refuse_heights(data, path)
     board = files.to_record(path, data, Board)
     check_board(board, path)
     return board
+
+
+def refuse_heights(table: Mapping[str, Any], where: object) -> None:
+    """Raise InputError for the polynomial that was the shape of a board before 0.2.0."""
+    if "heights" in table:
+        raise InputError(where, "offsets, as `raytwin calibrate -o` writes them now", "heights, removed in 0.2.0")
 
 
 def write_board(path: str | os.PathLike, board: Board, comment: str = "") -> None:
@@ -160,7 +170,7 @@ def check_board(board: Board, where: object = "board") -> None:
     ids, xy = list(board.centers()), np.array(list(board.centers().values())).reshape(-1, 2)
     if not spans_a_plane(xy):
         raise InputError(f"{where}: tags", "at least 4 tags, not in one line", f"{len(xy)} tags")
-    check_heights(board.heights, where)
+    check_offsets(board.offsets, len(xy), where)
     gap = np.abs(xy[:, None] - xy[None]).max(axis=-1) + np.diag(np.full(len(xy), np.inf))
     if gap.min() <= board.tag_edge:
         a, b = divmod(int(gap.argmin()), len(xy))
@@ -168,14 +178,10 @@ def check_board(board: Board, where: object = "board") -> None:
         raise InputError(f"{where}: tags", want, f"ids {ids[a]} and {ids[b]} closer")
 
 
-def check_heights(heights: Heights | None, where: object) -> None:
-    """Raise InputError unless there are as many coefficients as the degree has, all finite."""
-    if heights is None:
-        return
-    c = heights.coefficients
-    if len(c) != count(heights.degree) or not np.isfinite(c).all():
-        expected = f"{count(heights.degree)} finite numbers for degree {heights.degree}"
-        raise InputError(f"{where}: heights.coefficients", expected, c)
+def check_offsets(offsets: Offsets | None, tags: int, where: object) -> None:
+    """Raise InputError unless there are as many offsets as tags, all finite."""
+    if offsets is not None and (len(offsets) != tags or not np.isfinite(offsets).all()):
+        raise InputError(f"{where}: offsets", f"three finite numbers for each of {tags} tags", f"{len(offsets)} rows")
 
 
 def spans_a_plane(xy: np.ndarray) -> bool:

@@ -2,8 +2,8 @@
 
 The lens bends a tag's edges; the detector fits straight lines to them, and calls the point where the diagonals of their
 four crossings meet the centre. Through a known camera the same can be done to the true edges. What comes out differs
-from the image of the true centre by the detector's bias, which a bent sheet changes: a fifth of a pixel (rms) on large
-tags under moderate distortion, four times the detector's noise.
+from the image of the true centre by the detector's bias: a fifth of a pixel (rms) on large tags under moderate
+distortion, four times the detector's noise. A bent sheet bends the edges, too.
 """
 
 import functools
@@ -21,13 +21,10 @@ POINTS, REACH = 5, 0.767
 square offset equals that of the 16 places on an edge, corners excluded, that the AprilTag library samples."""
 
 
-def center_bias(ids: Sequence[int], board: Board, R, t, K, dist: Sequence[float], straight: bool = True) -> np.ndarray:
-    """(n, 2) pixels: crossing of the diagonals of straight lines through the distorted edges, minus the true centre.
-
-    `straight`: how a bent sheet goes on beyond the outermost centres, see `heights_at`.
-    """
+def center_bias(ids: Sequence[int], board: Board, R, t, K, dist: Sequence[float]) -> np.ndarray:
+    """(n, 2) pixels: crossing of the diagonals of straight lines through the distorted edges, minus the true centre."""
     centers = board.points(ids)
-    edges = _edges(board, straight)
+    edges = _edges(board)
     around = centers[:, None, None] + np.stack([edges[i] for i in ids])
     pixels = lens_model.project(around.reshape(-1, 3), R, t, K, dist).reshape(len(centers), 4, POINTS, 2)
     middle = pixels.mean(axis=2)
@@ -41,7 +38,7 @@ def center_bias(ids: Sequence[int], board: Board, R, t, K, dist: Sequence[float]
 
 
 @functools.lru_cache(maxsize=16)
-def _edges(board: Board, straight: bool) -> dict[int, np.ndarray]:
+def _edges(board: Board) -> dict[int, np.ndarray]:
     """By id, (4, POINTS, 3): from the tag's centre to points on its lower, right, upper and left edge, metres.
 
     On a bent sheet the edges lie higher or lower than the centre; that a tilt shortens them is second order.
@@ -49,7 +46,7 @@ def _edges(board: Board, straight: bool) -> dict[int, np.ndarray]:
     s, one = np.linspace(-REACH, REACH, POINTS), np.ones(POINTS)
     flat = np.stack([np.c_[s, -one], np.c_[one, s], np.c_[-s, one], np.c_[-one, -s]]) * board.tag_edge / 2
     centers = np.array(list(board.centers().values()))
-    rise = board.rise(centers[:, None, None] + flat, straight) - board.rise(centers)[:, None, None]
+    rise = board.rise(centers[:, None, None] + flat) - board.rise(centers)[:, None, None]
     return {tag: np.concatenate([flat, z[..., None]], axis=-1) for tag, z in zip(board.centers(), rise, strict=True)}
 
 

@@ -18,7 +18,7 @@ from raytwin import files
 from raytwin.calib.boards import Board, read_board
 from raytwin.calib.boards.board import spans_a_plane
 from raytwin.calib.photos import lens_model, pose
-from raytwin.calib.photos.bias import center_bias, unbiased
+from raytwin.calib.photos.bias import unbiased
 from raytwin.calib.photos.calibration_result import Calibration, CalibrationWarning, Evidence, FoundBoard, View
 from raytwin.calib.photos.detection import Find, Tag, detect, detect_photos
 from raytwin.calib.photos.diagnostics import Case, coverage, tilts, warnings_for
@@ -36,18 +36,16 @@ SAME_VIEW = 0.005
 
 Photos taken one by one are at least 0.0166 apart in the real sets, and 0.0104 in one that is deliberately alike."""
 
+REPEATED = "the view of another photo, as in a burst or a video"
+
 ROUNDS = 3
 """Fits, each without the outliers and the detector's bias found by the one before; a fourth moves fx by 1e-7."""
-
-BENT_ROUNDS = 5
-"""Rounds for a bent board, whose shape moves the tags' centers and is fitted to them. A sixth moves fx by 1e-5."""
 
 PRELIMINARY = "k1k2"
 """The lens model that `auto` fits before it chooses: enough to find the detector's bias and the outliers."""
 
-BENT_BIAS_SD = {2: 0.5, 4: 0.25, 6: 0.07}
-"""By degree of the sheet's shape, the uncertain fraction of the detector's bias from bent tag edges: measured on a
-cosine of 250 mm and 3 mm, six sets of poses without noise."""
+REMOVED = {"k1": "k1k2", "k1k2p1p2": "full5", "k1k2k3": "full5"}
+"""Lens models that 0.2.0 removed -> the smallest that holds them."""
 
 UNEXPLAINED = 0.05
 """Share of the distance between neighbouring tags: with a larger rms there is no camera.
@@ -86,13 +84,13 @@ def calibrate(
     unique = len({p.name for p in paths}) == len(paths)
     shown = {str(p): p.name if unique else str(p) for p in paths}
     paths, broken = files.readable_photos(paths)
-    paths, image_size, warnings = _of_one_size(paths)
-    found, wrong = detect_photos(paths, board.kind, progress, find, threads)
-    wrong |= {str(photo): why for photo, why in broken.items()}
+    paths, image_size, others = _of_one_size(paths)
+    found, without = detect_photos(paths, board.kind, progress, find, threads)
+    wrong = {str(photo): why for photo, why in (broken | others).items()} | without
     progress("fit", 0, 1)
     result = calibrate_detections(
         {shown[p]: tags for p, tags in found.items()},
-        image_size, board, model, where, {shown[p]: why for p, why in wrong.items()}, warnings,
+        image_size, board, model, where, {shown[p]: why for p, why in wrong.items()},
     )  # fmt: skip
     progress("fit", 1, 1)
     # By path too, for whoever wants the pose of one of them.
@@ -109,12 +107,8 @@ def calibrate_detections(
     model: str = "auto",
     where: str = "photos",
     wrong: Mapping[str, str] | None = None,
-    warnings: Sequence[CalibrationWarning] = (),
 ) -> Calibration:
-    """The same from tags already found, by photo.
-
-    `wrong` says of other photos why they have none, `warnings` are about the photos themselves.
-    """
+    """The same from tags already found, by photo. `wrong` says of other photos why they have none."""
     _check_model(model)
     wrong = dict(wrong or {})
     if not any(detections.values()):
@@ -122,42 +116,33 @@ def calibrate_detections(
         raise InputError(where, f"photos of {board.kind} tags", seen or "none")
     pose.check_tags(list(detections.values()), board, where)
     _check_inside(detections, image_size)
-    distinct, repeated = _distinct(detections, image_size)
+    distinct = _distinct(detections, image_size)
+    wrong |= dict.fromkeys((photo for photo in detections if photo not in distinct), REPEATED)
     views, straight = _first_views(distinct, image_size, board, wrong)
-    _check_enough(views, {photo: f"the view of {other}" for photo, other in repeated.items()} | wrong, where)
+    _check_enough(views, wrong, where)
     trials: dict[str, ModelTrial] = {}
     gap = np.zeros((0, 0))
     result = fit(straight, image_size, board, ModelSpec(PRELIMINARY if model == "auto" else model))
-    for turn in range(1, BENT_ROUNDS):
-        bent = result.form.degree > 0
-        if turn >= ROUNDS and not bent:
-            break
+    for turn in range(ROUNDS):
         # This fit reveals the detector's bias and the outliers; without both, the next fit is better.
         views, straight = _inliers(views, board, result, wrong)
         _check_enough(views, wrong, where)
-        result = fit(straight, image_size, board, result.form, result)
-        if turn == 1 or (turn == 2 and bent):
+        if turn < ROUNDS - 1:
             result, trials, gap = select_model(straight, image_size, board, model, result)
+        else:
+            result = fit(straight, image_size, board, result.form, result)
     _check_explained(straight, result, where)
     outliers = {
         v.photo: sorted({t.id for t in v.tags} - {t.id for t in s.tags}) for v, s in zip(views, straight, strict=True)
     }
-    known = with_model_gap(
-        fit_uncertainty(result, _systematic(straight, board, result) if result.form.degree else ()), gap
-    )
-    made = _calibration(straight, image_size, board, result, known, trials, detections, repeated)
-    if repeated:
-        shown = [f"{photo} (as {other})" for photo, other in list(repeated.items())[:3]]
-        text = f"{', '.join(shown + ['...'] * (len(repeated) > 3))}: left out, since a burst or a video repeats views"
-        warnings = (*warnings, CalibrationWarning("same-view", f"{len(repeated)} of {len(detections)} photos, {text}"))
-    more = warnings_for(Case(made, result, known, straight, board, wrong, outliers))
-    return msgspec.structs.replace(made, warnings=(*warnings, *(CalibrationWarning(*d) for d in more)))
+    known = with_model_gap(fit_uncertainty(result), gap)
+    made = _calibration(straight, image_size, board, result, known, trials, detections)
+    warnings = warnings_for(Case(made, result, known, straight, board, wrong, outliers))
+    return msgspec.structs.replace(made, warnings=tuple(CalibrationWarning(*w) for w in warnings))
 
 
-def _distinct(
-    detections: Mapping[str, Sequence[Tag]], image_size: tuple[int, int]
-) -> tuple[dict[str, Sequence[Tag]], dict[str, str]]:
-    """One photo of each view, and by each other photo the one that it repeats.
+def _distinct(detections: Mapping[str, Sequence[Tag]], image_size: tuple[int, int]) -> dict[str, Sequence[Tag]]:
+    """One photo of each view.
 
     What pulls a view's tags astray is the same in its copies: counted as views, they make sigma too small.
     """
@@ -165,16 +150,14 @@ def _distinct(
     places = np.full((len(detections), len(column), 2), np.nan)
     for row, tags in zip(places, detections.values(), strict=True):
         row[[column[t.id] for t in tags]] = np.array([t.center for t in tags]).reshape(-1, 2)
-    names, kept, repeated = list(detections), list[int](), dict[str, str]()
-    for i, photo in enumerate(names):
+    kept = list[int]()
+    for i in range(len(places)):
         square = ((places[kept] - places[i]) ** 2).sum(axis=-1)
         both = np.isfinite(square).sum(axis=1)
-        same = (both >= 4) & (np.nansum(square, axis=1) < both * (SAME_VIEW * max(image_size)) ** 2)
-        if same.any():
-            repeated[photo] = names[kept[int(same.argmax())]]
-        else:
+        if not ((both >= 4) & (np.nansum(square, axis=1) < both * (SAME_VIEW * max(image_size)) ** 2)).any():
             kept.append(i)
-    return {names[i]: detections[names[i]] for i in kept}, repeated
+    names = list(detections)
+    return {names[i]: detections[names[i]] for i in kept}
 
 
 def _first_views(
@@ -200,23 +183,7 @@ def _first_views(
 
 
 def _shaped(board: Board, result: Fit) -> Board:
-    return msgspec.structs.replace(board, heights=result.shape)
-
-
-def _systematic(views: Sequence[Sighting], board: Board, result: Fit) -> Sequence[np.ndarray]:
-    """Return (2, v, t, 2) pixels, one standard deviation: the error of the detector's bias as modelled on bent sheets.
-
-    First, a share of the bias that bending causes. Second, for a sheet that beyond the outermost centres is anything
-    between straight and extrapolated, its root mean square difference from straight.
-    """
-    by = np.zeros((2, *result.residuals.shape))
-    shaped = _shaped(board, result)
-    kinds = ((shaped, True), (board.flat(), True), (shaped, False))
-    for i, (view, (R, t)) in enumerate(zip(views, result.poses, strict=True)):
-        ids = [tag.id for tag in view.tags]
-        bent, flat, on = (center_bias(ids, b, R, t, result.K, result.dist, straight) for b, straight in kinds)
-        by[:, i, : len(ids)] = BENT_BIAS_SD[result.form.degree] * (bent - flat), (on - bent) / math.sqrt(3)
-    return list(by)
+    return msgspec.structs.replace(board, offsets=result.offsets(board))
 
 
 def _inliers(
@@ -253,24 +220,22 @@ def _calibration(
     known: FitUncertainty,
     trials: dict[str, ModelTrial],
     detections: Mapping[str, Sequence[Tag]],
-    repeated: dict[str, str],
 ) -> Calibration:
     names = result.form.names
     sigma = np.sqrt(np.diag(known.covariance)[: len(names)])
     moved = known.moves[:, : len(INTRINSICS)] / np.maximum(sigma[: len(INTRINSICS)], 1e-300)
-    influence = np.sqrt((moved**2).mean(axis=1))
-    square = (result.residuals**2).sum(axis=(1, 2)) / result.observations.weight.sum(axis=1)
+    influence = np.sqrt((moved**2).mean(axis=1)).tolist()
+    there = result.observations.seen
+    rms = np.sqrt((result.residuals**2).sum(axis=(1, 2)) / there.sum(axis=1)).tolist()
     shown = tuple(
-        View(
-            view.photo, len(view.tags), math.sqrt(square[i]), pose.rotation(R), tuple(t.tolist()), float(influence[i])
-        )
+        View(view.photo, len(view.tags), rms[i], pose.rotation(R), tuple(t.tolist()), influence[i])
         for i, (view, (R, t)) in enumerate(zip(views, result.poses, strict=True))
-    )  # fmt: skip
+    )
     middle = np.append(np.mean(list(board.centers().values()), axis=0), 0.0)
     away = [np.linalg.norm(R @ middle + t) for R, t in result.poses]
-    seen = tuple((float(t.center[0]), float(t.center[1])) for v in views for t in v.tags)
+    seen = result.observations.pixels[there]
     evidence = Evidence(
-        coverage=coverage(np.array(seen), image_size),
+        coverage=coverage(seen, image_size),
         tilts=tuple(tilts(shown, board)),
         distance=float(np.median(away)),
         covariance=tuple(map(tuple, with_poses(result, known).tolist())),
@@ -278,14 +243,9 @@ def _calibration(
         trials=trials,
         taken=name(result.form),
         board=_shaped(board, result),
-        seen=seen,
-        residuals=tuple(
-            (float(du), float(dv))
-            for view, of in zip(views, result.residuals, strict=True)
-            for du, dv in of[: len(view.tags)]
-        ),
+        seen=tuple(map(tuple, seen.tolist())),
+        residuals=tuple(map(tuple, result.residuals[there].tolist())),
         found={photo: tuple(tags) for photo, tags in detections.items()},
-        repeated=repeated,
     )
     return Calibration(
         image_size=(int(image_size[0]), int(image_size[1])),
@@ -295,24 +255,24 @@ def _calibration(
         sigma=dict(zip(names, sigma.tolist(), strict=True)),
         rms_px=result.rms_px,
         views=shown,
-        board=_found_board(result, known),
+        board=_found_board(board, result, known),
         evidence=evidence,
     )
 
 
-def _found_board(result: Fit, known: FitUncertainty) -> FoundBoard:
-    shape, bent, at = result.shape, result.observations.bending, len(result.form.names)
-    if shape is None or bent is None:
-        return FoundBoard(shape)
-    of_heights = slice(at, at + len(shape.coefficients))
-    heights = bent.heights @ np.array(shape.coefficients)
-    across = bent.heights[heights.argmax()] - bent.heights[heights.argmin()]
-    variance = float(across @ known.covariance[of_heights, of_heights] @ across)
-    return FoundBoard(shape, 1e3 * float(np.ptp(heights)), 1e3 * math.sqrt(max(variance, 0.0)))
+def _found_board(board: Board, result: Fit, known: FitUncertainty) -> FoundBoard:
+    offsets = result.offsets(board)
+    if offsets is None:
+        return FoundBoard()
+    height = result.shared[len(result.form.names) :].reshape(-1, 3)[:, 2]
+    across = np.zeros(len(result.shared))
+    across[len(result.form.names) + 3 * np.array([height.argmax(), height.argmin()]) + 2] = 1, -1
+    sigma = math.sqrt(max(float(across @ known.covariance @ across), 0.0))
+    return FoundBoard(offsets, 1e3 * float(np.ptp(height)), 1e3 * sigma)
 
 
-def _of_one_size(paths: Sequence[Path]) -> tuple[list[Path], tuple[int, int], list[CalibrationWarning]]:
-    """The photos of the commonest size, that size, and warnings about those of other sizes and about which way up.
+def _of_one_size(paths: Sequence[Path]) -> tuple[list[Path], tuple[int, int], dict[Path, str]]:
+    """The photos of the commonest size, that size, and why the others are left out.
 
     Photos a quarter turn from the others are left out: their pixels were turned after the lens had drawn them, and its
     centre and its axes with them. So are photos of any other size, which another camera took or a program cut, unless
@@ -321,30 +281,11 @@ def _of_one_size(paths: Sequence[Path]) -> tuple[list[Path], tuple[int, int], li
     sizes = dict(zip(paths, map(files.photo_size, paths), strict=True))
     size = Counter(sizes.values()).most_common(1)[0][0]
     kept, others = ([p for p in paths if (sizes[p] == size) is alike] for alike in (True, False))
-    by_code: dict[str, list[Path]] = {}
-    for path in others:
-        by_code.setdefault("swapped-orientation" if sizes[path] == size[::-1] else "other-size", []).append(path)
+    strange = [p for p in others if sizes[p] != size[::-1]]
     w, h = size
-    if others and (len(kept) < LEAST_VIEWS or 2 * len(by_code.get("other-size", ())) >= len(paths)):
+    if others and (len(kept) < LEAST_VIEWS or 2 * len(strange) >= len(paths)):
         raise InputError(others[0], f"{w} x {h} pixels, as {kept[0].name} has", "{} x {}".format(*sizes[others[0]]))
-    warnings = []
-    for code, left_out in sorted(by_code.items()):
-        text = ", ".join(sorted({"{} x {}".format(*sizes[p]) for p in left_out}))
-        text = f"{_some(left_out)}: left out, being {text} where the others are {w} x {h}"
-        warnings.append(CalibrationWarning(code, text))
-    by_turn: dict[int, list[Path]] = {}
-    for path in kept:
-        by_turn.setdefault(files.photo_orientation(path), []).append(path)
-    if len(by_turn) > 1:
-        groups = sorted(by_turn.items(), key=lambda group: -len(group[1]))
-        text = "; ".join(f"{turn} in {len(of)} ({_some(of)})" for turn, of in groups)
-        text = f"EXIF orientations differ: {text}: sound only if no pixels were ever turned"
-        warnings.append(CalibrationWarning("mixed-orientation", text))
-    return kept, size, warnings
-
-
-def _some(paths: Sequence[Path]) -> str:
-    return ", ".join([p.name for p in paths[:3]] + ["..."] * (len(paths) > 3))
+    return kept, size, {p: "{} x {} pixels where most have {} x {}".format(*sizes[p], w, h) for p in others}
 
 
 def _check_inside(detections: Mapping[str, Sequence[Tag]], image_size: tuple[int, int]) -> None:
@@ -376,4 +317,5 @@ def _check_explained(views: Sequence[Sighting], result: Fit, where: str) -> None
 
 def _check_model(model: str) -> None:
     if model != "auto" and model not in MODELS:
-        raise InputError("model", f"one of auto, {', '.join(MODELS)}", repr(model))
+        instead = f", which 0.2.0 removed: use {REMOVED[model]}" if model in REMOVED else ""
+        raise InputError("model", f"one of auto, {', '.join(MODELS)}", repr(model) + instead)

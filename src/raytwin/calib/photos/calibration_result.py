@@ -5,7 +5,7 @@ from typing import Any
 
 import msgspec
 
-from raytwin.calib.boards import Board, Heights
+from raytwin.calib.boards import Board, Offsets
 from raytwin.calib.photos.detection import Tag
 from raytwin.calib.photos.model import ModelTrial, TrialRow, trial_rows
 from raytwin.errors import InputError
@@ -27,10 +27,10 @@ class View(Record, frozen=True):
 
 
 class FoundBoard(Record, frozen=True):
-    """The board as fitted: `heights` is None where a flat one predicts as well. `bend_mm`: from the lowest tag's
+    """The board as fitted: `offsets` is None where a flat one predicts as well. `bend_mm`: from the lowest tag's
     height to the highest's, `bend_sigma_mm` one standard deviation of it."""
 
-    heights: Heights | None = None
+    offsets: Offsets | None = None
     bend_mm: float = 0.0
     bend_sigma_mm: float = 0.0
 
@@ -50,8 +50,7 @@ class Evidence(Record, frozen=True):
     views, metres. `covariance`: of (fx, fy, cx, cy, the model's coefficients, omega, tau), see `uncertainty`; pixels,
     radians, metres; `noise_px`: one standard deviation of a tag's coordinate that goes with it. `trials`: what came of
     each model, `taken` among them. `board`: with its shape. `seen`: the tags' centres, by view; `residuals`:
-    projected minus seen of each, pixels. `found`: by photo, all tags that were detected. `repeated`: by photo left out,
-    the one that shows the same view.
+    projected minus seen of each, pixels. `found`: by photo, all tags that were detected.
     """
 
     coverage: float
@@ -65,7 +64,6 @@ class Evidence(Record, frozen=True):
     seen: tuple[tuple[float, float], ...]
     residuals: tuple[tuple[float, float], ...]
     found: dict[str, tuple[Tag, ...]]
-    repeated: dict[str, str]
 
 
 class Calibration(Record, frozen=True):

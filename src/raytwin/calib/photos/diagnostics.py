@@ -18,7 +18,7 @@ from raytwin.calib.boards import Board
 from raytwin.calib.photos import pose
 from raytwin.calib.photos.calibration_result import Calibration
 from raytwin.calib.photos.fit import Fit, Sighting, fit, matched
-from raytwin.calib.photos.uncertainty import FitUncertainty, fit_uncertainty, uncertainty_map
+from raytwin.calib.photos.uncertainty import FitUncertainty, fit_uncertainty
 from raytwin.errors import InputError
 from raytwin.scene.lens import SIDE, undone
 
@@ -44,13 +44,6 @@ PREDICTED, FAR, SIGMA_WITHOUT = 0.97, 4.0, 2.0
 """A photo that looks odd is named only if K without it predicts the others with less than this fraction of their error
 (1 for a photo FAR times beyond the limit), and if leaving it out multiplies no standard deviation of K by this factor:
 the only near or slanted view disagrees with the rest because it carries the information."""
-
-BENT, SURELY = 5e-4, 4.0
-"""A board counts as bent beyond this fraction of its diagonal and this many standard deviations."""
-
-BARE, UNSURE = 0.3, 0.0025
-"""A side of the frame is called bare where this share of its height or width holds no tag, and a tenth of what is seen
-there may be off by this share of the frame's longer side (one standard deviation)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,8 +123,8 @@ def _left_out(case: Case) -> Warnings:
     for photo, why in case.wrong.items():
         by_reason.setdefault(why, []).append(photo)
     for why, of in by_reason.items():
-        names, verb = ", ".join(of[:3] + ["..."] * (len(of) > 3)), "was" if len(of) == 1 else "were"
-        yield "no-tags", f"{names} {verb} left out: {why}"
+        names = ", ".join(of[:3]) + f" and {len(of) - 3} more" * (len(of) > 3)
+        yield "no-tags", f"{names} {'was' if len(of) == 1 else 'were'} left out: {why}"
 
 
 def _few(case: Case) -> Warnings:
@@ -152,7 +145,7 @@ def _degenerate(case: Case) -> Warnings:
         if sd[name] > CENTER_SD * side:
             found.append(f"{name} is known to ± {sd[name]:.0f} px only")
     if abs(fx / fy - 1) > ASPECT:
-        found.append(f"fx / fy = {fx / fy:.3f}, where cameras have 1")
+        found.append(f"fx / fy = {fx / fy:.3f}, where cameras have 1: is the board's pitch alike both ways?")
     for name, value, side in (("cx", cx, width), ("cy", cy, height)):
         if abs(off := value - (side - 1) / 2) > CENTER_OFFSET * side:
             found.append(f"{name} = {value:.0f} lies {abs(off):.0f} px from the image's middle")
@@ -166,31 +159,6 @@ def _degenerate(case: Case) -> Warnings:
         yield "degenerate-views", "; ".join(found)
 
 
-def _bare(case: Case) -> Warnings:
-    """One warning for the largest side without tags where the map of uncertainty is bad."""
-    sides = sorted(bare_sides(np.array(case.calibration.basis.seen), case.image_size).items(), key=lambda s: -s[1])
-    sigma = uncertainty_map(case.calibration)
-    h, w = sigma.shape
-    for side, share in sides:
-        if share <= BARE:
-            return
-        n, m = max(1, round(share * h)), max(1, round(share * w))
-        there = {"upper": sigma[:n], "lower": sigma[-n:], "left": sigma[:, :m], "right": sigma[:, -m:]}[side]
-        if np.isnan(there).all():
-            continue
-        low, high = np.nanquantile(there, (0.1, 0.9))
-        if high > UNSURE * max(case.image_size):
-            text = f"the {side} {100 * share:.0f} % of the frame holds no tag: what is seen there may be {low:.2g} to"
-            yield "bare-side", f"{text} {high:.2g} px off; photograph the board there"
-            return
-
-
-def bare_sides(pixels: np.ndarray, image_size: tuple[int, int]) -> dict[str, float]:
-    """The share of the frame beyond the points (n, 2) on each side: one point in a hundred may lie there."""
-    low, high = np.quantile((pixels + 0.5) / image_size, (0.01, 0.99), axis=0)
-    return {"left": low[0], "upper": low[1], "right": 1 - high[0], "lower": 1 - high[1]}
-
-
 def _mirrored(case: Case) -> Warnings:
     board, views = case.board, case.views
     behind = [v for v in views if is_mirrored(*matched(v.tags, board.flat()))]
@@ -200,21 +168,6 @@ def _mirrored(case: Case) -> Warnings:
             advice = f'write order = "{"up" if board.grid.order == "down" else "down"}" into its [grid]'
         text = f"the board is seen from behind in {len(behind)} of {len(views)} views: its description is mirrored"
         yield "mirrored-board", f"{text} ({advice})"
-
-
-def _pitch(case: Case) -> Warnings:
-    if case.found.form.stretch:  # the last parameter
-        sigma = math.sqrt(case.known.covariance[-1, -1])
-        text = f"the board's pitch in y is {1 + case.found.shared[-1]:.4f} (± {sigma:.1g}) times what its file says"
-        yield "board-pitch", f"{text}: fitted along with the camera; measure it both ways"
-
-
-def _bent(case: Case) -> Warnings:
-    found = case.calibration.board
-    diagonal = 1e3 * float(np.linalg.norm(np.ptp(list(case.board.centers().values()), axis=0)))
-    if found.bend_mm > max(BENT * diagonal, SURELY * found.bend_sigma_mm):
-        text = f"the board is bent by {found.bend_mm:.2g} ± {found.bend_sigma_mm:.1g} mm"
-        yield "bent-board", f"{text}: fitted along with the camera; glue it to something flat"
 
 
 def _odd(case: Case) -> Warnings:
@@ -299,5 +252,5 @@ def _ambiguous(case: Case) -> Warnings:
 
 
 CHECKS: tuple[Callable[[Case], Warnings], ...] = (
-    _left_out, _few, _degenerate, _bare, _mirrored, _pitch, _bent, _odd, _unsupported, _outliers, _ambiguous,
+    _left_out, _few, _degenerate, _mirrored, _odd, _unsupported, _outliers, _ambiguous,
 )  # fmt: skip

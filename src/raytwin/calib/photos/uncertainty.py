@@ -20,7 +20,6 @@ After mrcal's projection uncertainty (Kogan, mrcal.secretsauce.net/uncertainty.h
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,15 +37,13 @@ CELL = 16
 def leave_one_out(found: Fit) -> tuple[np.ndarray, np.ndarray]:
     """By photo: how the shared numbers move without it (n, m), and the rms distance of its own tags then (n,),
     pixels."""
-    total = found.H.sum(axis=0)
     moves, errors = [], []
     for i, residuals in enumerate(found.residuals):
-        move = solve_scaled(total - found.H[i], found.g[i])
+        move = solve_scaled(found.without(i), found.g[i])
         # Its pose follows as well as it can.
-        by = ((found.A[i] + found.B[i] @ found.follow[i]) @ move).reshape(residuals.shape)
-        squares = float(((residuals + by) ** 2).sum())
+        by = found.along(i, move) + found.of_pose[i] @ (found.follow[i] @ move)
         moves.append(move)
-        errors.append(math.sqrt(squares / found.observations.weight[i].sum()))
+        errors.append(math.sqrt(((residuals + by) ** 2).sum() / found.observations.seen[i].sum()))
     return np.array(moves), np.array(errors)
 
 
@@ -61,20 +58,14 @@ class FitUncertainty:
     errors: np.ndarray
 
 
-def fit_uncertainty(found: Fit, systematic: Sequence[np.ndarray] = ()) -> FitUncertainty:
-    """Return the uncertainty of a fit. `systematic`: (v, t, 2) each, one standard deviation of an error that shifts all
-    tags together, pixels."""
+def fit_uncertainty(found: Fit) -> FitUncertainty:
+    """Return the uncertainty of a fit."""
     moves, errors = leave_one_out(found)
-    H, s2 = found.H.sum(axis=0), max(found.variance, 1e-300)
-    alike = s2 * solve_scaled(H, np.eye(len(H)))
+    s2 = max(found.variance, 1e-300)
+    alike = s2 * found.inverse
     variance, jackknife = np.diag(alike), (1 - 1 / len(moves)) * (moves**2).sum(axis=0)
     wider = np.maximum(jackknife / np.where(variance > 0, variance, np.inf), 1)
     covariance = alike * np.sqrt(np.outer(wider, wider))
-    for shift in systematic:
-        by = shift.reshape(len(found.R), -1, 1)
-        pull = found.A.swapaxes(1, 2) @ by + found.follow.swapaxes(1, 2) @ (found.B.swapaxes(1, 2) @ by)
-        doubted = solve_scaled(H, pull.sum(axis=0)[:, 0])
-        covariance = covariance + np.outer(doubted, doubted)
     return FitUncertainty(covariance, math.sqrt(s2 * wider[:4].mean()), moves, errors)
 
 
