@@ -74,7 +74,7 @@ def test_no_recommendation_says_why_and_no_tolerance_how_to_get_one():
     ("row", "said"),
     [
         (FILL, "the background alone"),
-        (SHADOW, "cast shadows of the sun, sky without occlusion, one ray through each pixel's center"),
+        (SHADOW, "cast shadows of the sun, sky without occlusion, one ray per pixel"),
         (TWIN, "light with at most 6 bounces, 16 samples per pixel (Mitsuba)"),
         (msgspec.structs.replace(PATH, depth=3, samples=1), "light with at most 1 bounce, 1 sample per pixel"),
     ],
