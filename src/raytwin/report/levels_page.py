@@ -90,7 +90,7 @@ def words(row: "Row") -> str:
         return light
     rays = f"{row.samples} sample{'s' * (row.samples != 1)} per pixel"
     if row.sampling == "center":
-        rays = "one ray through each pixel's center"
+        rays = "one ray per pixel"
     return f"{light}, {rays}{' (Mitsuba)' if row.side == 'twin' else ''}"
 
 

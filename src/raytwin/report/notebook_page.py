@@ -152,11 +152,10 @@ HTML: dict[str, Callable[[Any], str]] = {
     "Pictures": lambda shown: _pictures(shown.figures),
     "Diff": lambda found: _pair(view_of(found)),
     "Result": lambda found: _pair(view_of(found)),
-    "Ladder": lambda found: _shown(("rung", "side", "method", "seconds", "rmse", "noise"), found.table()),
+    "Levels": lambda made: _shown(("method", "rung", "rays", "seconds", "error"), made.table(), caption=made.found.reason),
     "Bench": lambda found: _shown(
         ("method", "rung", "width", "height", "seconds_median", "rmse", "verdict", "on_frontier"), found.table()
     ),
-    "Needs": lambda found: _shown(("answer", "method", "error", "seconds"), found.table(), caption=found.reason),
 }
 """Name of a class -> what a notebook shows of it. One more kind is one more row, and InNotebook among its bases."""
 FIGURES: dict[str, Callable[[Any], Figures]] = {
