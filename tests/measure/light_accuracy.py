@@ -200,7 +200,7 @@ def report(rows: list[dict], first: int) -> None:
                 f"{100 * rms['Ls']:.1f} %", f"{rms['z_Ls']:.2f}", f"{100 * rms['irradiance']:.1f} %",
                 f"{np.median(column['codes']):.1f}", f"{np.median(column['codes_true']):.1f}",
             ))  # fmt: skip
-    name = "accuracy" if first == 300 else f"lights-{first}"
+    name = f"lights-{first}"
     record.table("light", name, COLUMNS, table, f"python -m measure.light_accuracy judge FOLDER --first {first}")
 
 

@@ -115,7 +115,9 @@ def _drawing(found: "LightEstimate", photo: "LinearPhoto") -> dict[str, Any]:
         return np.stack([width - 1 - u if columns else u, height - 1 - v if rows else v], axis=1)
 
     paths = [(" ".join(f"{u:.1f},{v:.1f}" for u, v in upright(line)), *style) for line, *style in lines]
-    texts = [(*upright(np.array([at]))[0].round(1).tolist(), text) for at, text in labels]
+    seen = [(upright(np.array([at]))[0].round(1).tolist(), text) for at, text in labels]
+    border = width / 40  # a label that the frame would cut is left out
+    texts = [(u, v, t) for (u, v), t in seen if border < u < width - border and border < v < height - border]
     return {
         "name": photo.name, "url": _jpeg(photo.pixels, photo.turn), "width": width, "height": height,
         "paths": paths, "texts": texts,

@@ -217,3 +217,56 @@ def test_a_bright_patch_in_the_box_about_a_ball_but_beside_it_is_no_sun(corner):
     u, v = (rim.mean(axis=0) + np.array([0, 0.4]) * np.ptp(rim, axis=0)).astype(int)
     light[v : v + 3, u : u + 3] = 5
     assert mirror_ball.sun_spot(picture(light), ball_of()) is not None
+
+
+def test_a_long_clipped_patch_is_a_lamp_that_makes_up_the_papers_light():
+    """A strip of 50 degrees, of which the photo tells the shape alone: paper asks for twelve times what is clipped."""
+    strip = np.array([0.5, 0.6, 0.6]) / np.linalg.norm([0.5, 0.6, 0.6])
+    along = np.cross(strip, (0, 0, 1.0))
+    along /= np.linalg.norm(along)
+
+    def shade(_, out):
+        near = (np.abs(out @ np.cross(strip, along)) < 0.12) & (np.abs(out @ along) < 0.42) & (out @ strip > 0)
+        return np.where(near, 1.5, 0.1)[:, None] + np.zeros(3)
+
+    photo = of_ball(shade)
+    assert mirror_ball.sun_spot(photo, ball_of()) is None
+    seen = mirror_map.mirrored([photo], ball_of(), np.ones(3))
+    paper = np.full(3, 0.9)
+    mirror = light_models.MirrorBall(ball_of(), seen, np.ones(3), mirror_ball.sun_of([photo], ball_of()))
+    light, trials, taken = light_models.choose(light_models.Evidence(paper, None, [mirror]), 1)
+    assert light.to_light is None
+    assert trials[taken].rows > 0
+    assert light_models.upward(light.around) == pytest.approx(paper / PAPER, rel=1e-3)
+    assert light.around.min() >= 0
+    directions, power = light_models._upper(light.around)
+    bright = np.where(
+        light.around.max() * 0.3 < light_models._repeated(light.around, 16).reshape(-1, 3)[: len(power)], power, 0
+    )
+    lamp = bright[:, 0] @ directions
+    assert np.degrees(np.arccos(lamp @ strip / np.linalg.norm(lamp))) < 6
+
+
+@pytest.mark.parametrize(
+    ("shade", "expected"),
+    [
+        (lambda n, out: 0.2 + 0.3 * np.maximum(n @ SUN, 0)[:, None] * np.array([1, 0.5, 0.1]), "shows the board"),
+        (lambda n, out: np.full((len(n), 3), 0.4), "shows the board"),
+    ],
+)
+def test_a_matt_ball_is_no_mirror(shade, expected):
+    with pytest.raises(InputError, match=expected):
+        mirror_ball.check_mirror([of_ball(shade)], BOARD, np.ones(3), ball_of(), ball_of())
+
+
+@pytest.mark.parametrize("turn", range(1, 9))
+def test_the_page_turns_a_photo_as_exif_says(turn):
+    """Against Pillow's own."""
+    from PIL import Image, ImageOps
+
+    from raytwin.report.light_page import _turned
+
+    pixels = np.random.default_rng(turn).integers(0, 255, (3, 4, 3), np.uint8)
+    picture = Image.fromarray(pixels)
+    picture.getexif()[0x0112] = turn
+    assert (np.asarray(ImageOps.exif_transpose(picture)) == _turned(pixels, turn)).all()

@@ -23,7 +23,7 @@ from raytwin.scene import Camera
 CLIPPED = 252
 """Codes from here on are taken for clipped: a JPEG's rounding moves 255 by a few."""
 
-BURNT = 248
+BURNT = 249
 """Least code of all channels in a lamp: JPEG mixes a small one's colours with its surroundings'. In four photos lamps
 of a few pixels have 247 to 252 on average, and sunlit walls of which red alone is clipped up to 245."""
 
