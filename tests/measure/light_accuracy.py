@@ -73,8 +73,8 @@ def take(folder: Path, seed: int, samples: int) -> None:
     )  # fmt: skip
 
 
-MODES = {"stand": ((), True), "matt ball": (("ball",), False), "mirror ball": (("mirror",), False),
-         "all": (("mirror", "ball"), True)}  # fmt: skip
+MODES = {"stand": (False, True), "mirror ball": (True, False), "all": (True, True)}
+"""By what -> whether the mirror ball and the stand are used."""
 
 
 def judge(folder: Path, seed: int) -> list[dict]:
@@ -85,36 +85,37 @@ def judge(folder: Path, seed: int) -> list[dict]:
     to_light, E, Ls, around = random_light(seed)
     white = PAPER * (E * to_light[2] / np.pi + Ls) @ REC_709
     rng = np.random.default_rng(seed)
-    near = {
-        name: (*(np.array(b.center) + rng.normal(0, 0.1 * b.radius, 3)), b.radius * (1 + rng.normal(0, 0.01)))
-        for name, b in (("mirror", MIRROR), ("ball", ORANGE))
-    }
+    radius = MIRROR.radius
+    near = (*(np.array(MIRROR.center) + rng.normal(0, 0.1 * radius, 3)), radius * (1 + rng.normal(0, 0.01)))
     stand = tuple(np.array(STAND) + rng.normal(0, 5e-4, 3))
     rows: list[dict] = []
     start = time.process_time()
     try:
         whole = estimate_light(
             files.list_photos(folder / "photos"), folder / "photos" / "board.toml", folder / "camera.toml",
-            balls=[near["mirror"], near["ball"]], stand=stand,
+            balls=[near], stand=stand,
         )  # fmt: skip
     except InputError as error:
         return [{"seed": seed, "map": around is not None, "mode": mode, "failed": str(error)} for mode in MODES]
-    for mode, (balls, with_stand) in MODES.items():
+    for mode, (with_ball, with_stand) in MODES.items():
         row: dict = {"seed": seed, "map": around is not None, "mode": mode}
         rows.append(row)
         e = whole.evidence
-        part = models.Evidence(
-            e.paper, e.shadow if with_stand else None, e.matt if "ball" in balls else [],
-            e.mirrors if "mirror" in balls else [],
-        )  # fmt: skip
-        found, light = whole, whole.light
-        if mode != "all":
-            light, trials, taken, suns = models.choose(part, len(whole.photos))
-            found = replace(whole, light=light, trials=trials, taken=taken, suns=suns)
+        part = models.Evidence(e.paper, e.shadow if with_stand else None, e.mirrors if with_ball else [])
+        if not (part.shadow or part.mirrors):
+            row["failed"] = "no shadow"
+            continue
+        light, trials, taken = models.choose(part, len(whole.photos))
+        found = replace(whole, evidence=part, light=light, trials=trials, taken=taken)
         row |= {"model": found.trials[found.taken].name, "seconds": time.process_time() - start}
         if light.to_light is None:
             row["failed"] = "no sun found"
             continue
+        if with_ball:
+            ball = e.mirrors[0].ball
+            off = ball.numbers - np.array([*MIRROR.center, MIRROR.radius])
+            row |= {"z_ball": float(np.sqrt((off[:3] @ off[:3]) / (ball.sigma[:3] @ ball.sigma[:3])))}
+            row |= {"z_radius": float(off[3] / ball.sigma[3]), "ball_mm": float(1000 * np.linalg.norm(off[:3]))}
         angle = np.degrees(np.arccos(np.clip(light.to_light @ to_light, -1, 1)))
         row |= {"angle": float(angle), "z_angle": float(angle / np.sqrt(2) / np.degrees(light.sigma))}
         for name, value, sd, true in (("E", light.E, light.E_sd, E / white), ("Ls", light.Ls, light.Ls_sd, Ls / white)):
@@ -199,7 +200,7 @@ def report(rows: list[dict], first: int) -> None:
                 f"{100 * rms['Ls']:.1f} %", f"{rms['z_Ls']:.2f}", f"{100 * rms['irradiance']:.1f} %",
                 f"{np.median(column['codes']):.1f}", f"{np.median(column['codes_true']):.1f}",
             ))  # fmt: skip
-    name = "accuracy" if first == 300 else f"lights-{first}"
+    name = f"lights-{first}"
     record.table("light", name, COLUMNS, table, f"python -m measure.light_accuracy judge FOLDER --first {first}")
 
 

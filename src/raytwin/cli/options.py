@@ -232,7 +232,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "board": _opt("TOML file of the board (board.toml beside the photos).", "BOARD", kind=Path | None),
         "camera": _opt("camera.toml, as `raytwin calibrate -o` writes it.", "FILE"),
         "out": _opt("light.toml to write; a map and a page go beside it.", "FILE", *OUT),
-        "ball": _opt("A ball's rough center and its radius, metres or 20mm; mirror or matt. Repeatable.", "X,Y,Z,R"),
+        "ball": _opt("A mirror ball's rough center and its radius, metres or 20mm. Repeatable.", "X,Y,Z,R"),
         "stand": _opt("Foot and height of a pin or pen that stands upright, metres or 20mm.", "X,Y,H"),
     },
     "augment": {

@@ -70,12 +70,13 @@ def light_command(
 ) -> None:  # fmt: skip
     """Estimate sun and sky from photos.
 
-    A mirror ball, a matt ball or a pin beside the board shows them; each number comes with its uncertainty.
+    A mirror ball or a pin beside the board shows them; each number comes with its uncertainty. The page beside the
+    light shows the board's axes, by which --ball and --stand are given, where the photos are refused, too.
     """
     from raytwin import files
     from raytwin.calib.lighting.light_file import write_light
     from raytwin.report import light_page
-    from raytwin.workflows.estimate_light import estimate_light
+    from raytwin.workflows.estimate_light import LightRefused, estimate_light
 
     if out.suffix.lower() != ".toml":
         raise InputError(out, "a name that ends in .toml", out.suffix or "no ending")
@@ -85,7 +86,13 @@ def light_command(
     taken, unread = files.readable_photos(path for named in photos for path in files.list_photos(named))
     board = board or _board_beside(photos)
     with show_progress() as progress:
-        found = estimate_light(taken, board, camera, balls=balls, stand=upright, progress=progress)
+        try:
+            found = estimate_light(taken, board, camera, balls=balls, stand=upright, progress=progress)
+        except LightRefused as refused:
+            light_page.write_light_page(refused.found, out.with_suffix(".html"))
+            raise InputError(
+                *refused.fields[:2], f"{refused.got} (axes to measure by: {out.with_suffix('.html')})"
+            ) from None
     write_light(out, found.light, found.paper, f"The light of {len(taken)} photos: {found.trials[found.taken].name}.")
     if json:
         files.write_json(json, found.numbers())

@@ -1,4 +1,4 @@
-"""Light from a mirror ball, a matt ball and a pin: each on pictures that closed forms made, no renderer.
+"""Light from a mirror ball and a pin: each on pictures that closed forms made, no renderer.
 
 Mitsuba's mirror (test_light_photos.py) and the shipped photos (test_estimate_light.py) are the independent check of
 left and right, up and down.
@@ -10,7 +10,7 @@ from photo_helpers import BOARD, PlainRenderer, a_camera
 
 from raytwin import files
 from raytwin.calib.boards.board import PAPER, draw_board
-from raytwin.calib.lighting import ball_outline, board_plane, light_models, matt_ball, mirror_ball, stand_shadow
+from raytwin.calib.lighting import board_plane, light_models, mirror_ball, mirror_map, stand_shadow
 from raytwin.calib.lighting.linear_photo import LinearPhoto, read_linear
 from raytwin.calib.synthetic_photos import expose, photograph, read_truth, sheet_of
 from raytwin.errors import InputError
@@ -28,8 +28,8 @@ CAMERA = Camera(
 )
 
 
-def ball_of(sigma: float = 0.0) -> ball_outline.Ball:
-    return ball_outline.Ball(CENTER, RADIUS, np.array([*CENTER, RADIUS]), np.full(4, 1e-3), np.full(4, sigma))
+def ball_of() -> mirror_ball.Ball:
+    return mirror_ball.Ball(CENTER, RADIUS, 1e-8 * np.eye(4))
 
 
 def picture(light: np.ndarray, camera: Camera = CAMERA) -> LinearPhoto:
@@ -43,7 +43,7 @@ def of_ball(shade) -> LinearPhoto:
     photo = picture(np.full((300, 400, 3), 0.25))
     u, v = np.meshgrid(np.arange(400), np.arange(300))
     uv = np.stack([u.ravel(), v.ravel()], axis=1)
-    p, out, cosine = ball_outline.reflect(photo, ball_of(), uv)
+    p, out, cosine = mirror_ball.reflect(photo, ball_of(), uv)
     hit = np.isfinite(cosine)
     light = photo.light.copy()
     light[uv[hit, 1], uv[hit, 0]] = shade((p[hit] - CENTER) / RADIUS, out[hit])
@@ -61,22 +61,11 @@ def a_map(rows: int = 8) -> Environment:
 
 def test_the_outline_is_where_the_rays_begin_to_miss():
     photo = picture(np.zeros((300, 400, 3)))
-    rim = ball_outline.outline(photo, CENTER, RADIUS)
+    rim = mirror_ball.outline(photo, ball_of())
     middle = rim.mean(axis=0)
     for scale, hit in ((0.995, True), (1.005, False)):
-        *_, cosine = ball_outline.reflect(photo, ball_of(), middle + scale * (rim - middle))
+        *_, cosine = mirror_ball.reflect(photo, ball_of(), middle + scale * (rim - middle))
         assert (np.isfinite(cosine) == hit).all()
-
-
-def test_a_ball_given_roughly_is_found_on_its_outline():
-    """To a tenth of a pixel; the ball is 86 pixels wide, and what is given is six pixels off."""
-    photo = of_ball(lambda n, _: 0.5 + 0.3 * n[:, 2:] + np.zeros(3))
-    near, sheet = CENTER + np.array((0.003, -0.003, 0.002)), board_plane.Sheet(BOARD)
-    found, _ = mirror_ball.find_ball([photo], sheet, near, 1.004 * RADIUS)
-    ball = ball_outline.fit_edges([photo], found)
-    seen, true = (ball_outline.outline(photo, c, r) for c, r in ((ball.center, ball.radius), (CENTER, RADIUS)))
-    assert seen.mean(axis=0) == pytest.approx(true.mean(axis=0), abs=0.1)
-    assert np.ptp(seen, axis=0) == pytest.approx(np.ptp(true, axis=0), abs=0.3)
 
 
 @pytest.mark.parametrize(
@@ -90,17 +79,19 @@ def test_a_ball_given_roughly_is_found_on_its_outline():
 )
 def test_a_ball_that_cannot_be_measured_is_refused_with_the_reason(center, radius, expected):
     with pytest.raises(InputError, match=expected):
-        mirror_ball.find_ball([picture(np.zeros((300, 400, 3)))], board_plane.Sheet(BOARD), np.array(center), radius)
+        mirror_ball.find_ball(
+            [picture(np.zeros((300, 400, 3)))], BOARD, mirror_ball.given_ball(np.array(center), radius)
+        )
 
 
 def test_a_mirrored_map_is_found_the_right_way_round_and_weighs_by_solid_angle():
     around, reflectance = a_map(), np.array([0.9, 0.8, 0.7])
     light = environment_map(around)
     photo = of_ball(lambda _, out: np.stack(light.radiance(tuple(out.T)), axis=1) * reflectance)
-    seen = mirror_ball.mirrored([photo], ball_of(), reflectance)
-    found = mirror_ball.fit_map([seen], 8)
+    seen = mirror_map.mirrored([photo], ball_of(), reflectance)
+    found = mirror_map.fit_map([seen], 8)[0]
     d = seen.to_light[::7]
-    shown = mirror_ball.bilinear(d, 8) @ found.reshape(-1, 3)
+    shown = mirror_map.bilinear(d, 8) @ found.reshape(-1, 3)
     assert np.abs(shown - np.stack(light.radiance(tuple(d.T)), axis=1)).max() < 0.01
     assert light_models.upward(found) == pytest.approx(light.diffuse_irradiance((0.0, 0.0, 1.0)), rel=0.02)
     # All that a ball shows within grazing angles: a little less than the whole sphere.
@@ -119,49 +110,10 @@ def test_a_small_clipped_light_is_the_sun_a_large_one_is_not_and_a_lamp_beside_i
         photo = of_ball(shade)
         spot = mirror_ball.sun_spot(photo, ball_of())
         assert (spot is not None) == is_sun
-        assert mirror_ball.mirrored([photo], ball_of(), np.ones(3)).sun.any() == is_sun
+        assert mirror_map.mirrored([photo], ball_of(), np.ones(3)).sun.any() == is_sun
         if spot:
-            found = ball_outline.reflect(photo, ball_of(), spot[0][None])[1][0]
+            found = mirror_ball.reflect(photo, ball_of(), spot[0][None])[1][0]
             assert np.degrees(np.arccos(found @ SUN)) < 0.35
-
-
-@pytest.mark.parametrize("glossy", [False, True])
-def test_a_matt_balls_shading_tells_sun_and_sky(glossy):
-    """On black ground G is 0; a highlight is passed over."""
-    E, Ls, albedo = np.array([2.2, 2.0, 1.8]), np.array([0.2, 0.25, 0.3]), np.array([0.7, 0.4, 0.1])
-    paper = PAPER * (E * SUN[2] / np.pi + Ls)
-
-    def shade(n, out):
-        lit = albedo * (E / np.pi * np.maximum(n @ SUN, 0)[:, None] + Ls * (1 + n[:, 2:]) / 2)
-        return lit + glossy * 0.5 * np.maximum(out @ SUN, 0)[:, None] ** 400
-
-    photo = of_ball(shade)
-    pixels = matt_ball.matt_pixels([photo], ball_of())
-    pixels.ground[:] = 0
-    found = matt_ball.fit_shading(pixels, ball_of(), paper)
-    assert np.degrees(np.arccos(found.to_light @ SUN)) < 0.5
-    assert pytest.approx(E, rel=0.02) == found.E
-    assert found.Ls == pytest.approx(Ls, rel=0.03)
-    assert found.residual < matt_ball.MATT
-
-
-def test_gloss_without_colour_turns_the_sun_no_farther_than_stated():
-    """Broad highlights of two lamps, a quarter of what the dark channel shows. If all channels weigh alike,
-    that channel's E is off by ten of its standard deviations."""
-    E, Ls, albedo = np.array([2.2, 2.0, 1.8]), np.array([0.2, 0.25, 0.3]), np.array([0.7, 0.3, 0.05])
-    paper = PAPER * (E * SUN[2] / np.pi + Ls)
-
-    def shade(n, out):
-        lit = albedo * (E / np.pi * np.maximum(n @ SUN, 0)[:, None] + Ls * (1 + n[:, 2:]) / 2)
-        return lit + 0.015 * (np.maximum(out[:, :1], 0) + np.maximum(-out[:, 1:2], 0))
-
-    pixels = matt_ball.matt_pixels([of_ball(shade)], ball_of())
-    pixels.ground[:] = 0
-    evidence = light_models.Evidence(paper, matt=[light_models.MattBall(ball_of(), pixels)])
-    light, *_ = light_models.choose(evidence, 1)
-    assert np.degrees(np.arccos(light.to_light @ SUN)) < 2.5 * np.degrees(light.sigma) < 9
-    assert (np.abs(light.E - E) < 3 * light.E_sd).all()
-    assert (light.E_sd < 0.25 * E).all()
 
 
 def test_a_sun_that_is_no_stronger_than_its_uncertainty_is_not_taken():
@@ -172,33 +124,9 @@ def test_a_sun_that_is_no_stronger_than_its_uncertainty_is_not_taken():
     for strength, taken in ((0.05, "constant sky"), (0.6, "sun + constant sky")):
         value = (1 - strength * cover)[:, None] * np.ones(3) + noise
         shadow = stand_shadow.Shadow(photo, uv, value, cover, SUN, 0.01, 1.0, here, here, 0.03, 0.001)
-        light, trials, number, _ = light_models.choose(light_models.Evidence(np.ones(3), shadow), 2)
+        light, trials, number = light_models.choose(light_models.Evidence(np.ones(3), shadow), 2)
         assert trials[number].name == taken
         assert light.E.any() == (strength > 0.1)
-
-
-def test_an_uneven_sky_does_not_draw_a_matt_balls_sun_aside():
-    """A lamp of half the sky's light: taken for even, the sky turns the sun by twice as much."""
-    E, albedo = 2.0, np.array([0.7, 0.4, 0.1])
-    lamp = np.array([-0.5, 0.5, 0.7]) / np.linalg.norm([-0.5, 0.5, 0.7])
-    d, area = light_models._texels(16)
-    L = np.where(d[:, 2] > 0, 0.15 + 0.9 * np.exp(6 * (d @ lamp - 1)), 0)[:, None] + np.zeros(3)
-    sky = light_models.upward(L.reshape(16, 32, 3))
-    paper = PAPER * (E * SUN[2] / np.pi + sky)
-
-    def shade(n, _):
-        return albedo * (E * np.maximum(n @ SUN, 0)[:, None] + np.maximum(n @ d.T, 0) @ (L * area[:, None])) / np.pi
-
-    pixels = matt_ball.matt_pixels([of_ball(shade)], ball_of())
-    pixels.ground[:] = 0
-    found = light_models.shading_of(light_models.MattBall(ball_of(), pixels), paper, None)
-    even = matt_ball.fit_shading(pixels, ball_of(), paper)
-    off, off_even = (np.degrees(np.arccos(s.to_light @ SUN)) for s in (found, even))
-    assert off < 1.5 * np.degrees(found.sigma) < 8
-    assert off_even > 2 * off
-    assert np.abs(found.Ls - sky).max() < 3 * found.Ls_sd.max()
-    towards, away = (f(matt_ball.SKY @ lamp) for f in (np.argmax, np.argmin))
-    assert found.sky[towards].min() > 1.5 * found.sky[away].max()
 
 
 @pytest.mark.parametrize("width", [0.0015, 0.012])
@@ -238,7 +166,7 @@ def test_a_pins_shadow_tells_the_sun_and_its_share_of_the_light_and_a_blocks_is_
     cut = stand_shadow.find_shadow(photos, board_plane.Sheet(BOARD), (*foot, height), tuple(0.4 * tip))
     for shadow in (found, cut):
         assert np.degrees(np.arccos(shadow.to_light @ SUN)) < 0.7
-    assert found.levels()[0] == pytest.approx(np.full(3, dark), abs=0.04)
+    assert found.levels(paper)[0] == pytest.approx(np.full(3, dark), abs=0.04)
 
 
 def test_a_photo_that_shows_no_paper_beside_the_shadow_can_be_held_out():
@@ -246,7 +174,7 @@ def test_a_photo_that_shows_no_paper_beside_the_shadow_can_be_held_out():
     value = (1 - 0.6 * cover)[:, None] * np.ones(3)
     uv, here = np.zeros((200, 2), int), np.zeros(2)
     shadow = stand_shadow.Shadow(photo, uv, value, cover, SUN, 0.01, 1.0, here, here, 0.03, 0.001)
-    light, trials, taken, _ = light_models.choose(light_models.Evidence(np.ones(3), shadow), 2)
+    light, trials, taken = light_models.choose(light_models.Evidence(np.ones(3), shadow), 2)
     assert trials[taken].name == "sun + constant sky"
     assert light.Ls == pytest.approx(np.full(3, 0.4 / PAPER), rel=1e-6)
 
@@ -285,7 +213,60 @@ def test_a_bright_patch_in_the_box_about_a_ball_but_beside_it_is_no_sun(corner):
     light = photo.light.copy()
     light[v : v + 3, u : u + 3] = 5
     assert mirror_ball.sun_spot(picture(light), ball_of()) is None
-    rim = ball_outline.outline(photo, CENTER, RADIUS)
+    rim = mirror_ball.outline(photo, ball_of())
     u, v = (rim.mean(axis=0) + np.array([0, 0.4]) * np.ptp(rim, axis=0)).astype(int)
     light[v : v + 3, u : u + 3] = 5
     assert mirror_ball.sun_spot(picture(light), ball_of()) is not None
+
+
+def test_a_long_clipped_patch_is_a_lamp_that_makes_up_the_papers_light():
+    """A strip of 50 degrees, of which the photo tells the shape alone: paper asks for twelve times what is clipped."""
+    strip = np.array([0.5, 0.6, 0.6]) / np.linalg.norm([0.5, 0.6, 0.6])
+    along = np.cross(strip, (0, 0, 1.0))
+    along /= np.linalg.norm(along)
+
+    def shade(_, out):
+        near = (np.abs(out @ np.cross(strip, along)) < 0.12) & (np.abs(out @ along) < 0.42) & (out @ strip > 0)
+        return np.where(near, 1.5, 0.1)[:, None] + np.zeros(3)
+
+    photo = of_ball(shade)
+    assert mirror_ball.sun_spot(photo, ball_of()) is None
+    seen = mirror_map.mirrored([photo], ball_of(), np.ones(3))
+    paper = np.full(3, 0.9)
+    mirror = light_models.MirrorBall(ball_of(), seen, np.ones(3), mirror_ball.sun_of([photo], ball_of()))
+    light, trials, taken = light_models.choose(light_models.Evidence(paper, None, [mirror]), 1)
+    assert light.to_light is None
+    assert trials[taken].rows > 0
+    assert light_models.upward(light.around) == pytest.approx(paper / PAPER, rel=1e-3)
+    assert light.around.min() >= 0
+    directions, power = light_models._upper(light.around)
+    bright = np.where(
+        light.around.max() * 0.3 < light_models._repeated(light.around, 16).reshape(-1, 3)[: len(power)], power, 0
+    )
+    lamp = bright[:, 0] @ directions
+    assert np.degrees(np.arccos(lamp @ strip / np.linalg.norm(lamp))) < 6
+
+
+@pytest.mark.parametrize(
+    ("shade", "expected"),
+    [
+        (lambda n, out: 0.2 + 0.3 * np.maximum(n @ SUN, 0)[:, None] * np.array([1, 0.5, 0.1]), "shows the board"),
+        (lambda n, out: np.full((len(n), 3), 0.4), "shows the board"),
+    ],
+)
+def test_a_matt_ball_is_no_mirror(shade, expected):
+    with pytest.raises(InputError, match=expected):
+        mirror_ball.check_mirror([of_ball(shade)], BOARD, np.ones(3), ball_of(), ball_of())
+
+
+@pytest.mark.parametrize("turn", range(1, 9))
+def test_the_page_turns_a_photo_as_exif_says(turn):
+    """Against Pillow's own."""
+    from PIL import Image, ImageOps
+
+    from raytwin.report.light_page import _turned
+
+    pixels = np.random.default_rng(turn).integers(0, 255, (3, 4, 3), np.uint8)
+    picture = Image.fromarray(pixels)
+    picture.getexif()[0x0112] = turn
+    assert (np.asarray(ImageOps.exif_transpose(picture)) == _turned(pixels, turn)).all()

@@ -23,6 +23,10 @@ from raytwin.scene import Camera
 CLIPPED = 252
 """Codes from here on are taken for clipped: a JPEG's rounding moves 255 by a few."""
 
+BURNT = 249
+"""Least code of all channels in a lamp: JPEG mixes a small one's colours with its surroundings'. In four photos lamps
+of a few pixels have 247 to 252 on average, and sunlit walls of which red alone is clipped up to 245."""
+
 LINE = 1 << 12
 """Places that OpenCV is given in a row: it takes no more than 32767."""
 
@@ -39,7 +43,8 @@ INK = 0.012, 0.12
 @dataclass(frozen=True, eq=False)
 class LinearPhoto:
     """`light` (H, W, 3): linear, paper in full light is 1 in luminance; `clipped` (H, W); `paper` (3): linear value of
-    paper in full light as the photo has it on the lens's axis; `shade` (H, W): the falloff from there."""
+    paper in full light as the photo has it on the lens's axis; `shade` (H, W): the falloff from there; `turn`: its EXIF
+    orientation, which is not applied."""
 
     name: str
     camera: Camera
@@ -48,6 +53,12 @@ class LinearPhoto:
     pixels: np.ndarray
     paper: np.ndarray
     shade: np.ndarray
+    turn: int = 1
+
+    @property
+    def burnt(self) -> np.ndarray:
+        """(H, W) bool: clipped in every channel. What is clipped in one alone is hardly brighter than white."""
+        return self.pixels.min(axis=-1) >= BURNT
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """(n, 2) pixels of board points (n, 3)."""
@@ -113,7 +124,9 @@ def read_linear(
         shade = _cosines(camera) ** np.float32(exponent)
         light = image * (colour / paper).astype(np.float32) / shade[..., None]
         clipped = pixels.max(axis=-1) >= CLIPPED
-        found.append(LinearPhoto(path.name, camera, light, clipped, pixels, paper, shade))
+        found.append(
+            LinearPhoto(path.name, camera, light, clipped, pixels, paper, shade, files.photo_orientation(path))
+        )
     return found, colour, _warnings(found, cells, exponent)
 
 

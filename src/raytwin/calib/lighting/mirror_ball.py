@@ -1,376 +1,468 @@
 """A mirror ball is a photo of everything around it (Debevec, "Rendering Synthetic Objects into Real Scenes", 1998).
 
-A pixel's ray d meets the ball where its normal is n, and goes on along ω = d - 2 (d·n) n: the pixel shows the light
-from there, times the ball's reflectance. The board itself is in the mirror, and where it must be is known to a fraction
-of a pixel; the sun is in the same direction in all photos. These and the outline tell the ball's place and radius: of
-all balls within reach of the guess that of the greatest likelihood is taken (differential evolution), then all of them
-are fitted at once, the sun's direction with the ball.
+From the eye e a sphere (c, r) is seen within a cone; it touches the sphere along a circle, of radius r q / d about
+c - (r/d)² (c - e) with d = |c - e| and q = √(d² - r²). That circle, seen through the lens, is the ball's outline. A
+pixel's ray d meets the ball where its normal is n, and goes on along ω = d - 2 (d·n) n: the pixel shows the light from
+there, times the ball's reflectance.
 
-A map is bilinear between texels' centres (`scene.Environment`), so fitting its texels is a linear least squares
-problem: each pixel is weighted by its solid angle, and smoothness fills the texels that no pixel shows. The
-sun is a clipped patch with a sharp edge (around a clipped lamp the light fades out); its pixels are excluded.
+The rim of a mirror shows what is behind it, a little darker, and edges inside are far stronger: an outline is scored by
+how much of it is an edge at all. The board is in the mirror, too, and the photo shows what it looks like. Of all balls
+within reach of the given one that of the greatest likelihood is taken (differential evolution), then outline, mirrored
+board and what was given are fitted at once. What errs in one sector of the ball errs together: the covariance is the
+jackknife's over sectors (Efron, "The Jackknife, the Bootstrap and Other Resampling Plans", 1982).
 """
 
 import itertools
-from dataclasses import dataclass
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import partial
 
+import cv2
 import numpy as np
-from scipy import ndimage, sparse
+from scipy import ndimage
 from scipy.optimize import differential_evolution, least_squares
-from scipy.sparse.linalg import spsolve
 
-from raytwin.calib.lighting.ball_outline import (
-    Ball,
-    check_seen,
-    outline,
-    outline_score,
-    pixels_about,
-    pixels_of,
-    prior_of,
-    reflect,
-    reflect_rays,
-    softened,
-)  # fmt: skip
-from raytwin.calib.lighting.board_plane import MARGIN, Sheet, SheetLight, blurred, on_board
-from raytwin.calib.lighting.linear_photo import LinearPhoto
+from raytwin.calib.boards.board import Board, draw_board
+from raytwin.calib.lighting.board_plane import on_board
+from raytwin.calib.lighting.linear_photo import LinearPhoto, sample
 from raytwin.errors import InputError
 from raytwin.lights.envmap_tables import REC_709
 
-FINEST = 0.008
-"""Metres of the sheet that a mirrored pixel may cover: cells that are smaller than a pixel match anywhere."""
+LEAST_PX = 24.0
+"""Pixels that a ball must be wide."""
+
+RADIUS_SD, PLACE_SD = 0.01, 0.15
+"""Standard deviations of what `--ball` says, as shares of the radius: of the radius, and of each coordinate."""
 
 REACH = 2.5
 """A ball is searched for within this many standard deviations of its given place and radius."""
 
-GROUND_SD = 0.1
-"""Standard deviation, in radii, of the ground's height under a ball that was found automatically."""
+RIM = 180
+"""Places along an outline."""
 
-OUTLINE_WEIGHT = 60.0
-"""Log-likelihood of an outline that is all edge over one that is none."""
+EDGE = 4.0
+"""Step across an outline, in 8-bit codes, that counts as a full edge; larger steps add little to the score."""
 
 EDGE_SHARE = 0.7
 """The least score of an outline that is taken for a ball's."""
 
-GLANCE, GLANCE_SD = 4, 0.2
-"""The search uses every fourth pixel each way; standard deviation of one from the mirrored sheet, as share of white."""
+OUTLINE_WEIGHT = 60.0
+"""Log-likelihood of an outline that is all edge over one that is none."""
 
-SEEN = 2.0
-"""Log-likelihood by which the mirrored sheet must explain a ball better than anything even."""
+SEARCH_STEP, SEARCH_SD = 4, 0.2
+"""The search uses every fourth pixel each way; standard deviation of one from the mirrored board, as share of white."""
 
-REFLECTANCES = 0.3, 1.1
-"""Least and greatest reflectance of a mirror."""
+COVERED = 0.03
+"""Metres of the board that a mirrored pixel may cover, down plus across; what it shows is blurred as much."""
 
-SPOT_SEARCH_PX, SPOT_FALSE = 0.5, 0.02
-"""Standard deviation between two photos' sun directions in the search, in pixels; probability of a false spot."""
+LEVELS = 5
+"""Blurs of a photo to choose from, each twice the one before."""
 
-OUTLINE_PX = 0.7
-"""Standard deviation of an outline from its faint edge, pixels; a photo's whole outline counts as four such places."""
+MARGIN = 0.004
+"""Metres from the sheet's edge within which its light is not used."""
 
-SPOT_PX = 0.12
-"""Pixels by which the middle of the sun's spot is off, across and down."""
+EDGE_PX, BOARD_SD = 0.7, 0.1
+"""Standard deviations in the fit: of an edge from the outline, pixels; of a mirrored pixel, as a share of white."""
 
-TOLERANCE, CORRELATED_PIXELS = 0.05, 80
-"""Standard deviation of mirrored paper, as a share of white paper's light; neighbouring pixels that err alike."""
+CORRELATED = 30
+"""Neighbouring pixels, and places of an outline, that err alike."""
 
-ERROR_FACTOR = 1.3
-"""How much larger the errors are than least squares says, in measure/light_accuracy.py."""
+SECTORS = 8
+"""Sectors of a ball in a photo, within which all errors are taken for one."""
 
-LEAST_PIXELS = 50
-"""Pixels that must show the sheet for a ball to be registered by it."""
+EDGE_BIAS = 0.2
+"""Pixels by which blur, JPEG and the camera's pose may shift all of an outline."""
 
-SPOT_LEAST, SPOT_MOST, SPOT_SHARE = 4, 50, 0.004
-"""The sun's spot has so many clipped pixels at least and at most, or fills this share of the ball's box: 12 degrees."""
+SPOT_LEAST, SPOT_AROUND, SPOT_EDGE = 4, 4, 0.75
+"""The sun's spot has so many clipped pixels at least, and this many pixels outside it the light has fallen below this
+share of the spot's: around a clipped lamp it fades out."""
 
-SPOT_AROUND, SPOT_EDGE = 4, 0.75
-"""This many pixels outside the sun's spot the light must have fallen below this share of the spot's."""
+SUN_PX, SUN_DEGREES = 8.0, 6.0
+"""Longest extent of the sun's spot: glare spreads a point over so many pixels or degrees. A longer patch is a lamp."""
 
-SMOOTH = 1e-3
-"""Weight of differences between neighbouring texels, relative to a texel's own; it fills texels that no pixel shows."""
+LOWEST = 0.05
+"""Least z of the sun's direction: a lower light does not light the board."""
+
+SPOT_PX, SPOT_SEARCH_PX, SPOT_FALSE = 0.12, 0.5, 0.02
+"""Pixels by which the middle of the sun's spot is off, across and down; the same in the search; probability there that
+a spot is none."""
+
+GRAZING = 0.2
+"""The least cosine between ray and normal: nearer to the outline a pixel shows too much at once."""
+
+
+LEAST_MIRRORED, ALIKE, COLOURED = 50, 0.35, 1.3
+"""A mirror shows the board in so many pixels at least, correlates with it so well, and its reflectances of red, green
+and blue differ by this factor at most. Four photos of a chrome ball of 80 pixels correlate by 0.50 to 0.78, of an
+orange by up to 0.16."""
+
+SHADING_PX, SHIFT_PX, COARSEST = 3.0, 2, 0.1
+"""Pixels of the blur that is taken for shading; pixels by which the ball may be off; metres of board that a pixel may
+cover there."""
 
 
 @dataclass(frozen=True, eq=False)
-class Mirrored:
-    """What a mirror ball's pixels `uv` (n, 2) in the photos of index `photo` (n,) show: `to_light` (n, 3), `radiance`
-    (n, 3), `steradians` (n,), `clipped` (n,): at least so bright, `sun` (n,): those of the sun's spot."""
+class Ball:
+    """A sphere of the board's frame, metres; `covariance` (4, 4) of x, y, z and radius."""
 
-    photo: np.ndarray
-    uv: np.ndarray
-    to_light: np.ndarray
-    radiance: np.ndarray
-    steradians: np.ndarray
-    clipped: np.ndarray
-    sun: np.ndarray
+    center: np.ndarray
+    radius: float
+    covariance: np.ndarray
+
+    def moved(self, x: np.ndarray) -> "Ball":
+        """Return the ball with the center and radius `x` (4)."""
+        return replace(self, center=x[:3], radius=float(x[3]))
+
+    @property
+    def numbers(self) -> np.ndarray:
+        return np.array([*self.center, self.radius])
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """One standard deviation of x, y, z and radius."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def name(self) -> str:
+        return f"ball {','.join(f'{x:.4g}' for x in self.numbers)}"
+
+
+def given_ball(center: np.ndarray, radius: float) -> Ball:
+    """The ball as the user gave it."""
+    return Ball(np.asarray(center), radius, np.diag((radius * np.array([PLACE_SD] * 3 + [RADIUS_SD])) ** 2))
+
+
+def outline(photo: LinearPhoto, ball: Ball, count: int = RIM) -> np.ndarray:
+    """(count, 2): pixels of the ball's outline, in order."""
+    eye, r = np.array(photo.camera.eye), ball.radius
+    away = ball.center - eye
+    d = np.linalg.norm(away)
+    u, v = np.linalg.svd(away[None])[2][1:]
+    turn = np.linspace(0, 2 * np.pi, count, endpoint=False)[:, None]
+    r = min(r, float(0.999 * d))
+    ring = r * math.sqrt(d * d - r * r) / d
+    return photo.project(ball.center - (r / d) ** 2 * away + ring * (np.cos(turn) * u + np.sin(turn) * v))
+
+
+def reflect(photo: LinearPhoto, ball: Ball, uv: np.ndarray) -> tuple[np.ndarray, ...]:
+    """(n, 3) points, (n, 3) reflected directions, (n,) cosine of ray and normal, NaN where the ball is missed."""
+    d, f = photo.rays(uv), np.array(photo.camera.eye) - ball.center
+    b = d @ f
+    with np.errstate(invalid="ignore"):
+        root = np.sqrt(b * b - (f @ f - ball.radius**2))
+    n, cosine = (f + (-b - root)[:, None] * d) / ball.radius, root / ball.radius
+    return ball.center + ball.radius * n, d + 2 * cosine[:, None] * n, cosine
+
+
+def pixels_about(photo: LinearPhoto, ball: Ball, reach: float = 1.0, step: int = 1) -> np.ndarray:
+    """(n, 2): every `step`th pixel in the box about `reach` times the ball's outline, within the frame."""
+    rim = outline(photo, ball)
+    middle, half = rim.mean(axis=0), reach * np.ptp(rim, axis=0) / 2
+    low = np.maximum(np.floor(middle - half), 0).astype(int)
+    high = np.minimum(np.ceil(middle + half).astype(int), np.array(photo.camera.image_size) - 1)
+    ranges = [np.arange(a, b + 1, step) for a, b in zip(low, high, strict=True)]
+    return np.stack(np.meshgrid(*ranges), axis=-1).reshape(-1, 2)
+
+
+def pixels_of(photo: LinearPhoto, ball: Ball) -> np.ndarray:
+    """(n, 2): the pixels that show the ball, its rim left out."""
+    uv = pixels_about(photo, ball)
+    return uv[np.nan_to_num(reflect(photo, ball, uv)[2]) > GRAZING]
+
+
+def check_seen(photo: LinearPhoto, ball: Ball) -> None:
+    """Raises InputError where the ball is not whole and large in the photo."""
+    where = f"{photo.name}: {ball.name}"
+    if ball.center[2] + ball.radius <= 0:
+        raise InputError(where, "a ball on the printed side of the board, z > 0", f"z = {ball.center[2]:g}")
+    cam = np.array(photo.camera.R_cam_board) @ ball.center + np.array(photo.camera.t_cam_board)
+    if cam[2] <= ball.radius:
+        raise InputError(where, "a ball in front of the camera", "one beside or behind it")
+    rim = outline(photo, ball)
+    if not ((rim >= 0) & (rim <= np.array(photo.camera.image_size) - 1)).all():
+        raise InputError(where, "a ball that is whole in the photo", "one that the frame cuts")
+    wide = 2 * math.sqrt(abs(cv2.contourArea(rim.astype(np.float32))) / math.pi)
+    if wide < LEAST_PX:
+        raise InputError(where, f"a ball at least {LEAST_PX:.0f} pixels wide", f"{wide:.0f} pixels")
+
+
+def _normals(rim: np.ndarray) -> np.ndarray:
+    along = np.roll(rim, -1, axis=0) - np.roll(rim, 1, axis=0)
+    n = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    return n / np.linalg.norm(n, axis=1, keepdims=True)
 
 
 def sun_spot(photo: LinearPhoto, ball: Ball) -> tuple[np.ndarray, float] | None:
-    """The middle (2) and the radius, in pixels, of the largest clipped patch on the ball that has a sharp edge.
+    """The middle (2) and the length, in pixels, of the largest short clipped patch on the ball that has a sharp edge.
 
     The middle is that of its brightest part, so that a lamp beside the sun does not shift it.
     """
-    uv = pixels_about(photo, ball)
-    if len(uv) == 0:
-        return None
-    low, high = uv.min(axis=0), uv.max(axis=0)
-    window = slice(low[1], high[1] + 1), slice(low[0], high[0] + 1)
-    value, labels = photo.light[window].min(axis=-1), ndimage.label(photo.clipped[window], np.ones((3, 3)))[0]
+    uv = pixels_of(photo, ball)
+    clipped = np.zeros(photo.clipped.shape, bool)
+    clipped[uv[:, 1], uv[:, 0]] = photo.burnt[uv[:, 1], uv[:, 0]]
+    value, labels = photo.light.min(axis=-1), ndimage.label(clipped, np.ones((3, 3)))[0]
     found, most = None, SPOT_LEAST - 1
     for k, box in enumerate(ndimage.find_objects(labels), 1):
-        ends = zip(box, labels.shape, strict=True)
-        near = tuple(slice(max(0, b.start - SPOT_AROUND), min(b.stop + SPOT_AROUND, end)) for b, end in ends)
+        near = tuple(slice(max(0, b.start - SPOT_AROUND), b.stop + SPOT_AROUND) for b in box)
         patch = labels[near] == k
+        corner = np.array([near[1].start, near[0].start])
+        at = np.argwhere(patch)[:, ::-1] + corner
+        length, degrees, up = _extent(photo, ball, at)
+        if len(at) <= most or (length > SUN_PX and degrees > SUN_DEGREES) or up < LOWEST:
+            continue
         ring = np.logical_xor(*(ndimage.binary_dilation(patch, iterations=SPOT_AROUND - i) for i in (0, 1)))
-        around, top = np.quantile(value[near][ring], 0.9) if ring.any() else np.inf, np.median(value[near][patch])
-        too_large = patch.sum() > max(SPOT_MOST, SPOT_SHARE * labels.size)
-        if patch.sum() <= most or too_large or around > SPOT_EDGE * top:
+        around, top = np.quantile(value[near][ring], 0.9), np.median(value[near][patch])
+        if around > SPOT_EDGE * top:
             continue
         weight = np.clip((value[near] - around - 0.3 * (top - around)) / (0.63 * (top - around)), 0, 1)
-        weight = weight * ndimage.binary_dilation(patch, iterations=SPOT_AROUND - 1)
+        weight *= ndimage.binary_dilation(patch, iterations=SPOT_AROUND - 1)
         middle = np.array([(weight * axis).sum() / weight.sum() for axis in np.mgrid[near][::-1]])
-        if np.isnan(reflect(photo, ball, (middle + low)[None])[2][0]):
-            continue  # in the box about the ball, but beside it
-        found, most = (middle + low, float(np.sqrt(patch.sum() / np.pi))), patch.sum()
+        found, most = (middle, length), len(at)
     return found
 
 
+def _extent(photo: LinearPhoto, ball: Ball, uv: np.ndarray) -> tuple[float, float, float]:
+    """The length of a patch of pixels `uv` (n, 2), in pixels and degrees of what it mirrors, and that's least z."""
+    ends = uv[np.unique([f(uv @ d) for d in ((1, 0), (0, 1), (1, 1), (1, -1)) for f in (np.argmin, np.argmax)])]
+    out = reflect(photo, ball, ends)[1]
+    apart = np.linalg.norm(ends[:, None] - ends, axis=-1).max() + 1
+    return float(apart), float(np.degrees(np.arccos(np.clip((out @ out.T).min(), -1, 1)))), float(out[:, 2].min())
+
+
+def _suns_apart(spots: list[tuple[LinearPhoto, np.ndarray]], ball: Ball) -> np.ndarray:
+    """(2 spots,): by how many pixels each photo's sun is off the mean of all."""
+    if len(spots) < 2:
+        return np.zeros(0)
+    steps = np.array([(0, 0), (1, 0), (0, 1)])
+    seen = np.array([reflect(photo, ball, at + steps)[1] for photo, at in spots])
+    if not np.isfinite(seen).all():  # a spot beside this ball
+        return np.full(2 * len(spots), 9.0)
+    sun = seen[:, 0].mean(axis=0)
+    sun /= np.linalg.norm(sun)
+    return np.concatenate([np.linalg.pinv((d[1:] - d[0]).T) @ (sun - d[0]) for d in seen])
+
+
 @dataclass(frozen=True, eq=False)
-class _SearchPixels:
-    """What the search sees of one photo: the `rays` (n, 3) through some pixels, those `beside` them, brightness `value`
-    (n,), the photo's `codes`, and the rays through the sun's spot, right of it and below."""
+class _View:
+    """A photo as the fit sees it: its `codes`, a little blurred; its luminance, each level of `blurred` twice as much
+    so, the first by `blur` pixels; and where the sheet ends."""
 
     photo: LinearPhoto
-    eye: np.ndarray
-    rays: np.ndarray
-    beside: np.ndarray
-    value: np.ndarray
     codes: np.ndarray
-    spot: np.ndarray | None
+    blurred: list[np.ndarray]
+    blur: float
+    extent: tuple[float, float, float, float]
+
+    def value(self, uv: np.ndarray) -> np.ndarray:
+        """(n,): the luminance of pixels `uv` (n, 2)."""
+        return self.blurred[0][uv[:, 1], uv[:, 0]]
+
+    def outline_score(self, ball: Ball) -> float:
+        """How much of the outline is an edge: about 1 where all of it is."""
+        rim = outline(self.photo, ball, RIM // 2)
+        across = 1.5 * _normals(rim)
+        step = np.nan_to_num(np.abs(sample(self.codes, rim + across) - sample(self.codes, rim - across)).max(axis=1))
+        return float(np.mean(np.minimum(step, EDGE) / EDGE + 0.05 * step / (step + 30)))
+
+    def mirrored(self, ball: Ball, uv: np.ndarray, most: float = COVERED) -> np.ndarray:
+        """(n,): the luminance of the place of the board that each pixel mirrors, blurred by what the pixel covers; NaN
+        where it is none that the photo shows, or covers more than `most` metres."""
+        at, right, down = (on_board(*reflect(self.photo, ball, uv + np.array(s))[:2]) for s in ((0, 0), (1, 0), (0, 1)))
+        covered = np.linalg.norm(right - at, axis=1) + np.linalg.norm(down - at, axis=1)
+        x0, x1, y0, y1 = self.extent
+        x, y = at.T
+        inside = (x > x0 + MARGIN) & (x < x1 - MARGIN) & (y > y0 + MARGIN) & (y < y1 - MARGIN) & (covered < most)
+        shown, there = np.full(len(uv), np.nan), np.c_[at[inside], np.zeros(inside.sum())]
+        if len(there):
+            far = np.linalg.norm(there - self.photo.camera.eye, axis=1)
+            sigma = 0.2 * covered[inside] * self.photo.camera.fx / far
+            level = np.clip(np.rint(np.log2(np.maximum(sigma, 1e-3) / self.blur)), 0, LEVELS - 1)
+            seen, found = self.photo.project(there), np.zeros(len(there))
+            for k in np.unique(level).astype(int):
+                found[level == k] = sample(self.blurred[k], seen[level == k])
+            shown[inside] = found
+        return shown
+
+    def board_explains(self, uv: np.ndarray, ball: Ball) -> float:
+        """Log-likelihood of the pixels as a mirror of the board over their being even, the best reflectance taken."""
+        shown = self.mirrored(ball, uv)
+        fine = np.isfinite(shown)
+        if SEARCH_STEP**2 * fine.sum() < 300:
+            return 0.0
+        shown, value = shown[fine], self.value(uv[fine])
+        shown, value = shown - shown.mean(), value - value.mean()
+        size, along = max(shown @ shown, 1e-9), shown @ value
+        rho = np.clip(along / size, 0.3, 1.1)
+        return float(2 * rho * along - rho * rho * size) / (2 * SEARCH_SD**2)
 
 
-def _glance(photo: LinearPhoto, ball: Ball) -> _SearchPixels:
-    uv, spot = pixels_about(photo, ball, 1.25, GLANCE), sun_spot(photo, ball)
-    steps = np.array([(0, 0), (1, 0), (0, 1)])
-    return _SearchPixels(
-        photo, np.array(photo.camera.eye), photo.rays(uv), photo.rays(uv + 0.5), brightness(photo, 1.0, uv),
-        softened(photo), photo.rays(spot[0] + steps) if spot else None,
-    )  # fmt: skip
+def _view(photo: LinearPhoto, extent: tuple[float, float, float, float], blur: float) -> _View:
+    codes = cv2.GaussianBlur(photo.pixels, (0, 0), 0.7).astype(np.float32)
+    luminance = np.minimum(photo.light @ REC_709.astype(np.float32), 1.3)  # the sun equals its glare
+    blurred = [cv2.GaussianBlur(luminance, (0, 0), blur * 2**k) for k in range(LEVELS)]
+    return _View(photo, codes, blurred, blur, extent)
 
 
-def brightness(photo: LinearPhoto, blur: float, uv: np.ndarray) -> np.ndarray:
-    """Return (n,): luminance at pixels, clipped first, so that the sun equals its glare, then blurred by `blur`."""
-    return blurred(np.minimum(photo.light @ REC_709.astype(np.float32), 1.3), blur)[uv[:, 1], uv[:, 0]]
-
-
-def _sheet_explains(seen: _SearchPixels, light: SheetLight, image: np.ndarray, x: np.ndarray) -> float:
-    """By how much the sum of squares is less where the ball `x` mirrors the sheet, its best reflectance taken."""
-    b = seen.rays @ (seen.eye - x[:3])
-    inside = np.flatnonzero(b * b > ((seen.eye - x[:3]) ** 2).sum() - 0.96 * x[3] ** 2)
-    at = on_board(*reflect_rays(seen.eye, seen.rays[inside], x)[:2])
-    x0, x1, y0, y1 = light.extent
-    on = (at[:, 0] > x0 + MARGIN) & (at[:, 0] < x1 - MARGIN) & (at[:, 1] > y0 + MARGIN) & (at[:, 1] < y1 - MARGIN)
-    inside, at = inside[on], at[on]
-    covered = np.linalg.norm(on_board(*reflect_rays(seen.eye, seen.beside[inside], x)[:2]) - at, axis=1)
-    fine = covered < FINEST / np.sqrt(2)
-    if GLANCE**2 * fine.sum() < 6 * LEAST_PIXELS:
-        return 0.0
-    shown, value = light.look(image, at[fine]), seen.value[inside[fine]]
-    shown, value = shown - shown.mean(), value - value.mean()
-    size, along = max(shown @ shown, 1e-9), shown @ value
-    rho = np.clip(along / size, *REFLECTANCES)
-    return float(2 * rho * along - rho * rho * size)
-
-
-def _suns_apart(seen: list[_SearchPixels], x: np.ndarray) -> float:
-    """Pixels by which the sun's directions in the photos differ, in the mean of all pairs; 0 where there is no pair."""
-    suns = [reflect_rays(s.eye, s.spot, x)[1] for s in seen if s.spot is not None]
-    pixel = [np.sqrt(np.linalg.norm(np.cross(d[1] - d[0], d[2] - d[0]))) for d in suns]
-    pairs = itertools.combinations(range(len(suns)), 2)
-    apart = [np.linalg.norm(suns[i][0] - suns[j][0]) / np.hypot(pixel[i], pixel[j]) for i, j in pairs]
-    return float(np.nan_to_num(np.mean(apart), nan=99.0)) if apart else 0.0
-
-
-def find_ball(
-    photos: list[LinearPhoto], sheet: Sheet, center: np.ndarray, radius: float, given: bool = True
-) -> tuple[Ball, float]:
-    """The ball near (center, radius), matt or mirror, that is the likeliest in all photos at once, to a pixel or so;
-    and its log-likelihood.
-
-    `given`: by the user; else it was found by itself, and is known less well. Raises InputError where none is seen.
-    """
-    ball = prior_of(center, radius, given)
-    where = f"ball {','.join(f'{x:.4g}' for x in ball.prior)}"
+def find_ball(photos: list[LinearPhoto], board: Board, given: Ball) -> Ball:
+    """The ball near `given` that is the likeliest in all photos at once. Raises InputError where none is seen."""
     for photo in photos:
-        check_seen(photo, ball)
-    light = SheetLight(photos, sheet, ball)
-    image, seen = light.blurred(2e-3), [_glance(photo, ball) for photo in photos]
+        check_seen(photo, given)
+    extent = draw_board(board, 100.0)[1]
+    views = [_view(photo, extent, 1.0) for photo in photos]
+    uv = [pixels_about(photo, given, 1.25, SEARCH_STEP) for photo in photos]
+    spots = [(photo, spot[0]) for photo in photos if (spot := sun_spot(photo, given))]
 
     def unlikely(x: np.ndarray) -> float:
-        z = (x - ball.prior) / ball.prior_sd
-        z = z if given else np.append(z, (x[2] - x[3]) / (GROUND_SD * x[3]))
-        sheet_part = sum(_sheet_explains(s, light, image, x) for s in seen) / (2 * GLANCE_SD**2)
-        edge = OUTLINE_WEIGHT * np.mean([outline_score(s.photo, s.codes, x) for s in seen])
-        sun = 4 * np.log(SPOT_FALSE + np.exp(-0.5 * (_suns_apart(seen, x) / SPOT_SEARCH_PX) ** 2))
-        return float(0.5 * (z @ z) - max(sheet_part, 0) - edge - sun)
+        ball, z = given.moved(x), (x - given.numbers) / given.sigma
+        edges = OUTLINE_WEIGHT * np.mean([view.outline_score(ball) for view in views])
+        mirrored = sum(view.board_explains(at, ball) for view, at in zip(views, uv, strict=True))
+        apart = (_suns_apart(spots, ball) ** 2).sum() / max(len(spots), 1)
+        suns = 4 * np.log(SPOT_FALSE + np.exp(-0.5 * apart / SPOT_SEARCH_PX**2))
+        return float(0.5 * (z @ z) - max(mirrored, 0) - edges - suns)
 
-    low, high = ball.prior - REACH * ball.prior_sd, ball.prior + REACH * ball.prior_sd
-    found = differential_evolution(
+    low, high = given.numbers - REACH * given.sigma, given.numbers + REACH * given.sigma
+    best = differential_evolution(
         unlikely, list(zip(low, high, strict=True)), rng=0, popsize=8, maxiter=30, tol=1e-5, polish=False, init="sobol"
     )
-    ball = ball.moved(found.x)
-    for s in seen:
-        check_seen(s.photo, ball)
-        if (score := outline_score(s.photo, s.codes, ball.numbers)) < EDGE_SHARE:
+    ball = given.moved(best.x)
+    for view in views:
+        check_seen(view.photo, ball)
+        if (score := view.outline_score(ball)) < EDGE_SHARE:
             expected = "a ball whose outline is seen there"
-            raise InputError(f"{s.photo.name}: {where}", expected, f"edges along {100 * score:.0f} % of it")
-    return ball, -float(found.fun)
+            raise InputError(f"{view.photo.name}: {given.name}", expected, f"edges along {100 * score:.0f} % of it")
+    for blur in (1.5, 0.5):
+        ball = _refined([_view(photo, extent, blur) for photo in photos], ball, given)
+    return ball
 
 
-@dataclass(frozen=True, eq=False)
-class _SheetPixels:
-    """Pixels of a ball that show the sheet in one photo: the `rays` through each, and their brightness."""
+def _refined(views: list[_View], ball: Ball, given: Ball) -> Ball:
+    """The ball that outline, mirrored board, the sun's spots and what was given agree on best, by least squares."""
+    spots = [(view.photo, spot[0]) for view in views if (spot := sun_spot(view.photo, ball))]
+    parts: list[tuple[np.ndarray, Callable[[Ball], np.ndarray]]] = [
+        (np.full(4, -1), lambda moved: (moved.numbers - given.numbers) / given.sigma),
+        (np.repeat(-2, 2 * len(spots) * (len(spots) > 1)), lambda moved: _bounded(_suns_apart(spots, moved) / SPOT_PX)),
+    ]
+    for k, view in enumerate(views):
+        rim = outline(view.photo, ball)
+        middle = rim.mean(axis=0)
+        parts.append((_sectors(rim - middle, k), partial(_off_outline, view, rim)))
+        uv = pixels_of(view.photo, ball)
+        uv = uv[np.isfinite(view.mirrored(ball, uv))]
+        uv = uv[:: max(1, len(uv) // 1500)]
+        if len(uv) > 50:
+            parts.append((_sectors(uv - middle, k), partial(_off_board, view, uv)))
 
-    eye: np.ndarray
-    rays: list[np.ndarray]
-    value: np.ndarray
+    def off(x: np.ndarray) -> np.ndarray:
+        return np.concatenate([error(ball.moved(x)) for _, error in parts])
+
+    fit = least_squares(off, ball.numbers, x_scale=given.sigma, diff_step=1e-4, max_nfev=30)
+    covariance = _jackknife(fit.jac, fit.fun, np.concatenate([s for s, _ in parts]))
+    pixel = 2 * ball.radius / np.mean([np.ptp(outline(view.photo, ball), axis=0) for view in views])
+    return replace(ball.moved(fit.x), covariance=covariance + (EDGE_BIAS * pixel) ** 2 * np.eye(4))
 
 
-def _sheet_pixels(photo: LinearPhoto, light: SheetLight, ball: Ball, blur: float) -> _SheetPixels:
-    """Some 1500 of them; the photo is blurred by `blur` pixels first."""
-    uv, eye = pixels_of(photo, ball), np.array(photo.camera.eye)
-    at = [on_board(*reflect(photo, ball, uv + np.array(step))[:2]) for step in ((0, 0), (0.5, 0), (0, 0.5))]
-    covered = 2 * np.nan_to_num(np.hypot(*(at[1] - at[0]).T) + np.hypot(*(at[2] - at[0]).T), nan=1.0)
-    uv = uv[light.known(at[0]) & (covered < 1.3 * FINEST)]
-    uv = uv[:: max(1, len(uv) // 1500)]
-    rays = [photo.rays(uv + np.array(step)) for step in itertools.product((-1 / 3, 0, 1 / 3), repeat=2)]
-    return _SheetPixels(eye, rays, brightness(photo, blur, uv))
+def _jackknife(J: np.ndarray, off: np.ndarray, sectors: np.ndarray) -> np.ndarray:
+    """(4, 4): the covariance of a fit by what it becomes without each sector (>= 0) in turn, to first order."""
+    H = J.T @ J
+    steps = []
+    for sector in np.unique(sectors[sectors >= 0]):
+        mine = sectors == sector
+        steps.append(np.linalg.solve(H - J[mine].T @ J[mine], J[mine].T @ off[mine]))
+    return np.array(steps).T @ np.array(steps)
 
 
-def _off_sheet(seen: _SheetPixels, light: SheetLight, image: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """How far the mirrored sheet is off what the photos show of it, but for a factor and an offset."""
-    places = [on_board(*reflect_rays(seen.eye, d, x)[:2]) for d in seen.rays]
-    shown = np.mean([light.look(image, at) for at in places], axis=0)
-    good = np.isfinite(np.sum(places, axis=(0, 2)))
-    off = np.full(len(shown), 6 * TOLERANCE)  # a ray that misses the sheet explains nothing
-    if good.sum() >= LEAST_PIXELS:
+def _sectors(rel: np.ndarray, photo: int) -> np.ndarray:
+    """(n,): the number of the sector of the ball in which places `rel` (n, 2) from its middle lie."""
+    turn = (np.arctan2(rel[:, 1], rel[:, 0]) / (2 * np.pi) * SECTORS).astype(int) % SECTORS
+    return SECTORS * photo + turn
+
+
+def _bounded(z: np.ndarray) -> np.ndarray:
+    """What is many standard deviations off says little."""
+    return 2 * np.arctan(z / 2)
+
+
+def _off_outline(view: _View, rim: np.ndarray, ball: Ball) -> np.ndarray:
+    """How far the outline is off the edges beside `rim`, weighed by how much of an edge each is."""
+    normal, offsets = _normals(rim), np.arange(-2.0, 2.1, 0.25)
+    across = sample(view.codes, (rim + offsets[:, None, None] * normal).reshape(-1, 2)).reshape(len(offsets), RIM, 3)
+    slope = (np.gradient(across, 0.25, axis=0) ** 2).sum(axis=-1)
+    weight = slope * (1 - (offsets[:, None] / 2.25) ** 2)
+    edge = (weight * offsets[:, None]).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)
+    clear = np.sqrt(slope.max(axis=0)) / (np.sqrt(slope.max(axis=0)) + EDGE)
+    moved = ((outline(view.photo, ball) - rim) * normal).sum(axis=1)
+    return clear * _bounded((moved - edge) / EDGE_PX) / math.sqrt(CORRELATED)
+
+
+def _off_board(view: _View, uv: np.ndarray, ball: Ball) -> np.ndarray:
+    """How far the mirrored board is off what the photo shows of it, but for a factor and an offset."""
+    shown, value = view.mirrored(ball, uv), view.value(uv)
+    good, off = np.isfinite(shown), np.full(len(uv), 3.0)
+    if good.sum() > 50:
         A = np.stack([shown[good], np.ones(good.sum())], axis=1)
-        fit = np.linalg.lstsq(A, seen.value[good], rcond=None)[0]
-        off[good] = A @ fit - seen.value[good] if fit[0] > 0 else 6 * TOLERANCE
-    return off / TOLERANCE / np.sqrt(CORRELATED_PIXELS)
+        off[good] = (A @ np.linalg.lstsq(A, value[good], rcond=None)[0] - value[good]) / BOARD_SD
+    return _bounded(off) / math.sqrt(CORRELATED)
 
 
-def register(photos: list[LinearPhoto], ball: Ball, light: SheetLight) -> tuple[Ball, tuple[np.ndarray, float] | None]:
-    """The ball and the sun's direction, with its standard deviation, that mirrored sheet, spots, outline and what was
-    said of the ball agree on best; no sun where no photo shows one."""
-    x, sun = ball.numbers, np.array([0.0, 0.0, 1.0])
-    rims = [(p, outline(p, ball.center, ball.radius)) for p in photos]
-    spots = [(p, s[0]) for p in photos if (s := sun_spot(p, ball))]
-    if spots:
-        sun = np.mean([reflect(p, ball, at[None])[1][0] for p, at in spots], axis=0)
-        sun /= np.linalg.norm(sun)
-    axes = np.linalg.svd(sun[None])[2][1:]
+def sun_of(photos: list[LinearPhoto], ball: Ball) -> tuple[np.ndarray, float] | None:
+    """The sun's direction in the ball and its standard deviation in radians; None where no photo shows one."""
+    spots = [(photo, spot[0]) for photo in photos if (spot := sun_spot(photo, ball))]
+    if not spots:
+        return None
 
-    def off_spot(photo: LinearPhoto, at: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Pixels between the spot and where the ball mirrors the sun."""
-        rays = photo.rays(at + np.array([(0, 0), (0.5, 0), (-0.5, 0), (0, 0.5), (0, -0.5)]))
-        d = reflect_rays(np.array(photo.camera.eye), rays, z[:4])[1]
-        turn = np.stack([d[1] - d[2], d[3] - d[4]], axis=1)
-        return np.linalg.pinv(turn) @ (d[0] - _unit(sun + z[4:] @ axes)) if np.isfinite(d).all() else np.full(2, 9.0)
+    def mean(x: np.ndarray) -> np.ndarray:
+        d = np.nanmean([reflect(photo, ball.moved(x), at[None])[1][0] for photo, at in spots], axis=0)
+        return d / np.linalg.norm(d)
 
-    def error(z: np.ndarray, seen: list[_SheetPixels], image: np.ndarray) -> np.ndarray:
-        rows = [(z[:4] - ball.prior) / ball.prior_sd, *(off_spot(p, at, z) / SPOT_PX for p, at in spots)]
-        rows += [np.ravel(outline(p, z[:3], z[3]) - rim) / OUTLINE_PX / np.sqrt(len(rim) / 4) for p, rim in rims]
-        return np.concatenate(rows + [_off_sheet(s, light, image, z[:4]) for s in seen] + ([] if spots else [z[4:]]))
-
-    z = np.r_[x, 0, 0]
-    for blur, sigma in ((1.5, 3e-3), (0.0, 5e-4)):
-        seen = [_sheet_pixels(p, light, ball.moved(z[:4]), blur) for p in photos]
-        off = partial(error, seen=[s for s in seen if len(s.value) >= LEAST_PIXELS], image=light.blurred(sigma))
-        scale = np.r_[ball.prior_sd, 0.05, 0.05]
-        fit = least_squares(off, z, loss="soft_l1", x_scale=scale, diff_step=1e-3, max_nfev=30)
-        z = fit.x
-    cov = ERROR_FACTOR**2 * np.linalg.inv(fit.jac.T @ fit.jac)
-    found = ball.moved(z[:4], np.sqrt(np.diag(cov)[:4]))
-    return found, (_unit(sun + z[4:] @ axes), float(np.sqrt(np.trace(cov[4:, 4:]) / 2))) if spots else None
+    sun, step = mean(ball.numbers), 1e-3 * ball.radius
+    turns = np.stack([(mean(ball.numbers + e) - sun) / step for e in step * np.eye(4)])
+    steps = [reflect(photo, ball, at + np.array([(0, 0), (1, 0)]))[1] for photo, at in spots]
+    pixel = np.mean([np.linalg.norm(d[1] - d[0]) for d in steps])
+    spot = SPOT_PX * pixel / np.sqrt(len(spots))
+    return sun, float(np.hypot(np.sqrt(np.trace(turns.T @ ball.covariance @ turns) / 2), spot))
 
 
-def _unit(d: np.ndarray) -> np.ndarray:
-    return d / np.linalg.norm(d)
+def check_mirror(photos: list[LinearPhoto], board: Board, paper: np.ndarray, ball: Ball, given: Ball) -> np.ndarray:
+    """The reflectance (3): what the ball shows of the board over what the photos show of it.
 
-
-def reflectance_of(photos: list[LinearPhoto], ball: Ball, sheet: Sheet) -> np.ndarray | None:
-    """(3): what the mirror shows of the sheet, summed, over what the photos show of it; None where little is seen.
-
-    Sums, since a mirrored cell may be smaller than a pixel.
+    Raises InputError where it does not show the board, or not in grey.
     """
-    light = SheetLight(photos, sheet, ball)
-    mirror, direct = np.zeros(3), np.zeros(3)
-    count = 0
-    for photo in photos:
-        uv = pixels_of(photo, ball)
-        at = on_board(*reflect(photo, ball, uv)[:2])
-        uv, at = uv[on := light.known(at)], at[on]
-        there = photo.at(photo.project(np.c_[at, np.zeros(len(at))]))
-        good = np.isfinite(there).all(axis=1) & ~photo.clipped[uv[:, 1], uv[:, 0]]
-        mirror += photo.light[uv[good, 1], uv[good, 0]].sum(axis=0)
-        direct += there[good].sum(axis=0)
-        count += int(good.sum())
-    return mirror / direct if count >= LEAST_PIXELS else None
+    extent = draw_board(board, 100.0)[1]
+    seen = [_board_seen(_view(photo, extent, 0.7), ball) for photo in photos]
+    alike = max((alike for alike, *_ in seen), default=0.0)
+    if alike < ALIKE:
+        got = f"a ball that does not (correlation {alike:.2f}): it is no mirror, or not there"
+        raise InputError(given.name, "a mirror ball that shows the board", got)
+    reflectance = np.sum([mirror for _, mirror, _ in seen], axis=0) / np.sum([direct for *_, direct in seen]) / paper
+    if reflectance.max() > COLOURED * reflectance.min() or not 0.2 < reflectance.mean() < 1.1:
+        got = f"one that reflects {', '.join(f'{r:.2f}' for r in reflectance)} of red, green and blue"
+        raise InputError(given.name, "a grey mirror ball", got)
+    return reflectance
 
 
-def seen_in(photos: list[LinearPhoto], ball: Ball, light: SheetLight) -> tuple[bool, bool]:
-    """Whether the sheet is seen in the ball, as in a mirror alone, and the sun, as in any that is glossy."""
-    image, seen = light.blurred(2e-3), [_glance(photo, ball) for photo in photos]
-    sheet_part = sum(_sheet_explains(s, light, image, ball.numbers) for s in seen) / (2 * GLANCE_SD**2)
-    return sheet_part > SEEN, any(s.spot is not None for s in seen)
+def _board_seen(view: _View, ball: Ball) -> tuple[float, np.ndarray, float]:
+    """How well the ball's pixels correlate with the board that they mirror, and the sums of both: (3) and luminance.
 
-
-def mirrored(photos: list[LinearPhoto], ball: Ball, reflectance: np.ndarray) -> Mirrored:
-    """All that the ball shows; `sun` marks each photo's spot, and the pixels about it that its glare lights."""
-    parts = []
-    for k, photo in enumerate(photos):
-        uv, spot = pixels_of(photo, ball), sun_spot(photo, ball)
-        out, right, down = (reflect(photo, ball, uv + np.array(s))[1] for s in ((0, 0), (0.1, 0), (0, 0.1)))
-        steradians = np.linalg.norm(np.cross(right - out, down - out), axis=1) * 100
-        clipped = photo.clipped[uv[:, 1], uv[:, 0]]
-        sun = np.linalg.norm(uv - spot[0], axis=1) < spot[1] + SPOT_AROUND - 1 if spot else np.zeros(len(uv), bool)
-        radiance = photo.light[uv[:, 1], uv[:, 0]] / reflectance
-        parts.append((np.full(len(uv), k), uv, out, radiance, steradians, clipped, sun))
-    return Mirrored(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-
-
-def bilinear(directions: np.ndarray, rows: int) -> sparse.csr_matrix:
-    """(n, 2 rows²): the weights of a map's texels in its radiance along directions (n, 3), as `Environment` has it."""
-    w, (x, y, z) = 2 * rows, directions.T
-    across = (0.5 + np.arctan2(x, y) / (2 * np.pi)) * w - 0.5
-    down = np.clip(np.arctan2(np.hypot(x, y), z) / np.pi * rows - 0.5, 0, rows - 1)
-    i, j = np.floor(across).astype(int), np.minimum(np.floor(down).astype(int), rows - 2)
-    a, b = across - i, down - j
-    n = np.arange(len(directions))
-    parts = [
-        sparse.csr_matrix((wa * wb, (n, (j + dj) * w + (i + di) % w)), (len(n), rows * w))
-        for di, wa in ((0, 1 - a), (1, a)) for dj, wb in ((0, 1 - b), (1, b))
-    ]  # fmt: skip
-    return sum(parts[1:], parts[0])
-
-
-def fit_map(seen: list[Mirrored], rows: int) -> np.ndarray:
-    """(rows, 2 rows, 3): the map whose radiance is nearest to what all pixels show, weighed by steradian.
-
-    Of several photos further passes give little weight to what the first leaves far off: the photographer, and whatever
-    else is in one photo's way alone.
+    Shading is taken out first. A ball may be a pixel or two off: the best of some shifts counts.
     """
-    d, value, weight = (
-        np.concatenate([getattr(s, name)[~s.sun] for s in seen]) for name in ("to_light", "radiance", "steradians")
-    )
-    A, w = bilinear(d, rows), 2 * rows
-    # The sum of squared differences of neighbours: its matrix is a ring's Laplacian across, and a line's down.
-    across = sparse.diags([2.0, -1, -1, -1, -1], [0, 1, -1, w - 1, 1 - w], shape=(w, w))
-    down = sparse.diags([np.r_[1, 2 * np.ones(rows - 2), 1], -1, -1], [0, 1, -1], shape=(rows, rows))
-    smooth = SMOOTH * 2 * np.pi**2 / (w * rows) * sparse.kronsum(across, down)
-    trust = np.ones(len(d))
-    for _ in range(3 if len(np.unique(np.concatenate([s.photo for s in seen]))) > 1 else 1):
-        weighed = A.T @ sparse.diags(weight * trust)
-        texels = spsolve((weighed @ A + smooth + 1e-12 * sparse.eye(w * rows)).tocsc(), weighed @ value)
-        off = np.linalg.norm(A @ texels - value, axis=1)
-        trust = 1 / (1 + (off / max(3 * np.median(off), 1e-6)) ** 2)
-    return np.maximum(texels.reshape(rows, w, 3), 0).astype(np.float32)
+    photo, uv = view.photo, pixels_about(view.photo, ball)
+    shape = np.ptp(uv, axis=0)[::-1] + 1
+    cosine = np.nan_to_num(reflect(photo, ball, uv)[2])
+    shown = np.where(cosine > GRAZING, view.mirrored(ball, uv, COARSEST), np.nan)
+    good = np.isfinite(shown) & ~photo.clipped[uv[:, 1], uv[:, 0]]
+    if good.sum() < LEAST_MIRRORED:
+        return 0.0, np.zeros(3), 0.0
+
+    def detail(values: np.ndarray) -> np.ndarray:
+        inside = good.reshape(shape).astype(float)
+        mean, weight = (
+            cv2.GaussianBlur(a, (0, 0), SHADING_PX) for a in (np.where(good, values, 0.0).reshape(shape), inside)
+        )
+        return values[good] - (mean / np.maximum(weight, 1e-6)).ravel()[good]
+
+    board, last = detail(shown), np.array(photo.camera.image_size) - 1
+    shifts = itertools.product(range(-SHIFT_PX, SHIFT_PX + 1), repeat=2)
+    values = (detail(view.value(np.clip(uv + np.array(shift), 0, last))) for shift in shifts)
+    alike = max(float(np.corrcoef(board, value)[0, 1]) for value in values)
+    return alike, photo.light[uv[good, 1], uv[good, 0]].sum(axis=0), float(shown[good].sum())

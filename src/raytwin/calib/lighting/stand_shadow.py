@@ -83,10 +83,13 @@ class Shadow:
     height: float
     width: float
 
-    def levels(self) -> tuple[np.ndarray, np.ndarray]:
-        """The paper in the shadow over the paper beside it (3), and the standard deviation of that."""
+    def levels(self, paper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The paper in the shadow over the paper beside it (3), `paper` (3) where none is seen there, and the standard
+        deviation of that."""
         A = np.stack([1 - self.cover, self.cover], axis=1)
         x = np.linalg.lstsq(A, self.value, rcond=None)[0]
+        if not (self.cover < 0.02).any():
+            x = np.stack([paper, paper + self.cover @ (self.value - paper) / (self.cover @ self.cover)])
         left = (A @ x - self.value) / x[0]
         dark = max(self.cover.sum() / CORRELATED_PIXELS, 1.0)
         return x[1] / x[0], 0.01 + left.std(axis=0) / np.sqrt(dark)
