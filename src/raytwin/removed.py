@@ -40,6 +40,7 @@ COMMANDS: dict[str, str] = {
     "photograph --mirror": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
     "photograph --stand": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
     "reference make --shard": "Use --jobs N on one machine, or --dask ADDRESS on several.",
+    "shrink --allow": "Use a scene.toml: shrink takes no Mitsuba files, which alone have plugins.",
 }
 """Words of the command line ("bench paper", "diff --fail") -> what to use instead, a sentence."""
 

@@ -17,7 +17,8 @@ class Kind(NamedTuple):
 
 
 HARD = 0
-"""The rank of what no tolerance allows."""
+"""Rank of what is no image to compare: nothing else is asked then."""
+
 KINDS = {
     "shape": Kind(HARD, "no such image"),
     "NaN": Kind(HARD, "not a number"),

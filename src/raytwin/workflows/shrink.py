@@ -103,7 +103,7 @@ def shrink(
     if chosen.subject is None:
         raise InputError("--subject", "is missing. It names the renderer that fails.")
     if files.is_mitsuba(path):
-        raise InputError(path, "`shrink` of a Mitsuba file was removed in 0.2.0. Delete shapes from a copy by hand.")
+        raise InputError("`shrink` of a Mitsuba file", "was removed in 0.2.0. Delete shapes from a copy by hand.")
     found = find_scene(path, progress)
     assert isinstance(found, SceneFile)
     subject = find_subject(chosen.subject, chosen.rung)
