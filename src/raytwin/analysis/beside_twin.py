@@ -11,10 +11,11 @@ from raytwin.scene import Scene, Tolerance
 def compare_with_twin(
     test: Image, reference: Image, scene: Scene, tolerance: Tolerance | None = None, flip: bool = False, **options: Any
 ) -> Comparison:
-    """Compare with the twin's `reference`; float32 may put its highlights off. `flip`: with the perceptual metric.
+    """Compare with the twin's `reference`, whose float32 may err (`twin.settle`). `flip`: with the perceptual metric.
 
     `options` are further ones of `compare`.
     """
-    surface = reference.surface if scene.glossy else None
-    steep = None if surface is None else twin.highlight_rounding(scene, surface)
-    return compare(test, reference, tolerance=tolerance or Tolerance(), half_steps=(steep, None), flip=flip, **options)
+    test, granted, said = twin.settle(test, reference, scene)
+    half_steps = granted, None
+    found = compare(test, reference, tolerance=tolerance or Tolerance(), half_steps=half_steps, flip=flip, **options)
+    return found.saying(*said)
