@@ -21,7 +21,7 @@ SKY_GRID = 2048, 1024
 
 
 class Seen(NamedTuple):
-    """What rays meet: `hit`, Mitsuba's record; `n`, the normal on the eye's side; `start`, where shadow rays begin."""
+    """What rays meet: `hit`, Mitsuba's record; `n`, the normal on the eye's side; `start`, where rays go on."""
 
     ray: Any
     hit: Any
@@ -96,7 +96,7 @@ class TwinLight:
         """What one direction, drawn by the BSDF, brings of all other light, as Mitsuba's `path` finds it."""
         bsdf = seen.hit.bsdf(seen.ray)
         sample, weight = bsdf.sample(mi.BSDFContext(), seen.hit, sampler.next_1d(), sampler.next_2d(), seen.any)
-        onward = seen.hit.spawn_ray(seen.hit.to_world(sample.wo))
+        onward = mi.Ray3f(seen.start, seen.hit.to_world(sample.wo))
         light = self.path.sample(self.scene, sampler, mi.RayDifferential3f(onward), None, seen.any)[0]
         return dr.select(seen.any, weight * light, 0)
 

@@ -1,7 +1,7 @@
 """What the twin's float32 cannot tell: single pixels at outlines, objects of extreme size, the sides of sharp highlights.
 
-Float32 puts a point off by δ = 2⁻²² (its distance from the origin + its sphere's radius): a quarter of that is the
-rounding of one coordinate, and the largest errors of 400 random scenes lie between the two. Of the surface, depth errs
+Float32 puts a point off by δ = 2⁻²² (the ray's length to it, or its distance from the origin, + its sphere's radius): a
+quarter of that is the rounding of one coordinate. Of the surface, depth errs
 by δ / cos θ and a sphere's normal by δ / (r cos θ), θ between the normal and the ray.
 """
 
@@ -12,14 +12,18 @@ import numpy as np
 from raytwin.image import Image, Surface
 from raytwin.scene import Phong, Rectangle, Scene, Sphere
 from raytwin.twin.rays import directions, lens_of
-from raytwin.twin.twin_scene import place_of
+from raytwin.twin.twin_scene import SHADOW_OFFSET, SPHERE_OFFSET, place_of
 
 ROUNDING = 2.0**-22
 
 SMALL, LARGE = 128.0, 16.0
-"""Distance from the origin over a sphere's radius, and radius over the eye's distance from the surface, beyond which an
+"""That length over a sphere's radius, and radius over the eye's distance from the surface, beyond which an
 object is said to be in single precision. At 128 a rim's normal is off by 5e-6; at 16 the surface by 1e-6 of its
 distance."""
+
+
+SUNLIGHT, LEAST_CHANGE = 0.5, 1e-3
+"""Changes of radiance below this part of the sun's light on a pixel, or of its irradiance, leave its shadow as it is."""
 
 
 def settle(test: Image, reference: Image, scene: Scene) -> tuple[Image, np.ndarray | None, tuple[str, ...]]:
@@ -31,12 +35,11 @@ def settle(test: Image, reference: Image, scene: Scene) -> tuple[Image, np.ndarr
     if surface is None or not scene.objects:
         return test, None, ()
     said = []
-    if test.surface is not None and test.surface.ids.shape == surface.ids.shape:
-        undecided = _undecided(scene, test.surface, surface)
-        if undecided.any():
-            test = _with(test, reference, undecided)
-            count = int(np.count_nonzero(undecided))
-            said.append(f"{count} pixel{'s' * (count > 1)} on an outline, where single precision cannot tell: not compared")
+    if (undecided := _undecided(test, reference, scene)).any():
+        test = _with(test, reference, undecided)
+        count = int(np.count_nonzero(undecided))
+        pixels = f"{count} pixel{'s' * (count > 1)} on an outline or at a shadow's edge"
+        said.append(f"{pixels}, where single precision cannot tell, {'were' if count > 1 else 'was'} not compared")
     extreme = _extreme(scene)
     granted = _highlights(scene, surface) if scene.glossy else None
     pixels = np.flatnonzero(np.isin(surface.ids.ravel(), list(extreme)))
@@ -67,13 +70,19 @@ def _rays(scene: Scene, pixels: np.ndarray) -> np.ndarray:
     return np.asarray(np.stack(d, axis=1) @ np.asarray(scene.camera.R_cam_board))
 
 
+def _reaches(scene: Scene) -> list[float]:
+    """How far from each object its rays begin, or how far it is from the origin, whichever is more, in metres."""
+    place, eye = place_of(scene), np.asarray(scene.camera.eye)
+    ways = [np.linalg.norm(np.asarray(thing.center) - place.origin) for thing in scene.objects]
+    rays = [np.linalg.norm(np.asarray(thing.center) - eye) - place.start / place.unit for thing in scene.objects]
+    return [float(max(both)) for both in zip(ways, rays, strict=True)]
+
+
 def _extreme(scene: Scene) -> dict[int, float]:
     """The spheres whose surface float32 holds badly: id -> δ in metres."""
-    origin, eye = place_of(scene).origin, np.asarray(scene.camera.eye)
-    found = {}
-    for i, thing in enumerate(scene.objects):
+    eye, found = np.asarray(scene.camera.eye), {}
+    for i, (thing, reach) in enumerate(zip(scene.objects, _reaches(scene), strict=True)):
         if isinstance(thing, Sphere):
-            reach = float(np.linalg.norm(thing.center - origin))
             gap = abs(float(np.linalg.norm(thing.center - eye)) - thing.radius)
             if reach > SMALL * thing.radius or thing.radius > LARGE * gap:
                 found[i] = ROUNDING * (reach + thing.radius)
@@ -87,12 +96,15 @@ def _granted(
     surface = reference.surface
     assert surface is not None
     ids, normal = surface.ids.ravel()[pixels], surface.normal.reshape(-1, 3)[pixels].astype(float)
-    cosine = np.maximum(-(normal * _rays(scene, pixels)).sum(axis=1), 1e-3)
-    error = np.array([extreme.get(i, 0.0) for i in range(len(scene.objects))])[ids] / cosine
+    off = np.array([extreme.get(i, 0.0) for i in range(len(scene.objects))])[ids]
     radius = np.array([getattr(thing, "radius", np.inf) for thing in scene.objects])[ids]
     albedo = np.array([thing.material.albedo for thing in scene.objects])[ids]
-    granted = np.zeros((surface.ids.size, 3), np.float32)
-    granted[pixels] = (error / radius)[:, None] * albedo * np.asarray(scene.sun.irradiance) / np.pi
+    # At a rim cos² θ itself is off by as much as δ / r.
+    cosine = (normal * _rays(scene, pixels)).sum(axis=1)
+    error = off / np.sqrt(np.maximum(np.square(cosine) - 4 * off / radius, off / radius))
+    granted = np.zeros((surface.ids.size, 3), np.float32)  # (n + 1) / 2 at `surface`, Lambert's law else
+    turned = np.maximum(albedo * np.asarray(scene.sun.irradiance) / np.pi, 0.5)
+    granted[pixels] = (error / radius)[:, None] * turned
     if (own := test.surface) is not None and own.ids.shape == surface.ids.shape:
         depth, normals = own.depth.copy().ravel(), own.normal.copy().reshape(-1, 3)
         near = (own.ids.ravel()[pixels] == ids) & (abs(depth[pixels] - surface.depth.ravel()[pixels]) <= error)
@@ -104,49 +116,75 @@ def _granted(
     return test, granted.reshape(test.shape)
 
 
-def _undecided(scene: Scene, test: Surface, reference: Surface) -> np.ndarray:
-    """Where the two see unlike objects and the ray passes an outline of one of them within rounding: (H, W)."""
-    undecided = np.zeros(test.ids.size, bool)
-    origin, eye = place_of(scene).origin, np.asarray(scene.camera.eye)
-    differ = np.flatnonzero(test.ids != reference.ids)
-    for pixel, d in zip(differ, _rays(scene, differ), strict=True):
-        for i in {int(test.ids.flat[pixel]), int(reference.ids.flat[pixel])} & set(range(len(scene.objects))):
-            thing = scene.objects[i]
-            to, away = np.subtract(thing.center, eye), float(np.linalg.norm(np.subtract(thing.center, origin)))
-            if isinstance(thing, Rectangle):
-                t = (to @ thing.normal) / (d @ thing.normal)
-                off = min(
-                    abs(abs((t * d - to) @ np.asarray(edge)) / np.linalg.norm(edge) - np.linalg.norm(edge))
-                    for edge in (thing.half_u, thing.half_v)
-                ) * abs(d @ thing.normal)  # fmt: skip
-                size = float(np.hypot(np.linalg.norm(thing.half_u), np.linalg.norm(thing.half_v)))
-            else:
-                off, size = abs(np.linalg.norm(to - (to @ d) * d) - thing.radius), thing.radius
-            undecided[pixel] |= bool(off < ROUNDING * (away + size))
-    return undecided.reshape(test.ids.shape)
+def _undecided(test: Image, reference: Image, scene: Scene) -> np.ndarray:
+    """Where the two differ, and the ray or the sun's ray passes an outline within rounding: (H, W)."""
+    surface, sun = reference.surface, scene.sun
+    assert surface is not None
+    undecided, eye, origin = np.zeros(surface.ids.size, bool), np.asarray(scene.camera.eye), place_of(scene).origin
+    if test.shape != reference.shape:
+        return undecided.reshape(surface.ids.shape)
+    if test.surface is not None and test.surface.ids.shape == surface.ids.shape:
+        other = np.flatnonzero(test.surface.ids != surface.ids)
+        undecided[other] = _grazing(scene, np.broadcast_to(eye, (other.size, 3)), _rays(scene, other), origin, 0.0)
+    change = np.abs(np.subtract(test.mean, reference.mean, dtype=np.float32)).max(axis=-1).ravel()
+    seen = np.flatnonzero((change > LEAST_CHANGE * max(sun.irradiance)) & (surface.ids.ravel() >= 0) & ~undecided)
+    if any(sun.irradiance) and seen.size:
+        albedo = np.array([thing.material.albedo for thing in scene.objects])[surface.ids.ravel()[seen]]
+        facing = np.maximum(surface.normal.reshape(-1, 3)[seen] @ np.asarray(sun.to_light), 0)
+        term = (albedo * np.asarray(sun.irradiance)).max(axis=1) / np.pi * facing
+        seen = seen[(change[seen] > SUNLIGHT * term) & (term > LEAST_CHANGE * max(sun.irradiance))]
+        points = eye + surface.depth.ravel()[seen, None] * _rays(scene, seen)
+        lift = SPHERE_OFFSET * max((thing.radius for thing in scene.spheres), default=0.0)
+        toward = np.broadcast_to(sun.to_light, points.shape)
+        undecided[seen] |= _grazing(scene, points, toward, origin, lift, SHADOW_OFFSET)
+    return undecided.reshape(surface.ids.shape)
+
+
+def _grazing(
+    scene: Scene, o: np.ndarray, d: np.ndarray, origin: np.ndarray, lift: float, part: float = 0.0
+) -> np.ndarray:
+    """Which rays from o along d (k, 3) pass the outline of an object within its rounding (k,).
+
+    `lift` and `part`: how far off its surface the ray began, in metres and as a part of the distance from the origin.
+    """
+    grazing, lifted = np.zeros(len(o), bool), 2 * (lift + part * np.linalg.norm(o - origin, axis=1))
+    for thing, reach in zip(scene.objects, _reaches(scene), strict=True):
+        to = thing.center - o
+        if isinstance(thing, Rectangle):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                ahead = (to @ thing.normal) / (d @ thing.normal)
+                at, half = ahead[:, None] * d - to, [np.linalg.norm(edge) for edge in (thing.half_u, thing.half_v)]
+                beyond = [abs(at @ (edge / h)) - h for edge, h in zip((thing.half_u, thing.half_v), half, strict=True)]
+                off, size = np.maximum(*beyond) * abs(d @ thing.normal), float(np.hypot(*half))
+        else:
+            ahead, size = (to * d).sum(axis=1), thing.radius
+            off = np.linalg.norm(to - ahead[:, None] * d, axis=1) - size
+        grazing |= (ahead > 0) & (abs(off) < ROUNDING * (reach + size) + lifted)
+    return grazing
 
 
 def _with(test: Image, reference: Image, chosen: np.ndarray) -> Image:
     """The test image with the reference's pixels where `chosen`."""
     own, other, wide = test.surface, reference.surface, chosen[..., None]
-    assert own is not None
-    assert other is not None
+    test = replace(test, mean=np.where(wide, reference.mean, test.mean))
+    if own is None or other is None:
+        return test
     parts = np.where(chosen, other.ids, own.ids), np.where(chosen, other.depth, own.depth)
     surface = Surface(*parts, np.where(wide, other.normal, own.normal))
-    return replace(test, mean=np.where(wide, reference.mean, test.mean), surface=surface)
+    return replace(test, surface=surface)
 
 
 def _highlights(scene: Scene, surface: Surface) -> np.ndarray:
     granted = np.zeros((surface.ids.size, 3), np.float32)
-    origin, to_light = place_of(scene).origin, np.asarray(scene.sun.to_light)
-    for i, thing in enumerate(scene.objects):
+    to_light = np.asarray(scene.sun.to_light)
+    for i, (thing, reach) in enumerate(zip(scene.objects, _reaches(scene), strict=True)):
         if not isinstance(thing.material, Phong):
             continue
         pixels = np.flatnonzero(surface.ids.ravel() == i)
         n, d, power = surface.normal.reshape(-1, 3)[pixels], _rays(scene, pixels), thing.material.exponent
-        reach = np.linalg.norm(np.subtract(thing.center, origin)) / getattr(thing, "radius", np.inf)
+        error = 4 * ROUNDING * (1 + reach / getattr(thing, "radius", np.inf))
         facing = np.maximum(n @ to_light, 0)
         along = np.clip(2 * (n @ to_light) * -(n * d).sum(axis=1) + d @ to_light, 1e-3, 1)
-        steep = (power + 2) / (2 * np.pi) * power * along ** (power - 1) * facing * 4 * ROUNDING * (1 + reach)
+        steep = (power + 2) / (2 * np.pi) * power * along ** (power - 1) * facing * error
         granted[pixels] = steep[:, None] * np.asarray(thing.material.specular) * np.asarray(scene.sun.irradiance)
     return granted.reshape(*surface.ids.shape, 3)
