@@ -12,6 +12,7 @@ from itertools import product
 import numpy as np
 from measure import record
 from measure.random_scenes import KINDS, random_scene
+
 from raytwin import files, speed, twin
 from raytwin.analysis.beside_twin import compare_with_twin
 from raytwin.rungs import RUNGS
@@ -97,7 +98,16 @@ def main() -> None:
             row[5] += text.startswith("undecided")
             if text.startswith("fail"):
                 print(label, scene.camera.image_size, rung, text, file=sys.stderr, flush=True)
-    columns = ["scene", "pixels", "another object", "shadow off", "compared", "fail", "undecided", "single precision said"]
+    columns = [
+        "scene",
+        "pixels",
+        "another object",
+        "shadow off",
+        "compared",
+        "fail",
+        "undecided",
+        "single precision said",
+    ]
     record.table("twin", name, columns, [[label, *row] for label, row in rows.items()],
                  f"python -m measure.twin_agreement {' '.join(record.arguments())}")  # fmt: skip
 

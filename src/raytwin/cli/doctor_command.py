@@ -7,7 +7,7 @@ from raytwin.cli.terminal import say
 from raytwin.errors import EXTRAS, InputError
 
 USES = {
-    "twin": "compare a scene with its twin; ladder, needs, bench, reference (add llvm: tens of times faster)",
+    "twin": "compare a scene with its twin; ladder, needs, bench, reference (with llvm)",
     "photos": "calibrate a camera from photos of a board, draw into photos, print boards",
     "live": "raytwin explore",
     "notebook": "raytwin walk --notebook, and the viewer in a notebook",

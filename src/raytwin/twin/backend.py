@@ -191,7 +191,11 @@ def llvm_candidates() -> list[str]:
     if loaded := loaded_llvm():
         return [loaded]
     prefix = Path(sys.prefix)
-    by_pip = [*prefix.glob("lib/libLLVM.so.*"), *prefix.glob("lib/libLLVM.dylib"), *prefix.glob("Library/bin/LLVM-C.dll")]
+    by_pip = [
+        *prefix.glob("lib/libLLVM.so.*"),
+        *prefix.glob("lib/libLLVM.dylib"),
+        *prefix.glob("Library/bin/LLVM-C.dll"),
+    ]
     return [*filter(None, [_users_llvm()]), *sorted(map(str, by_pip), reverse=True)[:1], OWN_CHOICE]
 
 

@@ -1,6 +1,6 @@
-"""The light levels in Mitsuba: its intersector, emitters, shadow test, BSDFs and path tracer, behind rays of our own."""
+"""The light levels in Mitsuba: its intersector, emitters, shadow test, BSDFs and path tracer behind our own rays."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import pi
 from typing import Any, NamedTuple
 
@@ -11,7 +11,7 @@ import numpy as np
 from raytwin.rungs import Rung
 from raytwin.scene import Scene, Sphere
 from raytwin.twin.rays import Lens, directions, lens_of
-from raytwin.twin.twin_scene import SHADOW_OFFSET, SPHERE_OFFSET, load, place_of, translate
+from raytwin.twin.twin_scene import SHADOW_OFFSET, SPHERE_OFFSET, load, number_of, place_of, translate
 
 LANES = 1 << 22
 """How many rays to launch at once: enough to fill any machine, 50 MB an array of three floats."""
@@ -39,13 +39,14 @@ class TwinLight:
     def __init__(self, scene: Scene, textures: Mapping[int, np.ndarray], depth: int | None) -> None:
         self.place, self.double = place_of(scene), dr.float64_array_t(mi.Float)
         self.scene = load(translate(scene, self.place, textures))
-        self.numbers = numbers_of(self.scene, {f"object-{i}": i for i in range(len(scene.objects))})
+        self.numbers = numbers_of(self.scene, number_of)
         self.sun = next((e for e in self.scene.emitters() if not e.is_environment()), None)
         self.sky = self.scene.environment()
         self.path: Any = load({"type": "path", "max_depth": depth - 1, "rr_depth": depth}) if depth else None
         # Opaque numbers are a kernel's parameters: another camera runs the kernel that is compiled already.
         lens = lens_of(scene.camera)
-        self.lens = Lens(*map(self._number, lens[:5]), lens.steps)
+        fx, fy, cx, cy, coefficients = map(self._number, lens[:5])
+        self.lens = Lens(fx, fy, cx, cy, coefficients, lens.steps)
         self.width, self.start = scene.camera.width, self._number(self.place.start)
         self.eye, self.R = self._number(self.place.eye), self._number(np.asarray(scene.camera.R_cam_board).T)
         radii = [thing.radius for thing in scene.objects if isinstance(thing, Sphere)]
@@ -101,11 +102,11 @@ class TwinLight:
         return dr.select(seen.any, weight * light, 0)
 
 
-def numbers_of(loaded: Any, ids: Mapping[str, int]) -> Any:
-    """A table from Mitsuba's shape pointers, which are small integers, to the numbers of the shapes' names; -1 else."""
+def numbers_of(loaded: Any, number: Callable[[str], int]) -> Any:
+    """A table from Mitsuba's shape pointers, which are small integers, to the `number` of each shape's name."""
     keys = dr.reinterpret_array(mi.UInt32, loaded.shapes_dr()).numpy()
     table = np.full(keys.max(initial=0) + 1, -1, np.int32)
-    table[keys] = [ids.get(shape.id(), -1) for shape in loaded.shapes()]
+    table[keys] = [number(shape.id()) for shape in loaded.shapes()]
     return mi.Int32(table)
 
 

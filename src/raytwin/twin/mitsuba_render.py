@@ -142,7 +142,8 @@ def _surface(scene: MitsubaScene, loaded: Any) -> Surface:
     sensor = loaded.sensors()[0]
     ray = sensor.sample_ray(sensor.shutter_open(), 0.5, place, mi.Point2f(0.5))[0]
     hit = loaded.ray_intersect(ray)
-    table = numbers_of(loaded, {name: i for i, name in enumerate(scene.names)})
+    ids_of = {name: i for i, name in enumerate(scene.names)}
+    table = numbers_of(loaded, lambda name: ids_of.get(name, BACKGROUND))
     ids = dr.gather(mi.Int32, table, dr.reinterpret_array(mi.UInt32, hit.shape), hit.is_valid())
     depth = hit.t
     if "Orthographic" not in str(sensor):  # whose rays begin at no common point

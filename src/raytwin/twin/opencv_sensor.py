@@ -27,9 +27,8 @@ def mitsuba_sensor(
     the "board", or of the "camera" (OpenCV's: x right, y down, z forward). `samples` per pixel; `film` replaces
     entries of the film, as {"rfilter": {"type": "gaussian"}}.
 
-    Raises MachineError without Mitsuba, InputError for a lens that cannot be undone, and on Mitsuba's scalar variants for
-    one that is distorted: they run no sensor written in Python. A film of another size sees the same frame,
-    scaled.
+    Raises MachineError without Mitsuba, InputError for a lens that cannot be undone, and on Mitsuba's scalar variants
+    for one that is distorted: they run no sensor written in Python. A film of another size sees the same frame, scaled.
     """
     try:
         import mitsuba as mi

@@ -72,9 +72,7 @@ def render(
     return render_cache.cached(about, cache, lambda: _rendered(scene, textures, plan, progress))
 
 
-def _rendered(
-    scene: Scene, textures: Mapping[int, np.ndarray], plan: "_Plan", progress: Progress
-) -> Image:
+def _rendered(scene: Scene, textures: Mapping[int, np.ndarray], plan: "_Plan", progress: Progress) -> Image:
     from raytwin.twin.levels import TwinLight  # Mitsuba's classes exist once a variant is set
 
     twin, rung = TwinLight(scene, textures, plan.depth), RUNGS[plan.rung]
@@ -153,7 +151,7 @@ def _plan(
     return msgspec.structs.replace(plan, samples=1, seed=0, batches=1) if plan.exact else plan
 
 
-def _about(scene: Scene, plan: _Plan, textures: Mapping[int, np.ndarray], variant: str) -> dict[str, str]:
+def _about(scene: Scene, plan: _Plan, textures: Mapping[int, np.ndarray], variant: str | None) -> dict[str, str]:
     seen = (scene.camera, scene.objects, scene.lights)
     content = hashlib.sha256(msgspec.json.encode(seen, enc_hook=files.plain))
     for i, texture in textures.items():
@@ -217,8 +215,7 @@ def _sampled(
             parts.append(np.stack(sums, axis=2))
         mean[a:b], variance[a:b] = pooled(parts, [size for size, _ in kinds])
         say(b / n)
-    mean = mean.reshape(*shape, 3)
-    return mean, variance.reshape(*shape, 3) if plan.batches > 1 else None
+    return mean.reshape(*shape, 3), variance.reshape(*shape, 3) if plan.batches > 1 else None
 
 
 def pooled(parts: Sequence[np.ndarray], sizes: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:

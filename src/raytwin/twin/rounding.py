@@ -1,4 +1,4 @@
-"""What the twin's float32 cannot tell: single pixels at outlines, objects of extreme size, the sides of sharp highlights.
+"""What the twin's float32 cannot tell: single pixels at outlines, objects of extreme size, sides of sharp highlights.
 
 Float32 puts a point off by δ = 2⁻²² (the ray's length to it, or its distance from the origin, + its sphere's radius): a
 quarter of that is the rounding of one coordinate. Of the surface, depth errs
@@ -23,11 +23,11 @@ distance."""
 
 
 SUNLIGHT, LEAST_CHANGE = 0.5, 1e-3
-"""Changes of radiance below this part of the sun's light on a pixel, or of its irradiance, leave its shadow as it is."""
+"""Changes of radiance below this part of the sun's light on a pixel, or of its irradiance, leave a shadow as it is."""
 
 
 def settle(test: Image, reference: Image, scene: Scene) -> tuple[Image, np.ndarray | None, tuple[str, ...]]:
-    """The test with the twin's answer where float32 cannot tell, what its rounding may add to radiance, and what to say.
+    """The test with the twin's answer where float32 cannot tell, what rounding may add to radiance, and what to say.
 
     The second is (H, W, 3), None where nothing matters. `reference` is the twin's image of the scene.
     """
@@ -38,19 +38,17 @@ def settle(test: Image, reference: Image, scene: Scene) -> tuple[Image, np.ndarr
     if (undecided := _undecided(test, reference, scene)).any():
         test = _with(test, reference, undecided)
         count = int(np.count_nonzero(undecided))
-        pixels = f"{count} pixel{'s' * (count > 1)} on an outline or at a shadow's edge"
-        said.append(f"{pixels}, where single precision cannot tell, {'were' if count > 1 else 'was'} not compared")
+        where = f"{count} pixel{'s' * (count > 1)} on an outline or at a shadow's edge"
+        said.append(f"{where}, where single precision cannot tell, {'were' if count > 1 else 'was'} not compared")
     extreme = _extreme(scene)
     granted = _highlights(scene, surface) if scene.glossy else None
     pixels = np.flatnonzero(np.isin(surface.ids.ravel(), list(extreme)))
     if pixels.size:
         test, more = _granted(test, reference, scene, pixels, extreme)
         granted = more if granted is None else granted + more
-        names = ", ".join(f"object {i}" for i in sorted(set(surface.ids.ravel()[pixels].tolist())))
-        said.append(
-            f"single precision: {pixels.size} pixels of {names}, whose size float32 holds to {max(extreme.values()):.1g} "
-            "of its distance, are compared with that in mind"
-        )
+        shown = sorted(set(surface.ids.ravel()[pixels].tolist()))
+        names = ", ".join(f"object {i} (its surface to {extreme[i]:.2g} m)" for i in shown)
+        said.append(f"single precision: {pixels.size} pixels, compared within the rounding of {names}")
     return test, granted, tuple(said)
 
 
@@ -153,9 +151,10 @@ def _grazing(
         if isinstance(thing, Rectangle):
             with np.errstate(divide="ignore", invalid="ignore"):
                 ahead = (to @ thing.normal) / (d @ thing.normal)
-                at, half = ahead[:, None] * d - to, [np.linalg.norm(edge) for edge in (thing.half_u, thing.half_v)]
-                beyond = [abs(at @ (edge / h)) - h for edge, h in zip((thing.half_u, thing.half_v), half, strict=True)]
-                off, size = np.maximum(*beyond) * abs(d @ thing.normal), float(np.hypot(*half))
+                edges = np.stack([thing.half_u, thing.half_v])
+                half = np.linalg.norm(edges, axis=1)
+                beyond = abs((ahead[:, None] * d - to) @ (edges / half[:, None]).T) - half
+                off, size = beyond.max(axis=1) * abs(d @ thing.normal), float(np.linalg.norm(half))
         else:
             ahead, size = (to * d).sum(axis=1), thing.radius
             off = np.linalg.norm(to - ahead[:, None] * d, axis=1) - size

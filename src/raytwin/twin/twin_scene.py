@@ -5,7 +5,8 @@ beside its distance, where the rays then begin, too. The unit is a power of two,
 scene some 1024 units large: Mitsuba lifts secondary rays by 9e-5 (1 + max|p|), whose 1 would be coarse in metres.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +29,16 @@ scenes more pixels than may differ.
 SPHERE_OFFSET = 2.0**-22
 """The same as a part of the largest radius, whose square float32 rounds: grounds of 1 to 100 km shade themselves in
 894 and 8770 of 19 200 pixels without it, in none with it."""
+
+REACH = 100.0
+"""Largest distance to a rectangle's corner over that to its nearest point: beyond it a rectangle is divided.
+
+Float32 keeps a rectangle's points to 2⁻²⁴ of its size, so that bounced rays may start behind it: 5 mm beside the edge
+of two sheets of 1 km they brought 11 % too little light, undivided.
+"""
+
+SMALLEST_GAP = 1e-9
+"""The same the other way round, below which the eye lies in the rectangle, and no division helps."""
 
 TO_ENVMAP = np.array(((-1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)))
 """The map's axes to those of Mitsuba's `envmap`, whose y is up and whose middle is along +z, with +x to the left."""
@@ -96,28 +107,33 @@ def load(world: dict[str, Any]) -> Any:
 
 
 def translate(scene: Scene, place: Place, textures: Mapping[int, np.ndarray]) -> dict[str, Any]:
-    """The dictionary for `load`: object i is called `object-i`, everything is two-sided, diffuse or Phong's."""
+    """The dictionary for `load`: object i is `object-i`, or its parts `object-i-0` and so on (`number_of`).
+
+    Everything is two-sided, diffuse or Phong's.
+    """
     import mitsuba as mi
 
     if scene.glossy:
         phong.register()
     world: dict[str, Any] = {"type": "scene"}
     for i, thing in enumerate(scene.objects):
-        if isinstance(thing, Rectangle):
+        bsdf = {"type": "twosided", "bsdf": phong.bsdf(thing, _albedo(thing, textures.get(i)))}
+        if not isinstance(thing, Rectangle):
+            center, radius = place.at(thing.center).tolist(), thing.radius * place.unit
+            world[f"object-{i}"] = {"type": "sphere", "center": center, "radius": radius, "bsdf": bsdf}
+            continue
+        half = [float(np.linalg.norm(edge)) for edge in (thing.half_u, thing.half_v)]
+        axes = np.stack([np.divide(thing.half_u, half[0]), np.divide(thing.half_v, half[1]), thing.normal], axis=1)
+        whole = np.array((-1, 1)) * np.array(half)[:, None]
+        to_eye = (np.asarray(scene.camera.eye) - thing.center) @ axes
+        for k, (sides_u, sides_v) in enumerate([whole] if i in textures else _divided(whole, to_eye)):
             # A rotation, then a scale: the inverse of their product is coarse where the edges are unlike.
-            half = [float(np.linalg.norm(edge)) for edge in (thing.half_u, thing.half_v)]
             turn = np.eye(4)
-            turn[:3, :3] = np.stack(
-                [np.divide(thing.half_u, half[0]), np.divide(thing.half_v, half[1]), thing.normal], axis=1
-            )
-            turn[:3, 3] = place.at(thing.center)
-            scale = [half[0] * place.unit, half[1] * place.unit, 1.0]
-            to_world = mi.ScalarTransform4f(turn) @ mi.ScalarTransform4f().scale(scale)
-            shape = {"type": "rectangle", "to_world": to_world}
-        else:
-            shape = {"type": "sphere", "center": place.at(thing.center).tolist(), "radius": thing.radius * place.unit}
-        shape["bsdf"] = {"type": "twosided", "bsdf": phong.bsdf(thing, _albedo(thing, textures.get(i)))}
-        world[f"object-{i}"] = shape
+            turn[:3, :3] = axes
+            turn[:3, 3] = place.at(thing.center + axes[:, :2] @ np.array([sides_u.mean(), sides_v.mean()]))
+            scale = [float(np.ptp(side)) / 2 * place.unit for side in (sides_u, sides_v)]
+            to_world = mi.ScalarTransform4f(turn) @ mi.ScalarTransform4f().scale([*scale, 1.0])
+            world[f"object-{i}-{k}"] = {"type": "rectangle", "to_world": to_world, "bsdf": bsdf}
     if any(scene.sun.irradiance):
         direction = [-x for x in scene.sun.to_light]
         world["sun"] = {"type": "directional", "direction": direction, "irradiance": rgb(scene.sun.irradiance)}
@@ -128,6 +144,29 @@ def translate(scene: Scene, place: Place, textures: Mapping[int, np.ndarray]) ->
         # Directions by the cosine find an even sky best; else `path` tosses a coin between the sun and the sky.
         world["sky"]["sampling_weight"] = 0.0 if "sun" in world else 1.0
     return world
+
+
+def _divided(sides: np.ndarray, eye: np.ndarray) -> Iterator[np.ndarray]:
+    """Parts of a rectangle from sides[0] and to sides[1] (2, 2), metres along its edges, each of which keeps REACH.
+
+    `eye` (3,): in the rectangle's axes. The part about the nearest point is small, those around it are large and far.
+    """
+    nearest = np.clip(eye[:2], sides[:, 0], sides[:, 1])
+    gap = float(np.linalg.norm([*(nearest - eye[:2]), eye[2]]))
+    corner = float(np.linalg.norm(np.abs(sides - nearest[:, None]).max(axis=1)))
+    if corner <= REACH * gap or gap < SMALLEST_GAP * corner:
+        yield sides
+        return
+    cuts = [np.unique(np.clip([low, at - REACH / 4 * gap, at + REACH / 4 * gap, high], low, high))
+            for at, (low, high) in zip(nearest, sides, strict=True)]  # fmt: skip
+    for u in pairwise(cuts[0]):
+        for v in pairwise(cuts[1]):
+            yield from _divided(np.array([u, v]), eye)
+
+
+def number_of(name: str) -> int:
+    """The object's id by the name of its shape."""
+    return int(name.split("-")[1])
 
 
 def rgb(values: Any) -> dict[str, Any]:
