@@ -26,6 +26,10 @@ SUNLIGHT, LEAST_CHANGE = 0.5, 1e-3
 """Changes of radiance below this part of the sun's light on a pixel, or of its irradiance, leave a shadow as it is."""
 
 
+SAME_DEPTH = 1e-4
+"""Of the depth: two objects that differ by less are met on their common edge."""
+
+
 def settle(test: Image, reference: Image, scene: Scene) -> tuple[Image, np.ndarray | None, tuple[str, ...]]:
     """The test with the twin's answer where float32 cannot tell, what rounding may add to radiance, and what to say.
 
@@ -122,7 +126,9 @@ def _undecided(test: Image, reference: Image, scene: Scene) -> np.ndarray:
     if test.shape != reference.shape:
         return undecided.reshape(surface.ids.shape)
     if test.surface is not None and test.surface.ids.shape == surface.ids.shape:
-        other = np.flatnonzero(test.surface.ids != surface.ids)
+        near = abs(np.subtract(test.surface.depth, surface.depth)) <= SAME_DEPTH * surface.depth
+        tied = near & (test.surface.ids >= 0) & (surface.ids >= 0)  # `compare` has a sentence of its own for these
+        other = np.flatnonzero((test.surface.ids != surface.ids) & ~tied)
         undecided[other] = _grazing(scene, np.broadcast_to(eye, (other.size, 3)), _rays(scene, other), origin, 0.0)
     change = np.abs(np.subtract(test.mean, reference.mean, dtype=np.float32)).max(axis=-1).ravel()
     seen = np.flatnonzero((change > LEAST_CHANGE * max(sun.irradiance)) & (surface.ids.ravel() >= 0) & ~undecided)
