@@ -2,12 +2,15 @@
 
 `python -m measure.twin_agreement shipped|random|far [SEEDS]`, in tests/ (3): pixels that see another object, pixels at
 `shadow` off by more than 1e-4 of white, and the verdicts of `compare` at every light level, none of which may fail.
-`sides` replaces the sizes of the shipped scenes (`sides=160x120,320x240`).
+`sides` replaces the sizes of the shipped scenes (`sides=160x120,320x240`). `files [SEEDS]` compares renders of Mitsuba
+files with one of another seed: alarms by noise alone.
 """
 
 import sys
+import tempfile
 from collections.abc import Iterator
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 from measure import record
@@ -15,6 +18,7 @@ from measure.random_scenes import KINDS, random_scene
 
 from raytwin import files, speed, twin
 from raytwin.analysis.beside_twin import compare_with_twin
+from raytwin.compare import compare
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.tracer import trace
@@ -77,10 +81,28 @@ def verdicts(scene: Scene, seeds: int) -> Iterator[tuple[str, str]]:
             yield rung, "said"
 
 
+def alarms(seeds: int) -> Iterator[tuple[str, int, int]]:
+    """A file's name, its comparisons of correct renders, and how many of these are no pass."""
+    import mitsuba as mi
+
+    folder = Path(tempfile.mkdtemp())
+    glass = files.read_mitsuba(record.DOCS.parent / "scenes" / "glass")
+    box = mi.parser.parse_dict(mi.parser.ParserConfig(mi.variant()), mi.cornell_box())
+    (folder / "box.xml").write_text(mi.parser.write_string(box))
+    for scene in (glass, files.read_mitsuba(folder / "box.xml")):
+        small = files.with_film(scene, 96, 96 * scene.image_size[1] // scene.image_size[0])
+        right = twin.render_mitsuba(small, 1024, 1_000_000, cache=False)
+        tested = [twin.render_mitsuba(small, 64, seed, cache=False) for seed in range(seeds)]
+        yield scene.name, seeds, sum(compare(image, right).verdict == "fail" for image in tested)
+
+
 def main() -> None:
     words = [word for word in record.arguments() if not word.startswith("sides=")]
     name, seeds = words[0], int(words[1]) if len(words) > 1 else 3
     twin.activate()
+    command = f"python -m measure.twin_agreement {' '.join(record.arguments())}"
+    if name == "files":
+        return record.table("twin", name, ["file", "compared", "fail"], alarms(seeds), command)
     rows: dict[str, list[int]] = {}
     for label, scene, own in BEDS[name](seeds):
         exact, image = speed.trace(scene, "shadow", "numpy64"), twin.render(scene, "shadow", cache=False)
@@ -108,8 +130,7 @@ def main() -> None:
         "undecided",
         "single precision said",
     ]
-    record.table("twin", name, columns, [[label, *row] for label, row in rows.items()],
-                 f"python -m measure.twin_agreement {' '.join(record.arguments())}")  # fmt: skip
+    return record.table("twin", name, columns, [[label, *row] for label, row in rows.items()], command)
 
 
 if __name__ == "__main__":
