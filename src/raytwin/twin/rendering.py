@@ -44,7 +44,7 @@ def render(
     Radiance by rung, with albedo ρ, sun irradiance E from direction l, sky radiance Ls, n on the eye's side:
 
     - `surface`: (n + 1) / 2 as a colour, 0 at the background;
-    - `lambert`: ρ/π E max(0, n·l) + ρ Ls; of a map, Ls is E(n)/π by harmonics (`sky.harmonics`); with a highlight
+    - `lambert`: ρ/π E max(0, n·l) + ρ Ls; of a map, Ls is E(n)/π by harmonics (`levels.open_sky`); with a highlight
       (`phong`) π f stands for the first ρ, ρ + specular for the second;
     - `shadow`: the first term times the sun's visibility (Mitsuba's shadow test);
     - `sky`: the second term with the sky's occlusion as well (Mitsuba's `path` at depth 2);
