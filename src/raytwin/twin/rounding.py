@@ -15,6 +15,7 @@ from raytwin.twin.rays import directions, lens_of
 from raytwin.twin.twin_scene import SHADOW_OFFSET, SPHERE_OFFSET, place_of
 
 ROUNDING = 2.0**-22
+"""δ as a part of these lengths: four roundings of a float32 coordinate."""
 
 SMALL, LARGE = 128.0, 16.0
 """That length over a sphere's radius, and radius over the eye's distance from the surface, beyond which an
