@@ -10,7 +10,7 @@ from truths import view_of
 
 from raytwin import files, image_input, twin
 from raytwin.compare import compare
-from raytwin.renderers.mitsuba_xml import UNIT, mitsuba_xml, moved_by
+from raytwin.renderers.mitsuba_xml import mitsuba_xml, moved_by
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.scene import Camera, Rectangle, Scene, Shape, Sky, Sphere, Sun
 
@@ -75,12 +75,6 @@ def test_mitsuba_renders_the_same_picture_from_the_file(scenes, tmp_path, name, 
     assert found.verdict == "pass", found.reasons
     wrong = compare(image_input.as_image([0.98 * np.float32(r) for r in renders]).image, reference)
     assert wrong.verdict == "fail"  # so much it would have seen
-
-
-def test_a_files_unit_is_the_twins():
-    from raytwin.twin.twin_scene import UNIT as twins
-
-    assert twins == UNIT
 
 
 def test_objects_that_float32_cannot_hold_are_named():

@@ -6,6 +6,9 @@ from program import raytwin
 import raytwin as package
 from raytwin import removed
 from raytwin.cli import COMMANDS as ALIVE
+from raytwin.contract.subject import find_subject
+from raytwin.errors import InputError
+from raytwin.renderers.renderer_table import RENDERERS, choose
 
 
 @pytest.mark.parametrize("name", removed.COMMANDS)
@@ -21,7 +24,17 @@ def test_a_removed_name_says_what_to_use_instead(name):
         getattr(package, name)
 
 
+@pytest.mark.parametrize("start", removed.RENDERERS)
+def test_a_removed_renderer_says_what_to_use_instead(start):
+    said = rf"`{start}shadow` was removed in 0\.2\.0\. {removed.RENDERERS[start]}"
+    with pytest.raises(InputError, match=said):
+        find_subject(f"{start}shadow", "shadow")
+    with pytest.raises(InputError, match=said):
+        choose([f"{start}shadow"])
+
+
 def test_what_is_said_to_be_removed_is_gone():
+    assert not [name for name in RENDERERS if removed.removed_renderer(name)]
     assert not set(removed.COMMANDS) & set(ALIVE)
     assert not set(removed.NAMES) & set(package.__all__)
 

@@ -51,6 +51,25 @@ NAMES: dict[str, str] = {
 }
 """Name of `raytwin` -> what to use instead, a sentence."""
 
+SCALAR = "removed in 0.2.0. Use llvm_ad_rgb: pip install 'raytwin[llvm]' brings what it needs."
+"""About Mitsuba's scalar variants, forced by name."""
+
+RENDERERS: dict[str, str] = {
+    "twin-scalar-": "Use the same name with llvm.",
+    "mitsuba-scalar-": "Use the same name with llvm.",
+}
+"""How the names of removed renderers begin -> what to use instead, a sentence."""
+
+
+def removed_renderer(name: str) -> str | None:
+    """Return one line about a removed renderer; None for any other name.
+
+    >>> removed_renderer("twin-scalar-shadow")
+    '`twin-scalar-shadow` was removed in 0.2.0. Use the same name with llvm.'
+    """
+    instead = next((text for start, text in RENDERERS.items() if name.startswith(start)), None)
+    return instead and f"`{name}` was removed in 0.2.0. {instead}"
+
 
 def removed_command(words: Sequence[str]) -> str | None:
     """Return one line about the first removed command or option among the command line's words; None without any.

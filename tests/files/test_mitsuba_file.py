@@ -66,9 +66,9 @@ def test_an_include_and_a_search_folder_are_looked_for_where_mitsuba_looks(folde
 
 
 def test_every_plugin_that_mitsuba_brings_is_its_own():
-    libraries, in_python = files.mitsuba_plugins()
-    assert libraries >= {"path", "hdrfilm", "d65", "sphere"}
-    assert in_python >= {"prb", "prb_basic", "prb_projective", "prbvolpath", "direct_projective"}
+    brought = files.mitsuba_plugins()
+    assert brought >= {"path", "hdrfilm", "d65", "sphere"}  # libraries
+    assert brought >= {"prb", "prb_basic", "prb_projective", "prbvolpath", "direct_projective"}  # in Python
 
 
 def test_a_plugin_may_be_allowed_by_name(folder, monkeypatch):

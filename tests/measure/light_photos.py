@@ -15,7 +15,8 @@ from raytwin.calib.boards.board import Board, BoardTag, draw_board, write_board
 from raytwin.calib.photos import lens_model
 from raytwin.calib.synthetic_photos import QUALITY, Truth, expose, poses, sheet_of, write_truth
 from raytwin.scene import Camera, Environment, Lambert, Matrix, Rectangle, Scene, Sky, Sphere, Sun, Vector
-from raytwin.twin.twin_scene import UNIT, load, translate
+from raytwin.twin.opencv_sensor import sensor_at
+from raytwin.twin.twin_scene import load, place_of, translate
 from raytwin.workflows.photograph import TABLE
 
 TEXELS_PER_METRE = 4500.0
@@ -90,10 +91,10 @@ def rendered(scene: Scene, textures: dict[int, np.ndarray], samples: int, seed: 
     """Linear radiance (H, W, 3) by Mitsuba's path tracer; object 0 is a mirror, whose albedo is its reflectance."""
     import mitsuba as mi
 
-    world = translate(scene, textures)
+    world = translate(scene, place := place_of(scene), textures)
     reflectance = {"type": "rgb", "value": list(scene.objects[0].material.albedo)}
     world["object-0"]["bsdf"] = {"type": "conductor", "material": "none", "specular_reflectance": reflectance}
-    world["sensor"] = twin.mitsuba_sensor(scene.camera, unit=UNIT, frame="camera")
+    world["sensor"] = sensor_at(scene.camera, np.asarray(scene.camera.R_cam_board), place.eye, place.unit)
     world["integrator"] = {"type": "path", "max_depth": 8}
     loaded, passes = load(world), math.ceil(samples / SAMPLES_PER_PASS)
     total = np.zeros((scene.camera.height, scene.camera.width, 3))

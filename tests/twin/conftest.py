@@ -10,12 +10,6 @@ def working_llvm(own_cache):
     activate()
 
 
-@pytest.fixture(params=["llvm_ad_rgb", "scalar_rgb"])
-def variant(request) -> str:
-    """Each Mitsuba variant that works here, made the current one."""
-    return working(request.param)
-
-
 @pytest.fixture
 def compiled() -> str:
     return working("llvm_ad_rgb")

@@ -29,13 +29,13 @@ def llvm() -> str:
     return found.libllvm
 
 
-def test_without_any_llvm_scalar_is_chosen(monkeypatch):
+def test_without_any_llvm_there_is_no_variant_and_dr_jit_takes_no_library_on_its_own(monkeypatch):
     monkeypatch.setenv("RAYTWIN_NO_LLVM", "1")
-    found = backend.activate()
-    assert (found.variant, found.libllvm, found.tried) == ("scalar_rgb", None, ())
-    import mitsuba as mi
-
-    assert mi.variant() == "scalar_rgb"
+    found = backend.chosen()
+    assert (found.variant, found.libllvm, found.tried) == (None, None, ())
+    assert os.environ["DRJIT_LIBLLVM_PATH"] == os.devnull
+    with pytest.raises(MachineError, match="no libLLVM at all"):
+        backend.activate()
 
 
 def test_a_wrong_path_falls_on_to_the_next_with_a_reason(monkeypatch, tmp_path, llvm):
@@ -119,17 +119,23 @@ def test_a_probe_that_came_to_no_end_is_asked_again_by_the_next_process(monkeypa
     probed = []
     probe = backend.probe
     monkeypatch.setattr(backend, "probe", lambda *a: probed.append(a) or probe(*a))
-    assert {backend.choose().variant for _ in range(2)} == {"scalar_rgb"}
+    assert {backend.choose().variant for _ in range(2)} == {None}
     assert len(probed) == asked
 
 
-def test_a_variant_can_be_forced_and_changed_back(monkeypatch, llvm):
-    assert backend.activate("scalar_rgb").variant == "scalar_rgb"
-    assert backend.activate().variant == "scalar_rgb"  # stays what it is
+def test_a_variant_can_be_forced_and_stays(llvm):
     assert backend.activate("llvm_ad_rgb").libllvm == llvm
-    assert os.environ["DRJIT_LIBLLVM_PATH"] == llvm
-    monkeypatch.setenv("RAYTWIN_VARIANT", "scalar_rgb")
-    assert backend.activate().variant == "scalar_rgb"
+    assert backend.activate().variant == "llvm_ad_rgb"
+    if llvm != backend.OWN_CHOICE:
+        assert os.environ["DRJIT_LIBLLVM_PATH"] == llvm
+
+
+@pytest.mark.parametrize("forced", [True, False])
+def test_a_scalar_variant_says_what_to_use_instead(monkeypatch, forced):
+    if not forced:
+        monkeypatch.setenv("RAYTWIN_VARIANT", "scalar_rgb")
+    with pytest.raises(MachineError, match=r"removed in 0\.2\.0\. Use llvm_ad_rgb"):
+        backend.activate("scalar_rgb" if forced else None)
 
 
 def test_a_forced_variant_that_cannot_work_says_what_to_do(monkeypatch):
@@ -153,21 +159,6 @@ def test_cuda_is_used_only_when_asked_for():
     else:
         with pytest.raises(MachineError, match="NVIDIA"):
             backend.activate("cuda_ad_rgb")
-
-
-def test_newest_libraries_come_first_and_others_do_not_come(tmp_path):
-    names = [
-        "libLLVM-14.so.1",
-        "libLLVM.so.19.1",
-        "libLLVM.so.9.1",
-        "libLLVMAnalysis.a",
-        "libLTO.so.19",
-        "libLLVM-C.so",
-    ]
-    for name in names:
-        (tmp_path / name).touch()
-    found = backend._newest_first(tmp_path.iterdir())
-    assert [os.path.basename(p) for p in found] == ["libLLVM.so.19.1", "libLLVM-14.so.1", "libLLVM.so.9.1"]  # noqa: PTH119
 
 
 def test_doctor_tells_versions_candidates_and_choice(monkeypatch):
@@ -204,13 +195,6 @@ def loaded_by(variant: str, *before: str) -> list[str]:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux alone tells what a process has loaded")
-def test_the_library_that_works_is_loaded_even_where_scalar_is_asked_for(llvm):
-    loaded, chosen, _ = loaded_by("scalar_rgb")
-    assert os.path.realpath(loaded) == os.path.realpath(llvm)
-    assert chosen == "None"
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="Linux alone tells what a process has loaded")
 def test_where_dr_jit_was_imported_before_its_own_library_is_the_one_that_is_tried(llvm, monkeypatch):
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nowhere/libLLVM.so")
     loaded, chosen, _ = loaded_by("llvm_ad_rgb", llvm)
@@ -231,3 +215,13 @@ def test_a_library_that_is_loaded_is_the_only_candidate(monkeypatch):
     assert backend.llvm_candidates() == ["/elsewhere/libLLVM.so.15"]
     monkeypatch.setenv("RAYTWIN_NO_LLVM", "1")
     assert backend.llvm_candidates() == []
+
+
+def test_the_users_library_comes_first_then_the_one_that_pip_installs_then_dr_jits_own_choice(monkeypatch, tmp_path):
+    (tmp_path / "lib").mkdir()
+    for name in ("libLLVM.so.19.1", "libLLVM.so.23.1", "libLLVMAnalysis.a"):
+        (tmp_path / "lib" / name).touch()
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/mine/libLLVM.so")
+    pip = str(tmp_path / "lib" / "libLLVM.so.23.1")
+    assert backend.llvm_candidates() == ["/mine/libLLVM.so", pip, backend.OWN_CHOICE]

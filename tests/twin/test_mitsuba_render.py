@@ -38,10 +38,8 @@ def scene_of(folder: Path, text: str) -> MitsubaScene:
     return files.read_mitsuba(folder)
 
 
-@pytest.mark.parametrize("variant", ["scalar_rgb", None])
-def test_a_ball_under_an_even_sky_has_its_albedo_times_the_sky_and_is_where_it_is(tmp_path, variant):
-    twin.activate(variant)
-    image = twin.render_mitsuba(scene_of(tmp_path, BALL), 16, variant=variant)
+def test_a_ball_under_an_even_sky_has_its_albedo_times_the_sky_and_is_where_it_is(tmp_path):
+    image = twin.render_mitsuba(scene_of(tmp_path, BALL), 16)
     surface = image.surface
     assert surface is not None
     assert image.variance is not None
@@ -112,13 +110,6 @@ def test_plugins_of_the_current_folder_stand_in_for_none_of_mitsubas_own(tmp_pat
     assert run.stdout.split() == [twin.activate().variant]
 
 
-@pytest.mark.parametrize("name", ["prb", "prb_basic", "volprim_rf_basic"])
-def test_a_plugin_in_python_is_refused_in_the_variant_that_lacks_it(tmp_path, name):
-    scene = scene_of(tmp_path, BALL.replace('type="path"', f'type="{name}"'))
-    with pytest.raises(InputError, match=f"the plugin {name}, which only the other variants have"):
-        twin.render_mitsuba(scene, 1, variant="scalar_rgb")
-
-
 def test_an_integrator_in_python_renders_as_the_one_of_cpp(tmp_path):
     """At the same samples, a false-alarm rate of 1e-3."""
     path = twin.render_mitsuba(scene_of(tmp_path, BALL), 64)
@@ -141,7 +132,7 @@ def test_which_shape_each_pixel_sees_is_looked_up_for_all_shapes_at_once(tmp_pat
         scene = scene_of(tmp_path, f"{head}{''.join(balls)}</scene>")
         look = partial(mitsuba_render._surface, scene, mitsuba_render._loaded(scene))
         assert set(np.unique(look().ids)) == set(range(-1, side * side))
-        counts.append(lines(look, mitsuba_render._look_at_once))
+        counts.append(lines(look, mitsuba_render._surface))
     assert counts[0] == counts[1] > 0
 
 

@@ -14,7 +14,9 @@ from truths import glare
 from raytwin import files, speed
 from raytwin.lights.environment_map import environment_map
 from raytwin.scene import Environment, Phong, Scene, Sphere
-from raytwin.twin import phong, render, sky
+from raytwin.twin import phong, render
+from raytwin.twin.levels import open_sky
+from raytwin.twin.twin_scene import _envmap
 
 TURNED = ((0.6, 0.8, 0.0), (-0.8, 0.6, 0.0), (0.0, 0.0, 1.0))
 
@@ -30,13 +32,6 @@ def rng() -> np.random.Generator:
 
 
 @pytest.fixture
-def turn(rng) -> np.ndarray:
-    """Some rotation."""
-    q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    return q * np.linalg.det(q)
-
-
-@pytest.fixture
 def directions(rng) -> np.ndarray:
     d = rng.normal(size=(300, 3))
     return d / np.linalg.norm(d, axis=1, keepdims=True)
@@ -45,43 +40,39 @@ def directions(rng) -> np.ndarray:
 # ---------------------------------------------------------------------------------------------- maps
 
 
-def test_mitsubas_map_the_twins_own_and_the_tracers_show_the_same_everywhere(variant, spotted, turn, directions):
+def emitter_of(environment: Environment):
+    import mitsuba as mi
+
+    return mi.load_dict(_envmap(environment))
+
+
+def test_mitsubas_map_and_the_tracers_show_the_same_everywhere(compiled, spotted, directions):
     import drjit as dr
     import mitsuba as mi
 
-    expected = sky.radiance(spotted, directions)
-    np.testing.assert_allclose(
-        np.stack(environment_map(spotted).radiance(tuple(directions.T)), axis=1), expected, atol=1e-12
-    )
-    emitter, d = mi.load_dict(sky.emitter(spotted, turn)), directions @ turn.T
-    if variant.startswith("scalar"):
-        found = []
-        for one in d[:30].tolist():
-            si = mi.SurfaceInteraction3f()
-            si.wi = -mi.Vector3f(one)
-            found.append(list(emitter.eval(si)))
-    else:
-        si = dr.zeros(mi.SurfaceInteraction3f, 300)
-        si.wi = -mi.Vector3f(np.ascontiguousarray(d.T, np.float32))
-        found = emitter.eval(si).numpy().T
-    np.testing.assert_allclose(found, expected[: len(found)], rtol=0, atol=1e-5)
+    expected = np.stack(environment_map(spotted).radiance(tuple(directions.T)), axis=1)
+    si = dr.zeros(mi.SurfaceInteraction3f, 300)
+    si.wi = -mi.Vector3f(np.ascontiguousarray(directions.T, np.float32))
+    np.testing.assert_allclose(emitter_of(spotted).eval(si).numpy().T, expected, rtol=0, atol=1e-5)
 
 
-def test_the_twins_harmonics_are_the_tracers_in_any_frame(spotted, turn, directions):
-    """Ramamoorthi and Hanrahan's constants have six digits."""
+def test_the_twins_open_sky_is_the_tracers(compiled, spotted, directions):
+    """Three moments of Mitsuba's emitter beside nine harmonics of the map: Ramamoorthi's constants have six digits."""
+    import mitsuba as mi
+
     expected = np.stack(environment_map(spotted).diffuse_irradiance(tuple(directions.T)), axis=1)
-    n = np.concatenate([directions @ turn.T, np.ones((300, 1))], axis=1)
-    found = np.maximum(np.einsum("ki,cij,kj->kc", n, sky.harmonics(spotted, turn), n), 0)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5)
+    found = open_sky(emitter_of(spotted))(mi.Vector3f(np.ascontiguousarray(directions.T, np.float32)))
+    np.testing.assert_allclose(found.numpy().T, expected, rtol=0, atol=2e-5)
 
 
 @pytest.mark.parametrize("width", [3, 1030])
-def test_a_map_of_one_radiance_lights_every_normal_alike_however_wide_it_is(width):
-    """E/π is the radiance itself: in the quadratic form the corner of 1, and all else 0."""
-    found = sky.harmonics(Environment((width, 2), np.full((2, width, 3), 0.7, "<f4").tobytes(), TURNED), np.eye(3))
-    np.testing.assert_allclose(found[:, 3, 3], 0.7, rtol=1e-4)
-    n = np.array([[0.6, 0.0, 0.8, 1.0], [0.0, 0.0, -1.0, 1.0]])
-    np.testing.assert_allclose(np.einsum("ki,cij,kj->kc", n, found, n), 0.7, rtol=1e-4)
+def test_a_map_of_one_radiance_lights_every_normal_alike_however_wide_it_is(compiled, width):
+    """E/π is the radiance itself."""
+    import mitsuba as mi
+
+    even = Environment((width, 2), np.full((2, width, 3), 0.7, "<f4").tobytes(), TURNED)
+    found = open_sky(emitter_of(even))(mi.Vector3f([0.6, 0.0], [0.0, 0.0], [0.8, -1.0]))
+    np.testing.assert_allclose(found.numpy(), 0.7, rtol=1e-5)
 
 
 def test_the_map_of_the_scene_studio_is_its_formula_and_its_harmonics_have_the_closed_form_of_the_comment(scenes):
@@ -103,7 +94,7 @@ def test_the_map_of_the_scene_studio_is_its_formula_and_its_harmonics_have_the_c
 
 
 @pytest.mark.parametrize(("exponent", "cosine"), [(1.0, 0.2), (7.5, 1.0), (40.0, 0.6)])
-def test_mitsubas_phong_is_the_formula_and_its_samples_weigh_pi_f(variant, exponent, cosine):
+def test_mitsubas_phong_is_the_formula_and_its_samples_weigh_pi_f(compiled, exponent, cosine):
     """eval is f cos, pdf is cos/π, and a sample's weight is their ratio: directions come with the cosine's density."""
     import drjit as dr
     import mitsuba as mi
@@ -113,7 +104,7 @@ def test_mitsubas_phong_is_the_formula_and_its_samples_weigh_pi_f(variant, expon
     rgb = {"type": "rgb", "value": list(material.albedo)}
     bsdf = mi.load_dict(phong.bsdf(Sphere((0.0, 0.0, 0.0), 1.0, material), rgb))
     v = (float(np.sqrt(1 - cosine**2)), 0.0, cosine)
-    si = mi.SurfaceInteraction3f() if variant.startswith("scalar") else dr.zeros(mi.SurfaceInteraction3f)
+    si = dr.zeros(mi.SurfaceInteraction3f)
     si.wi = mi.Vector3f(v)
     for x in np.random.default_rng(1).random((20, 2)).tolist():
         sample, weight = bsdf.sample(mi.BSDFContext(), si, 0.5, mi.Point2f(x))
@@ -130,11 +121,15 @@ def test_mitsubas_phong_is_the_formula_and_its_samples_weigh_pi_f(variant, expon
 
 
 @pytest.mark.parametrize("exponent", [300.0, 5000.0])
-def test_a_sharp_highlight_is_its_formula_in_the_twin(variant, exponent):
-    """A power of r·v in float32 is off by 6e-5 of the peak at 300 and by 4e-4 at 5000."""
+def test_a_sharp_highlight_is_its_formula_in_the_twin(compiled, exponent):
+    """A power of r·v in float32 is off by 6e-5 of the peak at 300 and by 4e-4 at 5000.
+
+    Mitsuba's local frame rounds r·v to 1e-8: `settle` grants more than its 5000 times.
+    """
     scene, expected = glare(exponent)
-    found = render(scene, "lambert", variant=variant, cache=False).mean[..., 0]
-    np.testing.assert_allclose(found / expected.max(), expected / expected.max(), rtol=0, atol=1e-5)
+    found = render(scene, "lambert", cache=False).mean[..., 0]
+    atol = max(1e-5, 1e-8 * exponent)
+    np.testing.assert_allclose(found / expected.max(), expected / expected.max(), rtol=0, atol=atol)
 
 
 def tiles(values: np.ndarray) -> np.ndarray:
@@ -155,7 +150,7 @@ def scene_of(scenes, name: str, lit: Environment) -> Scene:
 
 
 @pytest.mark.parametrize("name", ["studio", "gloss", "both"])
-def test_tracer_and_twin_agree_without_noise_on_the_rungs_of_a_formula(variant, scenes, name, spotted):
+def test_tracer_and_twin_agree_without_noise_on_the_rungs_of_a_formula(compiled, scenes, name, spotted):
     scene = scene_of(scenes, name, spotted)
     for rung in ("lambert", "shadow"):
         mine, other = (make(scene, rung).mean for make in (speed.trace, lambda s, r: render(s, r, cache=False)))
@@ -173,13 +168,3 @@ def test_tracer_and_twin_see_the_same_light_in_every_tile(scenes, name, depth, s
     other = render(scene, "path", sampling=sampling, samples=256, seed=6, max_depth=depth, cache=False)
     error = np.sqrt(tiles(mine.variance) + tiles(other.variance)) + 1e-5 * tiles(other.mean)
     assert abs((tiles(mine.mean) - tiles(other.mean)) / error).max() < 3.5
-
-
-def test_the_scalar_twin_follows_light_under_maps_and_onto_highlights_too(scenes, spotted):
-    """The whole picture: 4.5 standard errors."""
-    scene = scene_of(scenes, "both", spotted)
-    scene = scene.with_camera(scene.camera.resized(24, 18))
-    mine = speed.walk(scene, "path", "numpy32", samples=64, seed=4, depth=3)
-    other = render(scene, "path", sampling="area", samples=8, seed=6, max_depth=3, cache=False, variant="scalar_rgb")
-    away, spread = (np.add.reduce(a, axis=(0, 1)) for a in (mine.mean - other.mean, mine.variance + other.variance))
-    assert (abs(away) < 4.5 * np.sqrt(spread)).all()

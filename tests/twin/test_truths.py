@@ -1,4 +1,4 @@
-"""The twin's light against closed forms, exact or with a stated false-alarm rate, on both variants.
+"""The twin's light against closed forms, exact or with a stated false-alarm rate.
 
 A sampled mean may err by 3.5 of its standard errors: a correct twin fails in 5 of 10 000 tests of new seeds. The seeds
 here are fixed.
@@ -8,42 +8,38 @@ from math import inf
 
 import numpy as np
 import pytest
-from closed_forms import CLOSED, FIRST, beside_wall
+from closed_forms import CLOSED, beside_wall
 from truths import Shown, agrees, from_element, grey, in_wedge, parallel, perpendicular, shown, view_of
 
 from raytwin.scene import Rectangle, Scene, Sky, Sphere
 from raytwin.twin import render
 
-MANY = {"llvm_ad_rgb": 1 << 20, "scalar_rgb": 1 << 14}
-"""Samples of a test. `scalar_rgb` takes 20 s for a million; its arithmetic is the same."""
+MANY = 1 << 20
+"""Samples of a test."""
 
 
-def mean_of(scene: Scene, variant: str, rung: str = "sky", **options) -> Shown:
+def mean_of(scene: Scene, rung: str = "sky", **options) -> Shown:
     pixels = scene.camera.width * scene.camera.height
-    image = render(scene, rung, samples=MANY[variant] // pixels, seed=1, cache=False, variant=variant, **options)
+    image = render(scene, rung, samples=MANY // pixels, seed=1, cache=False, **options)
     assert (image.surface.ids == image.surface.ids[0, 0]).all()
-    return shown(image, 8 if variant == "llvm_ad_rgb" else 1)  # tiles of few samples know too little of their noise
+    return shown(image, 8)
 
 
-@pytest.mark.parametrize(
-    ("variant", "name"),
-    [*(("llvm_ad_rgb", name) for name in [*CLOSED][::2]), *(("scalar_rgb", name) for name in FIRST)],
-    indirect=["variant"],
-)
-def test_the_light_is_what_the_closed_form_says(variant, name):
+@pytest.mark.parametrize("name", [*CLOSED][::2])
+def test_the_light_is_what_the_closed_form_says(compiled, name):
     """Every second one; `speed` tries all."""
     row = CLOSED[name]
-    found = mean_of(row.scene, variant, "sky" if row.depth == 2 else "path", max_depth=row.depth)
-    assert found.error < 1e-3 * np.sqrt(MANY["llvm_ad_rgb"] / MANY[variant])
+    found = mean_of(row.scene, "sky" if row.depth == 2 else "path", max_depth=row.depth)
+    assert found.error < 1e-3
     assert agrees(found, row.expected, row.bias)
 
 
-def test_no_light_leaks_through_a_wall_of_the_floors_own_material(variant):
+def test_no_light_leaks_through_a_wall_of_the_floors_own_material(compiled):
     """At 0.08 of its height beside it: (1 + d/√(d² + H²)) / 4 = 0.270. The merged rectangles of `load_dict`'s default
     give 0.401 (Mitsuba 3.9)."""
     row = beside_wall(0.08)
     assert row.expected == pytest.approx(0.27, abs=1e-3)
-    found = mean_of(row.scene, variant, "sky", max_depth=2)
+    found = mean_of(row.scene, "sky", max_depth=2)
     assert agrees(found, row.expected, row.bias)
     assert found.error < 0.01
 
@@ -75,15 +71,13 @@ def test_the_wedges_and_the_rectangles_formulas_give_the_written_numbers():
 # ---------------------------------------------------------------------------------------------- white furnace
 
 
-@pytest.mark.parametrize(
-    ("variant", "depth"), [("llvm_ad_rgb", 2), ("scalar_rgb", 3), ("llvm_ad_rgb", 64)], indirect=["variant"]
-)
-def test_a_white_scene_in_a_white_sky_is_never_brighter_than_it_and_as_bright_in_the_end(variant, depth):
+@pytest.mark.parametrize("depth", [2, 3, 64])
+def test_a_white_scene_in_a_white_sky_is_never_brighter_than_it_and_as_bright_in_the_end(compiled, depth):
     """Every path that escapes brings Ls. Of 62 bounces between ball and floor next to nothing is left."""
     things = (Sphere((0, 0, 1), 1.0, grey(1)), Sphere((1.5, 1, 0.5), 0.5, grey(1)), Rectangle(
         (0, 0, 0), (5, 0, 0), (0, 5, 0), grey(1)))  # fmt: skip
     scene = Scene("furnace", view_of((0.8, 0.0, 0.0), (3.0, 0.2, 0.4), 1e-3), things, (Sky((0.7, 0.7, 0.7)),))
-    found = mean_of(scene, variant, "path", max_depth=depth)
+    found = mean_of(scene, "path", max_depth=depth)
     assert found.mean < 0.7 + 3.5 * found.error + 1e-5
     if depth == 64:
         assert agrees(found, 0.7, 1e-5)
@@ -91,11 +85,11 @@ def test_a_white_scene_in_a_white_sky_is_never_brighter_than_it_and_as_bright_in
         assert found.mean < 0.69
 
 
-def test_one_white_body_in_a_white_sky_is_lost_in_it(variant):
+def test_one_white_body_in_a_white_sky_is_lost_in_it(compiled):
     """a Ls everywhere, without noise but for Mitsuba's own choice of where to look for the sky."""
     camera = view_of((0, 0, 0), (0, -3, 1), 2.0, 24)
     scene = Scene("one", camera, (Sphere((0, 0, 0), 0.9, grey(1)),), (Sky((0.7, 0.7, 0.7)),))
     for rung in ("lambert", "shadow", "sky"):
-        np.testing.assert_allclose(render(scene, rung, samples=4, cache=False, variant=variant).mean, 0.7, rtol=1e-6)
-    path = render(scene, "path", samples=4, cache=False, variant=variant)
+        np.testing.assert_allclose(render(scene, rung, samples=4, cache=False).mean, 0.7, rtol=1e-6)
+    path = render(scene, "path", samples=4, cache=False)
     np.testing.assert_allclose(path.mean, 0.7, rtol=1e-5)

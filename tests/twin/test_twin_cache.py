@@ -13,7 +13,7 @@ render_module = __import__("sys").modules["raytwin.twin.rendering"]
 @pytest.fixture
 def scene(scenes, tmp_path, monkeypatch):
     """A small scene, an empty cache, and every render worth keeping."""
-    activate("scalar_rgb")
+    activate()
     monkeypatch.setenv("RAYTWIN_CACHE", str(tmp_path))
     monkeypatch.setattr("raytwin.twin.render_cache.WORTH_KEEPING", 0.0)
     found = files.read_scene(scenes / "overlap").scene
@@ -29,7 +29,7 @@ def same(a, b) -> bool:
 @pytest.mark.parametrize(("rung", "batches"), [("shadow", None), ("path", 2), ("path", 1)])
 def test_a_second_render_comes_from_the_cache(scene, monkeypatch, rung, batches):
     first = render(scene, rung, samples=2, batches=batches)
-    monkeypatch.setattr(render_module, "_engine", lambda variant: pytest.fail("rendered again"))
+    monkeypatch.setattr(render_module, "_rendered", lambda *_: pytest.fail("rendered again"))
     again = render(scene, rung, samples=2, batches=batches)
     assert same(first, again)
     assert (again.variance is None) == (batches != 2)

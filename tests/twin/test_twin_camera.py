@@ -40,8 +40,8 @@ def test_small_spheres_stand_where_opencv_projects_them(scenes, compiled):
 
 
 @pytest.mark.filterwarnings("ignore::raytwin.scene.lens.Folds")
-@pytest.mark.parametrize(("variant", "rung"), [("scalar_rgb", "shadow"), ("llvm_ad_rgb", "path")], indirect=["variant"])
-def test_past_where_a_lens_folds_over_the_twin_is_black_and_meets_nothing(scenes, variant, rung):
+@pytest.mark.parametrize("rung", ["shadow", "path"])
+def test_past_where_a_lens_folds_over_the_twin_is_black_and_meets_nothing(scenes, compiled, rung):
     scene = files.read_scene(scenes / "single").scene
     camera = msgspec.structs.replace(scene.camera, dist=(-1.3,)).resized(80, 60)
     sphere = msgspec.structs.replace(scene.objects[0], radius=0.2)
@@ -55,7 +55,7 @@ def test_past_where_a_lens_folds_over_the_twin_is_black_and_meets_nothing(scenes
     assert made.variance is None or not made.variance[lost].any()
 
 
-def test_a_rotated_camera_reports_normals_in_the_boards_frame(scenes, variant):
+def test_a_rotated_camera_reports_normals_in_the_boards_frame(scenes, compiled):
     scene = files.read_scene(scenes / "overlap").scene
     scene = scene.with_camera(scene.camera.resized(160, 120))
     surface = render(scene, "surface").surface

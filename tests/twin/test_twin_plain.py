@@ -5,7 +5,7 @@ import pytest
 
 from raytwin import files, twin
 from raytwin.compare import METRICS
-from raytwin.errors import InputError, MachineError
+from raytwin.errors import MachineError
 
 
 @pytest.fixture(autouse=True)
@@ -42,18 +42,3 @@ def test_more_samples_than_one_launch_holds_are_added_up(scenes, monkeypatch):
     image = twin.render_plain(loaded, 16, seed=1)
     parts = [np.array(twin.render_plain(loaded, 4, seed=4 + i)) for i in range(4)]
     np.testing.assert_allclose(image, np.mean(parts, axis=0), atol=1e-6)
-
-
-def test_both_variants_render_the_same_plain_scene(scenes):
-    scene = scene_of(scenes, "overlap")
-    means = [
-        twin.render_plain(twin.load_plain(scene, "direct", v), 64).mean(axis=(0, 1))
-        for v in ("llvm_ad_rgb", "scalar_rgb")
-    ]
-    np.testing.assert_allclose(*means, rtol=0.02)
-
-
-def test_scalar_refuses_what_its_own_camera_cannot_do(scenes):
-    with pytest.raises(InputError, match="no distortion"):
-        twin.load_plain(scene_of(scenes, "distorted"), "direct", "scalar_rgb")
-    twin.activate()

@@ -11,6 +11,7 @@ from raytwin.contract.subject_process import SubjectFunction, SubjectProcess
 from raytwin.contract.submission import Shown, load
 from raytwin.errors import InputError, check_one_of
 from raytwin.image_input import RENDERS
+from raytwin.removed import removed_renderer
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.renderer_table import RENDERERS
 from raytwin.renderers.scene_exchange import as_arrays
@@ -35,6 +36,8 @@ def find_subject(what: str | Renderer | Callable[..., Any], rung: str, sampling:
     if text in RENDERERS:
         known = RENDERERS[text]
         return replace(known, surface=True) if isinstance(known, Traced) else known
+    if gone := removed_renderer(text):
+        raise InputError("--subject", "a renderer that raytwin has", gone)
     path = text.rpartition(":")[0] or text
     python = path.endswith((".py", ".ipynb"))
     if "{out}" not in text and not files.split_layer(path if python else text)[0].exists():

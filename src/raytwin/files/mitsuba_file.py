@@ -162,23 +162,21 @@ class _Reading:
 
 
 @cache
-def mitsuba_plugins() -> tuple[frozenset[str], frozenset[str]]:
-    """What the installed Mitsuba brings: its libraries, and the plugins written in Python."""
+def mitsuba_plugins() -> frozenset[str]:
+    """What the installed Mitsuba brings: its libraries, and the plugins written in Python. Empty without Mitsuba."""
     spec = find_spec("mitsuba")
     if spec is None or spec.origin is None:
-        return frozenset(), frozenset()
+        return frozenset()
     package = Path(spec.origin).parent
-    libraries = frozenset(path.stem.removeprefix("lib") for path in (package / "plugins").iterdir())
+    libraries = {path.stem.removeprefix("lib") for path in (package / "plugins").iterdir()}
     texts = (path.read_text(encoding="utf-8") for path in (package / "python" / "ad").rglob("*.py"))
-    return libraries, frozenset(re.findall(r'^mi\.register_\w+\(\s*"(\w+)"', "\n".join(texts), re.MULTILINE))
+    return frozenset(libraries.union(re.findall(r'^mi\.register_\w+\(\s*"(\w+)"', "\n".join(texts), re.MULTILINE)))
 
 
 def _check_type(where: str, name: str | None) -> None:
     """Raise InputError for a plugin that is none of Mitsuba's own: loading it runs its code."""
-    libraries, in_python = mitsuba_plugins()
-    if name in (None, "scene") or name in libraries or name in in_python:
-        return
-    if libraries and name not in allowed():
+    known = mitsuba_plugins()
+    if known and name not in (None, "scene", *known, *allowed()):
         raise InputError(where, f"a plugin of Mitsuba's, or one that --allow names ({ALLOW})", name)
 
 

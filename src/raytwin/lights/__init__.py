@@ -3,8 +3,8 @@
 A scene has one sun and one sky. The sun is one direction: its record in `Lighting` is all of it. A sky is a
 `SkyLight`: `radiance` (along a direction), `diffuse_irradiance` (E/π where nothing hides it), and `sample` with
 `density` (a direction, and its density per steradian) if it is worth sampling: constant_sky, environment_map. To add a
-kind of sky, write its record in `scene.lights`, a file like these two, its row in SKIES (scene_lighting), and its row
-in `twin.sky.SKIES`.
+kind of sky, write its record in `scene.lights`, a file like these two, its row in SKIES (scene_lighting),
+and as an emitter in `twin.twin_scene.translate`.
 
 Read it in this order: scene_lighting, constant_sky, environment_map, sky_occlusion; lookup and envmap_tables are their
 tools.

@@ -1,7 +1,7 @@
 """A scene as a Mitsuba 3 file, which Mitsuba renders as the twin does; what the file cannot say is reported.
 
 Its world has the board's axes, so that sheets along them are not tilted by rounding; the eye is at 0 and the unit is
-1/1024 m, as in the twin (`raytwin.twin.twin_scene` says why).
+1/1024 m, because Mitsuba lifts secondary rays by an amount that is coarse in metres.
 """
 
 from collections import Counter
@@ -18,7 +18,7 @@ SAMPLES = 64
 """A pixel, unless the renderer is asked for others (`mitsuba -D spp=256`)."""
 
 UNIT = 1024.0
-"""Mitsuba's lengths per metre, as in the twin, whose module needs Mitsuba."""
+"""Mitsuba's lengths per metre."""
 
 LARGE = 100.0
 """Size over distance from the eye, from which on Mitsuba's float32 may shade an object with itself."""

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from fnmatch import fnmatchcase
 
 from raytwin.errors import InputError
+from raytwin.removed import removed_renderer
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import (
     Filled,
@@ -16,9 +17,8 @@ from raytwin.renderers.subject_renderers import (
 )
 from raytwin.renderers.twin_renderers import Plain, Twin
 
-COUNTS, FEW = (1, 4, 16, 64, 256, 1024), (1, 4, 16)
-LLVM, SCALAR, CUDA = "llvm_ad_rgb", "scalar_rgb", "cuda_ad_rgb"
-COUNTED = ((LLVM, COUNTS), (SCALAR, FEW), (CUDA, COUNTS))
+COUNTS = (1, 4, 16, 64, 256, 1024)
+VARIANTS = "llvm_ad_rgb", "cuda_ad_rgb"
 
 RENDERERS: dict[str, Renderer] = {
     method.name: method
@@ -41,10 +41,10 @@ RENDERERS: dict[str, Renderer] = {
         *(Speculated(engine="numpy32", way=way, n=n) for way in ("paper", "careful") for n in (1, 2, 4, 8, 16)),
         *(SmoothedSpeculation(engine="numpy32", n=n) for n in (2, 4, 8)),
         # The twin, as `raytwin compare` renders it.
-        *(Twin("shadow", variant) for variant in (LLVM, SCALAR, CUDA)),
-        *(Twin(rung, variant, n) for variant, counts in COUNTED for rung in ("sky", "path") for n in counts),
+        *(Twin("shadow", variant) for variant in VARIANTS),
+        *(Twin(rung, variant, n) for variant in VARIANTS for rung in ("sky", "path") for n in COUNTS),
         # Mitsuba left to itself.
-        *(Plain(rung, variant, n) for variant, counts in COUNTED for rung in ("sky", "path") for n in counts),
+        *(Plain(rung, variant, n) for variant in VARIANTS for rung in ("sky", "path") for n in COUNTS),
     )
 }  # fmt: skip
 """name -> method, in the order in which the bench lists them."""
@@ -56,6 +56,8 @@ def choose(globs: Sequence[str] = ("*",)) -> list[Renderer]:
     Raises InputError for a pattern that matches none.
     """
     for glob in globs or [""]:
+        if gone := removed_renderer(glob):
+            raise InputError("--methods", "a renderer that raytwin has", gone)
         if not any(fnmatchcase(name, glob) for name in RENDERERS):
             raise InputError("--methods", "patterns of names as drjit32-* (`raytwin bench list`)", glob or "none")
     return [method for name, method in RENDERERS.items() if any(fnmatchcase(name, glob) for glob in globs)]

@@ -101,9 +101,9 @@ class PathTraced(_ByEngine):
         )  # fmt: skip
 
 
-def fast_engine(variant: str) -> str:
+def fast_engine(variant: str | None) -> str:
     """The fastest row of ENGINES on a machine where Mitsuba's `variant` works."""
-    return {"llvm_ad_rgb": "drjit32", "cuda_ad_rgb": "cuda32"}.get(variant, "numpy32")
+    return {"llvm_ad_rgb": "drjit32", "cuda_ad_rgb": "cuda32"}.get(variant or "", "numpy32")
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from raytwin.rungs import RUNGS
 from raytwin.scene import MitsubaScene, Scene
 from raytwin.scene.lens import without_ray
 
-SHORT = {"llvm_ad_rgb": "llvm", "scalar_rgb": "scalar", "cuda_ad_rgb": "cuda"}
+SHORT = {"llvm_ad_rgb": "llvm", "cuda_ad_rgb": "cuda"}
 """Mitsuba's variants as names have them."""
 
 
@@ -32,7 +32,7 @@ class _ByVariant(Renderer):
 
     @property
     def library(self) -> str:
-        return self.variant or twin.activate().variant
+        return self.variant or str(twin.activate().variant)
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,9 @@ from raytwin.image import BACKGROUND, Image, Surface
 from raytwin.progress import Progress, silent
 from raytwin.scene.mitsuba_scene import MitsubaScene
 from raytwin.twin import render_cache
-from raytwin.twin.backend import SCALAR, activate, made_with
+from raytwin.twin.backend import activate, made_with
 from raytwin.twin.plain import LANES
+from raytwin.twin.rendering import pooled
 
 BATCHES = 16
 """Independent renders behind a variance."""
@@ -46,19 +47,13 @@ def render_mitsuba(
 def _pooled(scene: MitsubaScene, samples: int, seed: int, batches: int, progress: Progress) -> Image:
     width, height = scene.image_size
     loaded = _loaded(scene)
-    total, squares = np.zeros((height, width, 3)), np.zeros((height, width, 3))
-    each = -(-samples // batches)
+    each, means = -(-samples // batches), []
     for k in range(batches):
         progress("twin", k, batches)
-        one = _rendered(scene, loaded, each, (seed, k)).astype(np.float64)
-        total += one
-        squares += np.square(one)
+        means.append(_rendered(scene, loaded, each, (seed, k)).reshape(-1, 3))
     progress("twin", batches, batches)
-    mean, variance = total / batches, None
-    if batches > 1:
-        variance = np.maximum(squares - batches * np.square(mean), 0) / (batches * (batches - 1))
-        variance = variance.astype(np.float32)
-    return Image(mean.astype(np.float32), variance, each * batches, _surface(scene, loaded), batches)
+    mean, variance = (x.astype(np.float32).reshape(height, width, 3) for x in pooled([np.stack(means, 1)], [each]))
+    return Image(mean, variance if batches > 1 else None, each * batches, _surface(scene, loaded), batches)
 
 
 def mitsuba_provenance(
@@ -93,10 +88,6 @@ def _loaded(scene: MitsubaScene) -> Any:
     import mitsuba as mi
 
     root = files.as_loaded(scene)
-    if mi.variant() == SCALAR:  # it does not have them, and would look for a library of this name
-        for name in files.mitsuba_plugins()[1] & {element.get("type") for element in root.iter()}:
-            expected = f"a scene that Mitsuba's variant {SCALAR} renders"
-            raise InputError(scene.file, expected, f"the plugin {name}, which only the other variants have")
     try:
         return mi.load_string(tostring(root, "unicode"), optimize=False)
     except Exception as error:  # RuntimeError, or whatever a plugin of Python's raises
@@ -109,7 +100,7 @@ def _rendered(scene: MitsubaScene, loaded: Any, samples: int, seed: tuple[int, i
 
     width, height = scene.image_size
     colours = _colours(scene)
-    most = samples if mi.variant() == SCALAR else max(1, LANES // (width * height))
+    most = max(1, LANES // (width * height))
     passes = -(-samples // most)
     total: np.ndarray = np.zeros((height, width, 3))
     for k in range(passes):
@@ -140,64 +131,27 @@ def _colours(scene: MitsubaScene) -> int:
 
 def _surface(scene: MitsubaScene, loaded: Any) -> Surface:
     """What the ray through each pixel's centre meets first: shape, distance from the eye, normal towards it."""
-    import mitsuba as mi
-
-    width, height = scene.image_size
-    y, x = (a.ravel() for a in np.mgrid[0:height, 0:width])
-    u, v = (x + 0.5) / width, (y + 0.5) / height  # of the crop window, as sensors have it
-    numbers = {name: i for i, name in enumerate(scene.names)}
-    look = _look_one_by_one if mi.variant() == SCALAR else _look_at_once
-    ids, depth, normal, far = look(loaded, u, v, [numbers.get(s.id(), BACKGROUND) for s in loaded.shapes()])
-    sensor = fromstring(scene.text).find("sensor")
-    if sensor is not None and sensor.get("type") == "orthographic":
-        far = 0 * far  # its rays begin at no common point
-    valid = depth > 0
-    normal = np.where(valid[:, None], normal, 0)
-    return Surface(
-        np.where(valid, ids, BACKGROUND).astype(np.int32).reshape(height, width),
-        np.where(valid, depth + far, 0).astype(np.float32).reshape(height, width),
-        normal.astype(np.float32).reshape(height, width, 3),
-    )
-
-
-Looked = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-"""Shape (n), distance along the ray (n), 0 for a miss, normal (n, 3), and how far from the eye the ray begins (n)."""
-
-
-def _look_at_once(loaded: Any, u: np.ndarray, v: np.ndarray, numbers: list[int]) -> Looked:
     import drjit as dr
     import mitsuba as mi
 
+    from raytwin.twin.levels import numbers_of
+
+    width, height = scene.image_size
+    y, x = (a.ravel() for a in np.mgrid[0:height, 0:width])
+    place = mi.Point2f(mi.Float((x + 0.5) / width), mi.Float((y + 0.5) / height))  # of the crop window
     sensor = loaded.sensors()[0]
-    ray = sensor.sample_ray(sensor.shutter_open(), 0.5, mi.Point2f(mi.Float(u), mi.Float(v)), mi.Point2f(0.5))[0]
+    ray = sensor.sample_ray(sensor.shutter_open(), 0.5, place, mi.Point2f(0.5))[0]
     hit = loaded.ray_intersect(ray)
-    own = np.array(dr.reinterpret_array(mi.UInt32, hit.shape))
-    keys = np.array(dr.reinterpret_array(mi.UInt32, loaded.shapes_dr()))
-    number_of = np.full(1 + max(own.max(initial=0), keys.max(initial=0)), BACKGROUND)
-    number_of[keys] = numbers
-    depth = np.array(dr.select(hit.is_valid(), hit.t, 0))
-    facing = dr.select(dr.dot(hit.n, ray.d) > 0, -hit.n, hit.n)
-    far = dr.norm(ray.o - sensor.world_transform().translation())
-    return number_of[own], depth, np.array(facing).T, np.array(far)
-
-
-def _look_one_by_one(loaded: Any, u: np.ndarray, v: np.ndarray, numbers: list[int]) -> Looked:
-    import mitsuba as mi
-
-    sensor, rows = loaded.sensors()[0], []
-    eye = np.array(sensor.world_transform().translation()).ravel()
-    number_of = {shape.id(): number for shape, number in zip(loaded.shapes(), numbers, strict=True)}
-    for place in zip(u.tolist(), v.tolist(), strict=True):
-        ray = sensor.sample_ray(sensor.shutter_open(), 0.5, mi.Point2f(*place), mi.Point2f(0.5))[0]
-        hit = loaded.ray_intersect(ray)
-        if hit.is_valid():
-            n, d = np.array(hit.n), np.array(ray.d)
-            far = float(np.linalg.norm(np.array(ray.o) - eye))
-            rows.append((number_of.get(hit.shape.id(), BACKGROUND), float(hit.t), *(-n if n @ d > 0 else n), far))
-        else:
-            rows.append((BACKGROUND, 0.0, 0.0, 0.0, 0.0, 0.0))
-    table = np.array(rows)
-    return table[:, 0], table[:, 1], table[:, 2:5], table[:, 5]
+    ids_of = {name: i for i, name in enumerate(scene.names)}
+    table = numbers_of(loaded, lambda name: ids_of.get(name, BACKGROUND))
+    ids = dr.gather(mi.Int32, table, dr.reinterpret_array(mi.UInt32, hit.shape), hit.is_valid())
+    depth = hit.t
+    if "Orthographic" not in str(sensor):  # whose rays begin at no common point
+        depth = depth + dr.norm(ray.o - sensor.world_transform().translation())
+    n = dr.select(dr.dot(hit.n, ray.d) > 0, -hit.n, hit.n)
+    found = (dr.select(hit.is_valid(), value, miss) for value, miss in ((ids, BACKGROUND), (depth, 0), (n, 0)))
+    ids, depth, n = (value.numpy() for value in found)
+    return Surface(ids.reshape(height, width), depth.reshape(height, width), n.T.reshape(height, width, 3).copy())
 
 
 def _refused(scene: MitsubaScene, error: Exception) -> InputError:

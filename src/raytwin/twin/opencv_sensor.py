@@ -6,7 +6,7 @@ import numpy as np
 
 from raytwin.errors import InputError, missing_package
 from raytwin.scene import Camera
-from raytwin.twin.backend import SCALAR, activate
+from raytwin.twin.backend import activate
 from raytwin.twin.rays import Lens, directions, lens_of
 
 TURNED = np.diag([-1.0, -1.0, 1.0, 1.0])
@@ -27,9 +27,8 @@ def mitsuba_sensor(
     the "board", or of the "camera" (OpenCV's: x right, y down, z forward). `samples` per pixel; `film` replaces
     entries of the film, as {"rfilter": {"type": "gaussian"}}.
 
-    Raises MachineError without Mitsuba, InputError for a lens that cannot be undone, and on `scalar_rgb` for one that
-    is distorted: Mitsuba's scalar variants run no sensor written in Python. A film of another size sees the same frame,
-    scaled.
+    Raises MachineError without Mitsuba, InputError for a lens that cannot be undone, and on Mitsuba's scalar variants
+    for one that is distorted: they run no sensor written in Python. A film of another size sees the same frame, scaled.
     """
     try:
         import mitsuba as mi
@@ -37,15 +36,24 @@ def mitsuba_sensor(
         raise missing_package("mitsuba_sensor", error) from None
     if mi.variant() is None:
         activate()
+    R = np.asarray(camera.R_cam_board, float) if frame == "board" else np.eye(3)
+    eye = -R.T @ np.asarray(camera.t_cam_board, float) * unit if frame == "board" else np.zeros(3)
+    return sensor_at(camera, R, eye, unit, samples, film)
+
+
+def sensor_at(
+    camera: Camera, R: np.ndarray, eye: np.ndarray, unit: float, samples: int = 16, film: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """The same, at `eye` (3,) of Mitsuba's world, whose axes R (3, 3) turns into the camera's."""
+    import mitsuba as mi
+
     shape = {"width": camera.width, "height": camera.height, "pixel_format": "rgb", "component_format": "float32"}
     common = {
         "film": {"type": "hdrfilm", "rfilter": {"type": "box"}} | shape | (film or {}),
         "sampler": {"type": "independent", "sample_count": samples},
     }
     to_world = np.eye(4)
-    if frame == "board":
-        R = np.asarray(camera.R_cam_board, float)
-        to_world[:3, :3], to_world[:3, 3] = R.T, -R.T @ np.asarray(camera.t_cam_board, float) * unit
+    to_world[:3, :3], to_world[:3, 3] = R.T, eye
     if not any(camera.coefficients) and abs(camera.fx / camera.fy - 1) < 1e-6:
         return common | {
             "type": "perspective", "fov_axis": "x", "near_clip": NEAR * unit, "far_clip": FAR * unit,
@@ -54,14 +62,15 @@ def mitsuba_sensor(
             "principal_point_offset_x": (camera.width / 2 - (camera.cx + 0.5)) / camera.width,
             "principal_point_offset_y": (camera.height / 2 - (camera.cy + 0.5)) / camera.height,
         }  # fmt: skip
-    if mi.variant() == SCALAR:
-        raise InputError("camera", f"square pixels and no distortion, for Mitsuba's own camera on {SCALAR}", "neither")
+    if mi.variant().startswith("scalar"):
+        expected = f"square pixels and no distortion, for Mitsuba's own camera on {mi.variant()}"
+        raise InputError("camera", expected, "neither")
     _register()
     lens = lens_of(camera)
     numbers = (camera.fx, camera.fy, camera.cx, camera.cy, *camera.coefficients)
     made = {"type": "raytwin_lens", "steps": lens.steps, "width": camera.width, "height": camera.height}
     made |= dict(zip(_LENS, map(float, numbers), strict=True))
-    return common | made | ({} if frame == "camera" else {"to_world": mi.ScalarTransform4f(to_world)})
+    return common | made | {"to_world": mi.ScalarTransform4f(to_world)}
 
 
 def _register() -> None:
@@ -78,7 +87,6 @@ def _register() -> None:
             fx, fy, cx, cy, *k = (dr.opaque(double, props[name]) for name in _LENS)
             self.lens = Lens(fx, fy, cx, cy, tuple(k), int(props["steps"]))
             self.frame = int(props["width"]), int(props["height"])
-            self.turned = "to_world" in props
 
         def sample_ray(self, time: Any, wave: Any, position: Any, aperture: Any, active: Any) -> tuple[Any, Any]:
             double, film = dr.float64_array_t(mi.Float), self.film()
@@ -89,10 +97,8 @@ def _register() -> None:
                     (position.x, position.y), film.crop_size(), film.crop_offset(), film.size(), self.frame, strict=True
                 )
             )
-            o, d = mi.Point3f(0), mi.Vector3f(*map(mi.Float, directions(dr, self.lens, u, v)))
-            if self.turned:
-                o, d = self.world_transform() @ o, self.world_transform() @ d
-            ray = mi.Ray3f(o, d)
+            d = mi.Vector3f(*map(mi.Float, directions(dr, self.lens, u, v)))
+            ray = mi.Ray3f(self.world_transform() @ mi.Point3f(0), self.world_transform() @ d)
             ray.wavelengths, weight = self.sample_wavelengths(dr.zeros(mi.SurfaceInteraction3f), wave, active)
             return ray, weight
 

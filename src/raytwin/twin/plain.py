@@ -1,7 +1,7 @@
 """The same scene as Mitsuba renders it left to itself: a baseline of speed.
 
-`render` takes care that noise and outlines are comparable: own rays, a sun summed by a shadow ray, batches, a surface.
-`render_plain` takes none: Mitsuba's sensor, film and integrator, its own shadow offset, nothing but the picture.
+`render` takes care that noise and outlines are comparable: own rays, batches, a surface. `render_plain` takes none:
+Mitsuba's sensor, film and integrator, its own shadow offset, nothing but the picture.
 """
 
 from typing import Any
@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from raytwin.scene import Scene
-from raytwin.twin.backend import SCALAR, activate
-from raytwin.twin.opencv_sensor import mitsuba_sensor
-from raytwin.twin.twin_scene import UNIT, load, translate
+from raytwin.twin.backend import activate
+from raytwin.twin.opencv_sensor import sensor_at
+from raytwin.twin.twin_scene import load, place_of, translate
 
 INTEGRATORS = {"direct": {"type": "direct"}, "path": {"type": "path", "max_depth": 8, "rr_depth": 8}}
 """name -> Mitsuba's: light that met one surface (the rung `sky`), and up to seven (the rung `path`)."""
@@ -23,12 +23,14 @@ LANES = 1 << 24
 def load_plain(scene: Scene, integrator: str = "direct", variant: str | None = None) -> Any:
     """A Mitsuba scene with its own sensor, box filter and integrator, to hand to `render_plain`.
 
-    The sensor is `perspective` where pixels are square and nothing is distorted; else, on the compiled variants, one
-    that undoes the distortion (about half as slow again). Raises InputError on `scalar_rgb`, which cannot run that one.
+    The sensor is `perspective` where pixels are square and nothing is distorted; else one that undoes the distortion
+    (about half as slow again).
     """
     activate(variant)
-    world: dict[str, Any] = translate(scene, {}) | {"integrator": INTEGRATORS[integrator]}
-    world["sensor"] = mitsuba_sensor(scene.camera, unit=UNIT, frame="camera")
+    place = place_of(scene)
+    world: dict[str, Any] = translate(scene, place, {}) | {"integrator": INTEGRATORS[integrator]}
+    world.get("sky", {}).pop("sampling_weight", None)
+    world["sensor"] = sensor_at(scene.camera, np.asarray(scene.camera.R_cam_board), place.eye, place.unit)
     return load(world)
 
 
@@ -38,7 +40,7 @@ def render_plain(loaded: Any, samples: int = 1, seed: int = 0) -> np.ndarray:
 
     film = loaded.sensors()[0].film().size()
     pixels = int(film[0]) * int(film[1])
-    each = min(samples, max(1, LANES // pixels)) if mi.variant() != SCALAR else samples
+    each = min(samples, max(1, LANES // pixels))
     while samples % each:
         each -= 1
     total = np.zeros((int(film[1]), int(film[0]), 3), np.float32)

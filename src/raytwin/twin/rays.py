@@ -23,25 +23,6 @@ class Lens(NamedTuple):
     steps: int
 
 
-class Hit(NamedTuple):
-    """What rays along d meet first: `ids` -1 where nothing, the distance `t`, `n` on the side they come from.
-
-    `start`: where rays go on from, off the surface; in float64 where the scene has an object too large for float32.
-    NumPy's vectors are (n, 3).
-    """
-
-    ids: Any
-    t: Any
-    n: Any
-    start: Any
-    albedo: Any
-    d: Any
-
-    @property
-    def seen(self) -> Any:
-        return self.ids >= 0
-
-
 def undistort(xd: Any, yd: Any, coefficients: tuple[Any, ...], steps: int) -> tuple[Any, Any]:
     """The (x, y) that `distort` maps to (xd, yd): some steps of Newton's method from (xd, yd)."""
     x, y = xd, yd

@@ -1,8 +1,7 @@
 """Scene -> Image through Mitsuba: rungs of light transport, two samplings, variance by independent batches, a cache."""
 
 import hashlib
-from collections.abc import Callable, Mapping
-from types import ModuleType
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -12,20 +11,17 @@ from raytwin import files
 from raytwin.errors import InputError
 from raytwin.image import Image, Surface
 from raytwin.progress import Progress, silent
-from raytwin.rungs import MOST_SAMPLES, RUNGS, SAMPLINGS
+from raytwin.rungs import MOST_SAMPLES, RUNGS, SAMPLINGS, Rung
 from raytwin.scene import Scene, to_camera_frame
 from raytwin.scene.lens import without_ray
 from raytwin.twin import render_cache
 from raytwin.twin.backend import activate, made_with
-from raytwin.twin.batches import Batches
-from raytwin.twin.direct_light import albedos, first_light
-from raytwin.twin.outlines import Seen, rays, refine, retrace_edges
 from raytwin.twin.rays import lens_of
 from raytwin.twin.twin_scene import check_textures
 
 BATCHES = 16
 """Independent renders behind a variance: its relative standard error is √(2/15)."""
-TWIN = "5"
+TWIN = "6"
 """The twin's own version, part of every cache key: raise it when a change moves a pixel."""
 
 
@@ -48,7 +44,7 @@ def render(
     Radiance by rung, with albedo ρ, sun irradiance E from direction l, sky radiance Ls, n on the eye's side:
 
     - `surface`: (n + 1) / 2 as a colour, 0 at the background;
-    - `lambert`: ρ/π E max(0, n·l) + ρ Ls; of a map, Ls is E(n)/π by harmonics (`sky.harmonics`); with a highlight
+    - `lambert`: ρ/π E max(0, n·l) + ρ Ls; of a map, Ls is E(n)/π by harmonics (`levels.open_sky`); with a highlight
       (`phong`) π f stands for the first ρ, ρ + specular for the second;
     - `shadow`: the first term times the sun's visibility (Mitsuba's shadow test);
     - `sky`: the second term with the sky's occlusion as well (Mitsuba's `path` at depth 2);
@@ -73,32 +69,26 @@ def render(
     textures = check_textures(scene, textures)
     about = _about(scene, plan, textures, activate(variant).variant)
 
-    def make() -> Image:
-        renderer = _engine(about["variant"]).Renderer(scene, textures, plan.depth or 0)
-        return _rendered(renderer, scene, plan, progress, settled=not textures)
-
-    return render_cache.cached(about, cache, make)
+    return render_cache.cached(about, cache, lambda: _rendered(scene, textures, plan, progress))
 
 
-def _rendered(renderer: Any, scene: Scene, plan: "_Plan", progress: Progress, settled: bool) -> Image:
+def _rendered(scene: Scene, textures: Mapping[int, np.ndarray], plan: "_Plan", progress: Progress) -> Image:
+    from raytwin.twin.levels import TwinLight  # Mitsuba's classes exist once a variant is set
+
+    twin, rung = TwinLight(scene, textures, plan.depth), RUNGS[plan.rung]
     passes = 1 if plan.exact else 1 + plan.samples
 
     def say(passes_done: float) -> None:
         progress("twin", round(100 * passes_done / passes), 100)
 
-    seen, mean, albedo = _exact(renderer, scene, plan, say, settled)
+    shape = scene.camera.height, scene.camera.width
+    surface, mean = _centers(twin, shape, rung if rung.lit and plan.sampling == "center" else None, say)
     variance: np.ndarray | None = None
+    if not rung.lit:
+        mean = np.where(surface.mask[..., None], (surface.normal + 1) / 2, np.float32(0))
     if not plan.exact:
-        found, variance = _sampled(renderer, scene, plan, seen, albedo, lambda part: say(1 + part * plan.samples))
-        weight = np.ones_like(albedo) if scene.glossy else albedo  # with highlights, a sample has its own
-        mean = mean + weight * found if plan.sampling == "center" else found
-        if variance is not None and plan.sampling == "center":
-            variance = np.square(weight) * variance
-    h, w = scene.camera.height, scene.camera.width
-    surface = Surface(seen.ids.reshape(h, w), seen.depth.reshape(h, w), seen.normal.reshape(h, w, 3))
-    if variance is not None:
-        variance = variance.astype(np.float32).reshape(h, w, 3)
-    mean = mean.astype(np.float32, copy=False).reshape(h, w, 3)
+        found, variance = _sampled(twin, shape, rung, plan, lambda part: say(1 + part * plan.samples))
+        mean = (mean + found if plan.sampling == "center" else found).astype(np.float32)
     image = Image(mean, variance, plan.samples, surface, None if plan.exact else plan.batches)
     return image.blacken(without_ray(scene.camera))
 
@@ -161,7 +151,7 @@ def _plan(
     return msgspec.structs.replace(plan, samples=1, seed=0, batches=1) if plan.exact else plan
 
 
-def _about(scene: Scene, plan: _Plan, textures: Mapping[int, np.ndarray], variant: str) -> dict[str, str]:
+def _about(scene: Scene, plan: _Plan, textures: Mapping[int, np.ndarray], variant: str | None) -> dict[str, str]:
     seen = (scene.camera, scene.objects, scene.lights)
     content = hashlib.sha256(msgspec.json.encode(seen, enc_hook=files.plain))
     for i, texture in textures.items():
@@ -170,62 +160,72 @@ def _about(scene: Scene, plan: _Plan, textures: Mapping[int, np.ndarray], varian
     return about | {name: str(value) for name, value in msgspec.structs.asdict(plan).items()}
 
 
-def _engine(variant: str) -> ModuleType:
-    """The engines import Mitsuba, whose classes exist once a variant is set."""
-    if variant.startswith("scalar"):
-        from raytwin.twin import scalar
+def _centers(
+    twin: Any, shape: tuple[int, int], rung: Rung | None, say: Callable[[float], None]
+) -> tuple[Surface, np.ndarray]:
+    """What the pixels' centres show, and the light without noise there (H, W, 3), 0 without a rung."""
+    import drjit as dr
+    import mitsuba as mi
 
-        return scalar
-    from raytwin.twin import jit
+    from raytwin.twin.levels import LANES
 
-    return jit
-
-
-def _exact(
-    renderer: Any, scene: Scene, plan: _Plan, say: Callable[[float], None], settled: bool
-) -> tuple[Seen, np.ndarray, np.ndarray]:
-    """Through the pixels' centres, row by row: what is seen, the first light (n, 3), albedo (n, 3), float32.
-
-    `settled`: float64 decides in the pixels in doubt (not where textures are: those are photographs).
-    """
-    n = scene.camera.width * scene.camera.height
-    shadows, sky_at_hit = RUNGS[plan.rung].shadows and plan.sampling == "center", plan.depth is None
-    seen = Seen(np.empty(n, np.int32), np.empty(n, np.float32), np.empty((n, 3), np.float32), np.empty(n, np.int32))
-    colour, albedo = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)
-    for a in range(0, n, renderer.lanes):
-        b = min(n, a + renderer.lanes)
-        found = renderer.exact(a, b - a, shadows, sky_at_hit)
-        for whole, part in zip((colour, *seen, albedo), found, strict=False):  # albedo where light goes on, else none
-            whole[a:b] = part
+    n = shape[0] * shape[1]
+    ids, depth, normal = np.empty(n, np.int32), np.empty(n, np.float32), np.empty((n, 3), np.float32)
+    colour = np.zeros((n, 3), np.float32)
+    for a in range(0, n, LANES):
+        b = min(n, a + LANES)
+        seen = twin.look(dr.arange(mi.UInt32, b - a) + dr.opaque(mi.UInt32, a))
+        found = *twin.surface(seen), twin.known(rung, seen) if rung else mi.Color3f(0)
+        dr.eval(found)
+        ids[a:b], depth[a:b] = found[0].numpy(), found[1].numpy()
+        normal[a:b], colour[a:b] = found[2].numpy().T, found[3].numpy().T
         say(b / n)
-    if settled:
-        exact = len(renderer.large) == len(scene.objects)
-        again = np.zeros(0, int) if exact else np.union1d(refine(scene, seen), retrace_edges(scene, seen, shadows))
-        if scene.environment:  # a map's own detail is finer than float32's directions
-            again = np.union1d(again, np.flatnonzero(seen.ids < 0))
-        ids, _, normal, blocker = (part[again] for part in seen)
-        albedo[again] = albedos(scene)[ids]
-        d = rays(scene, again) @ np.asarray(scene.camera.R_cam_board)
-        colour[again] = first_light(scene, ids, albedo[again], normal, d, blocker, sky_at_hit)
-    if not RUNGS[plan.rung].lit:
-        colour = np.where(seen.ids[:, None] < 0, np.float32(0), (seen.normal + 1) / 2)
-    return seen, colour, albedo
+    return Surface(ids.reshape(shape), depth.reshape(shape), normal.reshape(*shape, 3)), colour.reshape(*shape, 3)
 
 
 def _sampled(
-    renderer: Any, scene: Scene, plan: _Plan, seen: Seen, albedo: np.ndarray, say: Callable[[float], None]
+    twin: Any, shape: tuple[int, int], rung: Rung, plan: _Plan, say: Callable[[float], None]
 ) -> tuple[np.ndarray, np.ndarray | None]:
-    """Mean (n, 3) of all samples and the variance of that mean; of the light that bounces, where the rest is known."""
-    n, batches = scene.camera.width * scene.camera.height, Batches(plan.batches, plan.samples)
-    mean, spread = np.empty((n, 3)), np.empty((n, 3))
-    block = max(1, renderer.lanes // batches.lanes)
+    """Mean (H, W, 3) of all samples and the variance of that mean; at `center` of the light that bounces alone."""
+    import drjit as dr
+    import mitsuba as mi
+
+    from raytwin.twin.levels import LANES
+
+    n, double = shape[0] * shape[1], dr.float64_array_t(mi.Float)
+    # Where the batches do not share the samples evenly, the first `more` have one more.
+    each, more = divmod(plan.samples, plan.batches)
+    kinds = [(size, number) for size, number in ((each + 1, more), (each, plan.batches - more)) if number]
+    mean, variance = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)
+    block = max(1, LANES // max(size * number for size, number in kinds))
     for a in range(0, n, block):
-        b = min(n, a + block)
-        seed = int(np.random.SeedSequence([plan.seed, a]).generate_state(1)[0])
-        if plan.sampling == "area":
-            mean[a:b], spread[a:b] = renderer.sampled(a, b - a, batches, seed, RUNGS[plan.rung].shadows)
-        else:
-            part = Seen(*(column[a:b] for column in seen))
-            mean[a:b], spread[a:b] = renderer.bounced(a, b - a, batches, seed, part, albedo[a:b])
+        b, parts = min(n, a + block), []
+        for size, number in kinds:
+            lanes, seed = (b - a) * size * number, np.random.SeedSequence([plan.seed, a, size])
+            sampler = mi.load_dict({"type": "independent"})
+            sampler.seed(dr.opaque(mi.UInt32, int(seed.generate_state(1)[0])), lanes)
+            pixel = dr.arange(mi.UInt32, lanes) // dr.opaque(mi.UInt32, size * number) + dr.opaque(mi.UInt32, a)
+            if plan.sampling == "area":
+                seen = twin.look(pixel, *(sampler.next_2d() - 0.5))
+                colour = twin.known(rung, seen) + (twin.bounced(seen, sampler) if plan.depth else 0)
+            else:
+                colour = twin.bounced(twin.look(pixel), sampler)
+            dr.eval(colour)  # all channels in one kernel: block_sum would run it once for each
+            sums = [dr.block_sum(double(c), size).numpy().reshape(b - a, number) / size for c in colour]
+            parts.append(np.stack(sums, axis=2))
+        mean[a:b], variance[a:b] = pooled(parts, [size for size, _ in kinds])
         say(b / n)
-    return mean, batches.variance(spread)
+    return mean.reshape(*shape, 3), variance.reshape(*shape, 3) if plan.batches > 1 else None
+
+
+def pooled(parts: Sequence[np.ndarray], sizes: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    """The mean of all samples and the variance of that mean (n, 3); 0 from a single batch, which has none.
+
+    `parts`: the means of batches (n, number, 3), a part for each of the `sizes`. With sizes k, means m and the mean of
+    all M, Σ k (m - M)² is (number of batches - 1) times the variance of one sample, also where sizes differ.
+    """
+    numbers = [part.shape[1] for part in parts]
+    samples, batches = sum(k * n for k, n in zip(sizes, numbers, strict=True)), sum(numbers)
+    mean = sum(k * part.sum(axis=1) for k, part in zip(sizes, parts, strict=True)) / samples
+    spread = sum(k * np.square(part - mean[:, None]).sum(axis=1) for k, part in zip(sizes, parts, strict=True))
+    return mean, spread / (max(1, batches - 1) * samples)
