@@ -93,7 +93,7 @@ def error_chart(bench: Bench, size: tuple[int, int], truth: str, metric: str) ->
     drawn = family_chart(
         f"{size[0]}x{size[1]}/{truth}/{metric}",
         f"{bench.scene}, {megapixels(size)}, against {TRUTHS.get(truth, truth)}",
-        "seconds a frame (median)",
+        "seconds per frame (median)",
         AXES[metric],
         named,
         floor or None,
@@ -130,7 +130,7 @@ def row_tip(r: Measurement) -> str:
             f"{seconds(r.seconds_median)}, quartiles {seconds(r.seconds_iqr)} apart",
             f"first calls {seconds(r.compile_seconds)} more",
             f"memory {shown(r.peak_mib)} MiB",
-            f"{r.samples} sample{'s' * (r.samples != 1)} a pixel",
+            f"{r.samples} sample{'s' * (r.samples != 1)} per pixel",
             f"{r.verdict} beside the twin",
             f"RMSE {shown(r.rmse)}, relMSE {shown(r.relmse)}, 99.9 % {shown(r.p999_abs)}",
         )

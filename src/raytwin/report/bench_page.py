@@ -20,6 +20,7 @@ from raytwin.report.bench_charts import (
 from raytwin.report.charts.chart import Chart, chart_html, write_charts
 from raytwin.report.numbers import seconds, shown
 from raytwin.report.page import write_page
+from raytwin.report.terminal_text import counted
 
 FIRST_TRUTH, FIRST_METRIC = "path-area", "relmse"
 """What a chart shows when the page opens; with subjects, the truth of the first one's light level."""
@@ -139,7 +140,10 @@ def kinds(bench: Bench) -> list[tuple[str, str]]:
 
 def bench_summary(bench: Bench) -> str:
     """The subjects' verdicts, what is on each frontier, and what was left out."""
-    lines = [f"{bench.scene}: {len(bench.rows)} measurements in {seconds(bench.seconds)}", *subject_lines(bench)]
+    lines = [
+        f"{bench.scene}: {counted(len(bench.rows), 'measurement')} in {seconds(bench.seconds)}",
+        *subject_lines(bench),
+    ]
     for truth in (t for t in bench.truths if t.name in IN_TERMINAL):
         lines += frontier_lines(bench, truth)
     if bench.left_out:

@@ -68,7 +68,7 @@ def error_chart(rungs: "Rungs") -> Chart:
     twin_first = sorted(rungs.steps, key=lambda s: s.side, reverse=True)  # in its colour on every chart
     marks = [Mark(s.side, s.rung, s.method, s.seconds, s.rmse) for s in twin_first if s.rmse is not None]
     title, error = f"{rungs.scene}: every rung on both sides", "RMSE against global illumination"
-    return marks_chart("ladder", title, "seconds a frame", error, marks, rungs.floor)
+    return marks_chart("ladder", title, "seconds per frame", error, marks, rungs.floor)
 
 
 def bars(rungs: "Rungs", rung: str) -> list[dict[str, Any]]:

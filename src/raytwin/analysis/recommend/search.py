@@ -189,7 +189,7 @@ class Search:
         if worst and errors[worst] > self.tolerance / 2:
             names = {part: name for name, part in LEFT_OUT.items()}
             return f": without {names.get(worst, worst)} alone {errors[worst]:.2g}"
-        few = "too few rays a pixel" if method.sampling == "area" else "a ray through the centre is not the pixel"
+        few = "too few rays per pixel" if method.sampling == "area" else "a ray through the centre is not the pixel"
         return f": {few}"
 
     def _meets(self, tried: Tried) -> bool:
