@@ -57,7 +57,7 @@ def test_a_large_picture_of_one_colour_is_read_and_a_larger_one_refused_by_its_l
     assert max(len(data) for _, data in made) < 2_000_000
     found = read(tmp_path, made)
     assert found["4600.exr"] == "image (4600, 4600, 3)"
-    for name, least in (("7100.exr", "3,226,240"), ("7100.png", "2,419,680")):
+    for name, least in (("7100.exr", "3226240"), ("7100.png", "2419680")):
         assert f"expected a file of at least {least} bytes for 7100 x 7100 pixels" in found[name]
 
 

@@ -266,7 +266,7 @@ def test_gradescope_gets_text_first_a_picture_a_failing_test_and_a_leaderboard(g
     assert 'src="data:image/png;base64,' in told["tests"][2]["output"]
     seen = sum(t["score"] for t in told["tests"] if t["visibility"] == "visible")
     assert told["output"].startswith(f"{pages.of_points(seen)} of 30 points, of the exercises that are shown now")
-    assert [row["name"] for row in told["leaderboard"]] == ["seconds a picture", "error"]
+    assert [row["name"] for row in told["leaderboard"]] == ["seconds per picture", "error"]
     for result in graded.results.values():
         sites.write_gradescope(result, graded.rubric, tmp_path / "r.json")
         assert (tmp_path / "r.json").stat().st_size < 1e6

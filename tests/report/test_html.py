@@ -91,7 +91,7 @@ def test_noise_is_not_measured_against_the_tolerance_of_exact_images(make_result
     write_report(replace(result, test=Image(result.subject.mean), reference=noisy), tmp_path / "report.html")
     text = text_of(tmp_path / "report.html")
     assert "noise included" in text
-    assert "64 samples a pixel" in text
+    assert "64 samples per pixel" in text
     assert not data_of(tmp_path / "report.html")["bound"]["held"]
     assert "Silhouettes" not in titles(tmp_path / "report.html")
 

@@ -27,5 +27,5 @@ def check_size(path: str | os.PathLike, width: int, height: int, pixel_bytes: in
     claimed = width * height * max(pixel_bytes, 12)
     if claimed > max(FREE, EXPANSION * length):
         raise InputError(
-            path, f"a file of at least {claimed // EXPANSION:,} bytes for {width} x {height} pixels", f"{length:,}"
+            path, f"a file of at least {claimed // EXPANSION} bytes for {width} x {height} pixels", f"{length}"
         )

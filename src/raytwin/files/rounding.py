@@ -38,7 +38,7 @@ def rounding_of(image: Image) -> Rounding:
 def eight_bits(mean: np.ndarray, dithered: bool = False) -> Rounding:
     """Return what sRGB in 256 codes rounds off; `dithered`: to either of the two nearest codes."""
     step = "a step" if dithered else "half a step"
-    return Rounding(half_code(mean) * (1 + dithered), True, f"8 bits a channel: held to {step}, and to white")
+    return Rounding(half_code(mean) * (1 + dithered), True, f"8 bits per channel: held to {step}, and to white")
 
 
 def half_code(mean: np.ndarray) -> np.ndarray:

@@ -65,7 +65,7 @@ def gradescope(result: Result, rubric: Rubric) -> dict[str, Any]:
     if rubric.speed is not None and rubric.speed.leaderboard and result.speed:
         _, seconds, error = result.speed[0]
         made["leaderboard"] = [
-            {"name": "seconds a picture", "value": float(f"{seconds:.3g}"), "order": "asc"},
+            {"name": "seconds per picture", "value": float(f"{seconds:.3g}"), "order": "asc"},
             {"name": "error", "value": float(f"{error:.3g}"), "order": "asc"},
         ]
     return made

@@ -86,7 +86,7 @@ def error_chart(bench: Bench, size: tuple[int, int], truth: str) -> Chart | None
     drawn = family_chart(
         f"{size[0]}x{size[1]}/{truth}",
         f"{bench.scene}, {megapixels(size)}, against {TRUTHS.get(truth, truth)}",
-        "seconds a frame (median)",
+        "seconds per frame (median)",
         "RMSE",
         named,
         floor or None,
@@ -129,7 +129,7 @@ def row_tip(r: Measurement) -> str:
             r.method,
             f"{seconds(r.seconds_median)}, quartiles {seconds(r.seconds_iqr)} apart",
             f"first calls {seconds(r.compile_seconds)} more",
-            f"{r.samples} sample{'s' * (r.samples != 1)} a pixel",
+            f"{r.samples} sample{'s' * (r.samples != 1)} per pixel",
             f"{r.verdict} beside the twin",
             f"RMSE {with_sigma(r)}, relMSE {shown(r.relmse)}, 99.9 % {shown(r.p999_abs)}",
         )

@@ -20,6 +20,7 @@ from raytwin.report.bench_charts import (
 from raytwin.report.charts.chart import Chart, chart_html, write_charts
 from raytwin.report.numbers import seconds, shown
 from raytwin.report.page import write_page
+from raytwin.report.terminal_text import counted
 
 FIRST_TRUTH = "path-area"
 """The reference of the chart shown when the page opens; with subjects, that of the first one's light level."""
@@ -131,7 +132,8 @@ def kinds(bench: Bench) -> list[tuple[str, str]]:
 
 def bench_summary(bench: Bench) -> str:
     """The subjects' verdicts, what is on each frontier, and what was left out."""
-    lines = [f"{bench.scene}: {len(bench.rows)} measurements in {seconds(bench.seconds)}", *subject_lines(bench)]
+    measured = f"{counted(len(bench.rows), 'measurement')} in {seconds(bench.seconds)}"
+    lines = [f"{bench.scene}: {measured}", *subject_lines(bench)]
     for size in bench.sizes:
         for truth in IN_TERMINAL:
             lines += frontier_lines(bench, size, truth)

@@ -15,7 +15,11 @@ def summary(result: "Result") -> str:
     g, r = c.geometry, c.radiance
     rung = f", rung {result.report.rung}" if result.report.rung else ""
     differ = g.mask_mismatch_pixels
-    outlines = "not compared (the subject reports no objects)" if differ is None else f"{differ} pixels differ"
+    outlines = (
+        "not compared (the subject reports no objects)"
+        if differ is None
+        else f"{counted(differ, 'pixel')} differ{'s' * (differ == 1)}"
+    )
     lines = [
         f"{c.verdict.upper()}  {result.report.scene}{rung}{because(c)}",
         *(f"  {reason}" for reason in further(c)),
@@ -47,7 +51,7 @@ def calibration_summary(calibration: "Calibration") -> str:
     from raytwin.calib.photos import model_table
 
     s, (width, height) = calibration.sigma, calibration.image_size
-    lines = [f"{len(calibration.views)} photos of {width} x {height}, model {calibration.model}"]
+    lines = [f"{counted(len(calibration.views), 'photo')} of {width} x {height}, model {calibration.model}"]
     lines += [f"  {n:<3} {v:12.5g}" + (f" +- {s[n]:.2g}" if n in s else "") for n, v in intrinsics(calibration).items()]
     lines.append(f"  rms {calibration.rms_px:.3f} px")
     lines += [
@@ -90,6 +94,14 @@ def because(comparison: "Comparison") -> str:
 def further(comparison: "Comparison") -> tuple[str, ...]:
     """The reasons that are not in the verdict's first line already."""
     return comparison.reasons[1:] if comparison.cause else comparison.reasons
+
+
+def counted(count: int, noun: str) -> str:
+    """
+    >>> counted(1, "photo"), counted(0, "pixel")
+    ('1 photo', '0 pixels')
+    """
+    return f"{count} {noun}{'s' * (count != 1)}"
 
 
 def _number(value: float | None) -> str:

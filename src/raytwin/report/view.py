@@ -138,7 +138,7 @@ def tiles(pair: Compared, tolerance: Tolerance) -> tuple[Tile, ...]:
     if "tracer" in seconds_of:
         samples = pair.reference.samples
         found.append(Tile("Tracer", seconds(seconds_of["tracer"]), below=f"RMSE {shown(r.rmse)}"))
-        below = f"{samples} sample{'s' * (samples != 1)} a pixel"
+        below = f"{samples} sample{'s' * (samples != 1)} per pixel"
         return *found, Tile("Twin", seconds(seconds_of.get("twin")), below=below)
     found.append(Tile("RMSE", shown(r.rmse), below=f"worst {shown(r.max_abs)}"))
     return *found, Tile("Ratio of means", shown(r.mean_ratio, 5), below="mean(test) / mean(reference)")

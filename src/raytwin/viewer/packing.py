@@ -244,8 +244,8 @@ def _thinned(test: Image, reference: Image, surfaces: bool, n: int, means: bool)
     if means:
         return _planes(binned(test, n), binned(reference, n), surfaces)
     at, chosen = _worst_of_blocks(test, reference, n)
-    fewer = (replace(i, mean=chosen(i.mean), surface=_chosen_surface(i.surface, chosen)) for i in (test, reference))
-    return _planes(*fewer, surfaces) | {"at": _Raw("steps", at.astype(np.int16))}
+    a, b = (replace(i, mean=chosen(i.mean), surface=_chosen_surface(i.surface, chosen)) for i in (test, reference))
+    return _planes(a, b, surfaces) | {"at": _Raw("steps", at.astype(np.int16))}
 
 
 def _worst_of_blocks(test: Image, reference: Image, n: int) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
