@@ -138,7 +138,7 @@ def main(connection: Connection) -> None:
         while True:
             name, arguments, options = connection.recv()
             if name == HINT:
-                _answer(connection, lambda: _hint(*arguments, functions))  # noqa: B023 (called at once)
+                _answer(connection, lambda: _hint(arguments[0], functions))  # noqa: B023 (called at once)
             else:
                 _answer(connection, lambda: _plain(functions[name](*arguments, **options)))  # noqa: B023 (called at once)
 

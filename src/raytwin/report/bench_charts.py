@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from raytwin.bench import RENDERERS, Bench, Measurement, fit_power, on_frontier, staircase
+from raytwin.bench import RENDERERS, Bench, Measurement, fit_power, staircase
 from raytwin.report.charts.chart import Chart, Line, Point, by_family, family_chart
 from raytwin.report.charts.svg import INK, SOFT, Range
 from raytwin.report.numbers import seconds, short, shown

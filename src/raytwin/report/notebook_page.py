@@ -152,7 +152,9 @@ HTML: dict[str, Callable[[Any], str]] = {
     "Pictures": lambda shown: _pictures(shown.figures),
     "Diff": lambda found: _pair(view_of(found)),
     "Result": lambda found: _pair(view_of(found)),
-    "Levels": lambda made: _shown(("method", "rung", "rays", "seconds", "error"), made.table(), caption=made.found.reason),
+    "Levels": lambda made: _shown(
+        ("method", "rung", "rays", "seconds", "error"), made.table(), caption=made.found.reason
+    ),
     "Bench": lambda found: _shown(
         ("method", "rung", "width", "height", "seconds_median", "rmse", "verdict", "on_frontier"), found.table()
     ),
