@@ -12,7 +12,6 @@ from program import raytwin, refused
 
 from raytwin import bench, files
 from raytwin.bench import bench_run as run
-from raytwin.bench.bench_reference import converged
 from raytwin.bench.bench_run import reference_of, sized
 from raytwin.compare import METRICS
 from raytwin.contract.subject import find_subject
@@ -22,7 +21,7 @@ from raytwin.progress import silent
 from raytwin.renderers.python_loop import loop
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.renderer_table import RENDERERS, choose
-from raytwin.renderers.subject_renderers import Filled, SmoothedSpeculation, Speculated, Supersampled
+from raytwin.renderers.subject_renderers import Filled, SmoothedSpeculation, Speculated
 from raytwin.renderers.twin_renderers import Plain, Twin
 from raytwin.speed import trace
 
@@ -83,7 +82,7 @@ KINDS = sorted({type(m) for m in HERE}, key=lambda kind: kind.__name__)
 @pytest.fixture(scope="module")
 def truth(view):
     """The truth of its name, made once."""
-    return functools.cache(lambda name: converged(view("overlap"), *name.split("-"), 64, AMPLE)[0].mean)
+    return functools.cache(lambda name: converged(view("overlap"), *name.split("-"), samples=64).image.mean)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -126,33 +125,6 @@ def test_sizes_keep_the_pictures_aspect(view):
         w, h = sized(camera, megapixels).image_size
         assert w * 3 == h * 4
         assert w * h == pytest.approx(megapixels * 1e6, rel=0.02)
-
-
-# ------------------------------------------------------------------------------------------ references
-
-
-def test_a_reference_tells_its_noise(view):
-    """The error of a coarse reference against a fine one is what it says of itself."""
-    scene = view("overlap")
-    fine, _ = converged(scene, "path", "area", 512, AMPLE)
-    coarse, floor = converged(scene, "path", "area", 32, AMPLE)
-    assert coarse.samples == 32
-    assert METRICS["rmse"].function(coarse.mean, fine.mean) == pytest.approx(floor, rel=0.35)
-
-
-def test_the_reference_over_the_pixel_is_the_mean_of_the_tracers_rays_within_it(view):
-    scene = view("overlap")
-    mitsubas, floor = converged(scene, "shadow", "area", 512, AMPLE)
-    ours = Supersampled(engine="numpy64", samples=256)(scene)
-    assert METRICS["rmse"].function(ours.mean, mitsubas.mean) < 1.5 * floor
-
-
-def test_the_floor_is_float32s_rounding_through_the_centre_and_noise_where_time_is_up_at_once(view):
-    exact, floor = converged(view("overlap"), "shadow", "center", 1, 1.0)
-    assert floor == pytest.approx(float(np.sqrt(np.mean(exact.mean.astype(float) ** 2))) * 2.0**-24 / 2, rel=0.5)
-    image, floor = converged(view("overlap"), "path", "area", 1 << 20, 0.0)
-    assert image.samples == 2
-    assert floor > 1e-3
 
 
 # ------------------------------------------------------------------------------------------ a whole run

@@ -107,6 +107,12 @@ class Reference:
         noise = (a - b) / 2
         return unbiased_error(metric, noise, -noise if metric in SQUARES else noise, self.image.mean).most
 
+    @property
+    def noise(self) -> float:
+        """Return the RMSE that a perfect method has against `image`."""
+        a, b = self._rounded if self.halves[0] is self.halves[1] else self.halves
+        return float(np.sqrt(np.mean(np.square(a - b), dtype=float))) / 2
+
     @cached_property
     def _rounded(self) -> tuple[np.ndarray, np.ndarray]:
         """Half a unit in the last place either way."""

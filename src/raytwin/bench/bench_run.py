@@ -17,8 +17,8 @@ import numpy as np
 
 from raytwin import files, twin
 from raytwin.analysis.beside_twin import compare_with_twin
+from raytwin.analysis.converged import converged
 from raytwin.bench.bench_record import Bench, Measurement
-from raytwin.bench.bench_reference import converged
 from raytwin.bench.frontier import on_frontier
 from raytwin.calib.find_camera import find_camera
 from raytwin.compare import METRICS, Comparison
@@ -207,9 +207,9 @@ def measure_size(
         progress("references", i, len(names))
         rung, sampling = name.split("-")
         seconds = portion(start + REFERENCE_SHARE * given, len(names) - i) - clock()
-        reference, floors[name] = converged(scene, rung, sampling, truth_samples, seconds)
-        images[name] = reference.mean
-        twins[name] = reference if RUNGS[rung].sampled(sampling) else twin.render(scene, rung, sampling=sampling)
+        reference = converged(scene, rung, sampling, samples=truth_samples, seconds=seconds, clock=clock)
+        images[name], floors[name] = reference.image.mean, reference.noise
+        twins[name] = reference.image if RUNGS[rung].noisy else twin.render(scene, rung, sampling=sampling)
     progress("references", len(names), len(names))
 
     def look(run: _Run, image: Image) -> None:

@@ -14,7 +14,7 @@ from math import pi
 import numpy as np
 
 from raytwin.diagnose.parametric_faults import bright
-from raytwin.diagnose.pixel_sample import PixelSample, SubmittedImage, look
+from raytwin.diagnose.pixel_sample import PixelSample
 from raytwin.diagnose.predict import Array, Predictor
 
 NAMES = {
@@ -84,36 +84,6 @@ def split(sight: PixelSample, given: Mapping[str, Halves] | None = None) -> Spli
     ids, names = bench.seen().ids, bench.scene.names
     everywhere, by_object = (_fewest(sight, parts, ids, names, apart) for apart in (False, True))
     return everywhere if everywhere.words else by_object
-
-
-def fitted_error(view: SubmittedImage) -> tuple[str, Array]:
-    """In words what the fitted factors say is wrong, and the error (H, W, 3) that they make; empty words, none found.
-
-    Where the view has more pixels than `pixel_sample.GRID`, each gets the error of one of its neighbours.
-    """
-    sight = look(view)
-    found = split(sight)
-    height, width = view.shown.shape[:2]
-    error = np.zeros((height, width, 3))
-    if not found.words:
-        return "", error
-    every = sight.everywhere(height * width)
-    assert isinstance(every.bench, Predictor)
-    given = view.sampled(sight.step) if view.sampled else {}
-    parts = _parts(every.bench, every, given)
-    ids, names = every.bench.seen().ids, every.bench.scene.names
-    made = np.zeros((every.index.size, 3))
-    bounces = [name for name in parts if name.startswith("bounce")]
-    for share in found.shares:
-        own = bounces[bounces.index(share.part.removesuffix(" on")) :] if share.part.endswith(" on") else [share.part]
-        if share.part == "sun":
-            own = ["sun", "shadow"]
-        on = (ids >= 0) if not share.where else (ids == names.index(share.where))
-        made += (share.factor - 1) * on[:, None] * sum((parts[k][0] + parts[k][1]) / 2 for k in own)
-    coarse = error[:: sight.step, :: sight.step].copy()
-    coarse.reshape(-1, 3)[every.index] = made
-    rows, columns = np.arange(height) // sight.step, np.arange(width) // sight.step
-    return found.words, coarse[rows][:, columns]
 
 
 def _parts(bench: Predictor, sight: PixelSample, given: Mapping[str, Halves]) -> dict[str, Halves]:
