@@ -40,8 +40,8 @@ class Sphere(Record, frozen=True, tag="sphere"):
         """Return its lengths, metres; none of its points is farther from the centre than their hypotenuse."""
         return (self.radius,)
 
-    def extent(self) -> Vector:
-        """Return half of its size along each of the board's axes, metres."""
+    def extent(self, axes: np.ndarray) -> Vector:
+        """Return half of its size along each of three unit vectors, the rows of `axes`, metres."""
         return self.radius, self.radius, self.radius
 
     def corners(self) -> np.ndarray:
@@ -90,9 +90,9 @@ class Rectangle(Record, frozen=True, tag="rectangle"):
         """Return its lengths, metres; none of its points is farther from the centre than their hypotenuse."""
         return math.hypot(*self.half_u), math.hypot(*self.half_v)
 
-    def extent(self) -> Vector:
-        """Return half of its size along each of the board's axes, metres."""
-        x, y, z = (abs(u) + abs(v) for u, v in zip(self.half_u, self.half_v, strict=True))
+    def extent(self, axes: np.ndarray) -> Vector:
+        """Return half of its size along each of three unit vectors, the rows of `axes`, metres."""
+        x, y, z = np.abs(np.array([self.half_u, self.half_v]) @ axes.T).sum(axis=0).tolist()
         return x, y, z
 
     def corners(self) -> np.ndarray:

@@ -8,8 +8,7 @@ needs no other kernel. A few objects are parameters of the kernel instead, since
 trying each in turn.
 """
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import reduce
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -30,6 +29,7 @@ FIELDS = {
     "center": 3, "radius": 1, "half_u": 3, "half_v": 3,
     "flat": 3, "curvature": 1, "albedo": 3, "share": 3, "exponent": 1,
 }  # fmt: skip
+HIGHLIGHT = ("share", "exponent")
 """The table's columns: how many numbers each of a shape's and of a surface's facts has."""
 SIZE_MARGIN, POINT_MARGIN = 1e-4, 1e-6
 """How much larger a caster is taken to be, as shares of its size and of the largest coordinate: float32's rounding."""
@@ -47,13 +47,13 @@ class Table:
         self.objects, self.glossy = scene.objects, scene.glossy
         self.few = not engine.is_numpy and 0 < len(scene.objects) <= FEW
         # Two rows of nothing: Dr.Jit cannot look up in an empty array, and treats one of one number as that number.
-        numbers = iter(np.array([*map(_row, scene.objects), *[(0.0,) * sum(FIELDS.values())] * 2]).T)
-        self.columns = {name: [next(numbers) for _ in range(n)] for name, n in FIELDS.items()}
-        for name, columns in self.columns.items():
-            self.columns[name] = [
-                to_engine(tuple(c[:-2].tolist()), engine) if self.few else from_numpy(engine, np.ascontiguousarray(c))
-                for c in columns
-            ]
+        numbers: Iterator[Any] = iter(np.array([*map(_row, scene.objects), *[(0.0,) * sum(FIELDS.values())] * 2]).T)
+        if self.few:
+            numbers = (to_engine(tuple(c[:-2].tolist()), engine) for c in numbers)
+        else:
+            numbers = (from_numpy(engine, np.ascontiguousarray(c)) for c in numbers)
+        fields = FIELDS if self.glossy else {name: n for name, n in FIELDS.items() if name not in HIGHLIGHT}
+        self.columns = {name: [next(numbers) for _ in range(n)] for name, n in fields.items()}
         if self.few:
             self.objects = tuple(self.object(type(thing), i) for i, thing in enumerate(scene.objects))
 
@@ -69,7 +69,7 @@ class Table:
 
     def facts(self, ids: Any) -> Facts:
         """What the objects `ids` say of their surfaces; anything for -1."""
-        fields = ("center", "flat", "curvature", "albedo", *(("share", "exponent") if self.glossy else ()))
+        fields = ("center", "flat", "curvature", "albedo", *(HIGHLIGHT if self.glossy else ()))
         center, flat, curvature, albedo, *shine = (self.look_up(name, ids, ids >= 0) for name in fields)
         return Facts(center, flat, curvature, albedo, Specular(*shine) if shine else None)
 
@@ -160,36 +160,40 @@ class ObjectList(NamedTuple):
 
 
 class SunwardList(NamedTuple):
-    """NumPy's objects that may stand between some points and the sun: in balls about `center` (n, 3) of `radius` (n,).
+    """NumPy's objects that may stand between some points and the sun, towards which all rays are parallel.
 
+    Seen in `axes` (3, 3), the last of which points to the sun, object i lies between `low[i]` and `high[i]` (n, 3).
     `only`: the id of the object that the points are on, None where there are several.
     """
 
     table: Table
-    center: np.ndarray
-    radius: np.ndarray
+    axes: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
     only: int | None = None
 
     def fold(self, ray: Any, state: Any, body: Body, reach: MaxDistance = no_reach) -> Any:
-        """A ball is left out that lies behind the points' own ball, or beside all rays from there."""
         seen = np.broadcast_to(ray.start.ids >= 0, np.shape(ray.origin[0]))
-        if len(self.radius) == (self.only is not None) or not seen.any():
+        if len(self.low) == (self.only is not None) or not seen.any():
             return state
         points = [c if seen.all() else c[seen] for c in ray.origin]
         low, high = (np.array([find(c) for c in points], float) for find in (np.min, np.max))
-        apart = self.center - (low + high) / 2
-        touch = self.radius + np.linalg.norm(high - low) / 2 + POINT_MARGIN * np.abs([low, high]).max()
-        near = (apart @ ray.d >= -touch) & (np.linalg.norm(np.cross(apart, ray.d), axis=1) <= touch)
+        middle, half = self.axes @ (low + high) / 2, np.abs(self.axes) @ (high - low) / 2
+        half += POINT_MARGIN * np.abs([low, high]).max()
+        near = (self.high >= middle - half).all(axis=1) & (self.low[:, :2] <= (middle + half)[:2]).all(axis=1)
         ids = [index for index in np.flatnonzero(near).tolist() if index != self.only]
         return ObjectList(self.table, ids).fold(ray, state, body)
 
 
-def sunward_list(table: Table) -> SunwardList:
-    """All objects of the table."""
+def sunward_list(table: Table, to_sun: Sequence[float]) -> SunwardList:
+    """All objects of the table as the sun sees them."""
+    side = np.cross(to_sun, np.eye(3)[np.abs(to_sun).argmin()])
+    side /= np.linalg.norm(side)
+    axes = np.array([side, np.cross(to_sun, side), to_sun])
     center = np.array([thing.center for thing in table.objects]).reshape(-1, 3)
-    radius = np.array([math.hypot(*thing.sizes) for thing in table.objects])
-    margin = POINT_MARGIN * np.abs(center).max(initial=0)
-    return SunwardList(table, center, radius * (1 + SIZE_MARGIN) + margin)
+    half = np.array([thing.extent(axes) for thing in table.objects]).reshape(-1, 3)
+    half = half * (1 + SIZE_MARGIN) + POINT_MARGIN * np.abs(center).max(initial=0)
+    return SunwardList(table, axes, center @ axes.T - half, center @ axes.T + half)
 
 
 class KernelObjects(NamedTuple):
@@ -249,7 +253,7 @@ def kernel_trees(table: Table, engine: Engine) -> KernelObjects:
         ids = np.flatnonzero(table.of_kind(kind))
         if len(ids):
             things = [table.objects[i] for i in ids]
-            nodes = grow(np.array([t.center for t in things]), np.array([t.extent() for t in things]))
+            nodes = grow(np.array([t.center for t in things]), np.array([t.extent(np.eye(3)) for t in things]))
             first, held = np.array((0, len(nodes.thing))), np.where(nodes.thing >= 0, ids[nodes.thing], -1)
             low, high = (tuple(padded(engine, c) for c in corner.T) for corner in (nodes.low, nodes.high))
             held, first, onward = (padded(engine, a, whole=True) for a in (held, first, nodes.onward))

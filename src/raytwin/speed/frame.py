@@ -82,8 +82,11 @@ def background(scene: Scene, rung: str = "shadow") -> Float32[np.ndarray, "h w 3
                 out[y : y + step] = np.stack(view.light.sky.radiance(d), axis=-1)
     else:
         row = np.tile(np.array(scene.sky.radiance if RUNGS[rung].background else (0, 0, 0), np.float32), (w, 1))
-        with ThreadPoolExecutor(2) as pool:  # one thread does not use all of the memory's speed
-            list(pool.map(lambda rows: np.copyto(rows, row), np.array_split(out, 2 if w * h >= 1 << 20 else 1)))
+        if w * h < 1 << 20:
+            out[:] = row
+        else:  # one thread does not use all of the memory's speed
+            with ThreadPoolExecutor(2) as pool:
+                list(pool.map(lambda rows: np.copyto(rows, row), np.array_split(out, 2)))
     if (lost := without_ray(scene.camera)) is not None:
         out[lost] = 0
     return out
@@ -197,7 +200,7 @@ class EyeScene:
 
     @cached_property
     def _sunward(self) -> SunwardList:
-        return sunward_list(self.table)
+        return sunward_list(self.table, self.local.sun.to_light)
 
 
 def spans(boxes: Int[np.ndarray, "n 4"], side: int) -> list[tuple[slice, slice]]:

@@ -9,6 +9,7 @@ Bilinear interpolation over a step h errs by at most (|f_uu| + |f_vv|) h²/8. `c
 on the lattice, and takes twice their value, for the growth of the curvature between two lattice points.
 """
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from raytwin.image import BACKGROUND
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Shape
 from raytwin.scene.lens import has_no_ray, without_ray
+from raytwin.speed.boxes import trim_boxes
 from raytwin.speed.engine import ENGINES, evaluate, from_numpy, to_numpy
 from raytwin.speed.fast_world import FastWorld, Ray
 from raytwin.speed.frame import EyeScene, background, draw
@@ -61,9 +63,7 @@ def trace_points(
     colour, ids, blocker = np.empty((m, 3), np.float32), np.empty(m, np.int32), np.full(m, AWAY, np.int32)
     place = np.empty((m, 3), np.float32) if point else None
     shaded = RUNGS[rung].shadows
-    world, step = (view.near(list(range(len(scene.objects)))), CHUNK) if view.engine.is_numpy else (view.everywhere, m)
-    for start in range(0, m, max(step, 1)):
-        part = slice(start, start + step)
+    for part, world in _parts(view, u, v):
         with np.errstate(all="ignore"):
             hit = first_hit(world, EYE, view.ray(*(from_numpy(view.engine, a[part]) for a in (u, v))))
             layers = [(colour[part], RADIANCE[rung](hit, view.light, world, view.camera)), (ids[part], (hit.ids,))]
@@ -91,6 +91,21 @@ def _blocker(hit: Hit, to_sun: Vec, world: FastWorld) -> Any:
 
     none = (select(hit.inside, hit.ids, LIT),)
     return world.casters.fold(Ray(hit.point, to_sun, hit), none, block)[0]
+
+
+def _parts(view: EyeScene, u: np.ndarray, v: np.ndarray) -> Iterator[tuple[slice, FastWorld]]:
+    """The points in portions, each with the objects that it may see; any object may shade these."""
+    if len(u) and view.engine.is_numpy:
+        camera = view.local.camera  # the lattice's last points may lie beyond its frame
+        size = max(camera.width, int(u.max()) + 2), max(camera.height, int(v.max()) + 2)
+        x0, y0, x1, y1 = trim_boxes(view.local.objects, camera.grid(size=size)).T
+        for start in range(0, len(u), CHUNK):
+            part = slice(start, start + CHUNK)
+            x, y = u[part], v[part]
+            near = (x0 - 1 < x.max()) & (x.min() < x1) & (y0 - 1 < y.max()) & (y.min() < y1)
+            yield part, view.near(np.flatnonzero(near).tolist())
+    elif len(u):
+        yield slice(None), view.everywhere
 
 
 def speculate(
