@@ -8,10 +8,10 @@ from PIL import Image as Pillow
 from raytwin import files
 from raytwin.compare import compare
 from raytwin.compare.alpha import alpha_findings
-from raytwin.compare.judging import Judging
 from raytwin.image import Image
 from raytwin.image_input import as_image
 from raytwin.image_pool import ImagePool
+from raytwin.judging import Judging
 from raytwin.workflows.diff_files import compare as diff
 
 RNG = np.random.default_rng(5)

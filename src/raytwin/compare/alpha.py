@@ -6,8 +6,8 @@ import numpy as np
 
 from raytwin.compare.blocks import Pixels
 from raytwin.compare.finding import Finding, Place, at, plural
-from raytwin.compare.judging import Judging
 from raytwin.image import Image
+from raytwin.judging import Judging
 
 EIGHT_BITS = 0.5001 / 255
 """What rounding to 8 bits may change."""

@@ -10,7 +10,6 @@ from raytwin.compare.comparison import Statistics
 from raytwin.compare.decision import TESTS, Decision, Rounding, decide
 from raytwin.compare.exact import NoiseFree, count_noise_free
 from raytwin.compare.finding import Finding, Place, notes
-from raytwin.compare.judging import Judging
 from raytwin.compare.messages import agreement, noise_findings, percent, what_could_be_seen
 from raytwin.compare.metrics import METRICS, p999_abs
 from raytwin.compare.noise import Residual, block_means, capped, estimated, rare_light, residual
@@ -20,6 +19,7 @@ from raytwin.compare.shift import Shift, shift_findings
 from raytwin.compare.significance import sidak
 from raytwin.compare.untold import ESTIMATED, GIVE, UNEXPLAINED, borne_out, dense, unexplained
 from raytwin.image import Image
+from raytwin.judging import Judging
 
 TINY, ZERO = np.float32(1e-30), np.zeros(3)
 

@@ -24,13 +24,13 @@ import msgspec
 
 from raytwin.compare.comparison import Comparison
 from raytwin.compare.finding import notes
-from raytwin.compare.judging import Judging
 from raytwin.compare.messages import percent, what_could_be_seen
 from raytwin.compare.verdict import compare
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.image_input import LoadedImage, as_image
 from raytwin.image_pool import ImagePool
+from raytwin.judging import Judging
 
 FIRST, PER_OCTAVE = 4, 4
 """Samples at the first look, and the most looks until they have doubled."""

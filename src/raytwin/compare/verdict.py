@@ -15,12 +15,12 @@ from raytwin.compare.comparison import Comparison, Perceptual, Radiance, Verdict
 from raytwin.compare.finding import HARD, Finding, notes, plural
 from raytwin.compare.geometry import geometry_findings, without_ties
 from raytwin.compare.invalid import shape_findings, value_findings
-from raytwin.compare.judging import Judging
 from raytwin.compare.metrics import measure
 from raytwin.compare.radiance_test import RadianceTest
 from raytwin.compare.scale import Bound, scale_of, unit_of
 from raytwin.compare.shift import find_shift, shift_finding
 from raytwin.image import Image
+from raytwin.judging import Judging
 
 SURE_SHIFT = 0.5
 """A shift whose standard deviation is larger, pixels, is not reported."""

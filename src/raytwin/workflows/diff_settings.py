@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from raytwin.compare.judging import Judging
 from raytwin.errors import InputError, check_one_of
+from raytwin.judging import Judging
 from raytwin.rungs import RUNGS
 
 if TYPE_CHECKING:

@@ -2,10 +2,12 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from raytwin.errors import InputError
-from raytwin.scene import Tolerance
+
+if TYPE_CHECKING:
+    from raytwin.scene import Tolerance  # with NumPy, which the command line's options need not
 
 DETECTABLE_BIAS = 0.1
 """A pass that could have missed a relative bias of the whole image above this is undecided, unless another is asked."""
@@ -22,14 +24,14 @@ class Judging:
     for noise-free, as for a tracer with one ray per pixel.
     """
 
-    tolerance: Tolerance | float = 1e-5
+    tolerance: "Tolerance | float" = 1e-5
     false_alarm_rate: float = 1e-3
     noise: Literal["both", "reference", "none"] = "both"
     detectable_bias: float | None = None
     detectable_tile_bias: float | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.tolerance, Tolerance) and not 0 < self.tolerance < math.inf:
+        if isinstance(self.tolerance, int | float) and not 0 < self.tolerance < math.inf:
             raise InputError("tolerance", "a finite number > 0", self.tolerance)
         if not 0 < self.false_alarm_rate < 1:
             raise InputError("false_alarm_rate", "a probability between 0 and 1", self.false_alarm_rate)
@@ -41,8 +43,10 @@ class Judging:
                 raise InputError(name, "a number > 0", bias)
 
     @property
-    def bounds(self) -> Tolerance:
+    def bounds(self) -> "Tolerance":
         """The tolerance of values without noise."""
+        from raytwin.scene import Tolerance
+
         return self.tolerance if isinstance(self.tolerance, Tolerance) else Tolerance(p999_abs=self.tolerance)
 
     @property
