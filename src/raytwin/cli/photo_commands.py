@@ -93,6 +93,7 @@ def light_command(
             raise InputError(
                 *refused.fields[:2], f"{refused.got} (axes to measure by: {out.with_suffix('.html')})"
             ) from None
+    assert found.light is not None  # what shows no light was refused
     write_light(out, found.light, found.paper, f"The light of {len(taken)} photos: {found.trials[found.taken].name}.")
     if json:
         files.write_json(json, found.numbers())

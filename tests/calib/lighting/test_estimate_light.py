@@ -19,7 +19,7 @@ from raytwin.lights.envmap_tables import REC_709
 from raytwin.report import light_page
 from raytwin.scene import Camera, Environment, Sky, Sun
 from raytwin.workflows import estimate_light as estimate_module
-from raytwin.workflows.estimate_light import estimate_light
+from raytwin.workflows.estimate_light import LightRefused, estimate_light
 
 pytestmark = pytest.mark.slow
 
@@ -123,8 +123,12 @@ def test_a_board_alone_says_what_to_put_there_and_another_cameras_photo_is_refus
     truth = read_truth(lit.parent / "photos" / "truth.toml")
     R, t = truth.photos[plain.name]
     files.write_camera(tmp_path / "own.toml", Camera(truth.image_size, truth.K, R, t, truth.dist))
-    with pytest.raises(InputError, match=r"expected --ball x,y,z,r .* or --stand x,y,h .* got neither"):
+    with pytest.raises(LightRefused, match=r"expected --ball x,y,z,r .* or --stand x,y,h .* got neither") as refused:
         estimate_light([plain], board, tmp_path / "own.toml")
+    light_page.write_light_page(refused.value.found, tmp_path / "light.html")
+    page = (tmp_path / "light.html").read_text(encoding="utf-8")
+    assert "got neither" in page
+    assert all(f">{label}</text>" in page for label in ("x", "y", "100"))
     with pytest.raises(InputError, match=r"expected \d+ x \d+ pixels, as the camera's, got \d+ x \d+"):
         estimate_light([plain], board, lit / "camera.toml")
     data = files.read_toml(lit / "camera.toml")

@@ -189,7 +189,7 @@ def solve(found: Evidence, rows: int, sun: Sun | None) -> Light:
     dim, lamps = fit_map([m.pixels for m in found.mirrors], rows or ROWS[0]) if found.mirrors else (None, None)
     if sun is None:
         around = None
-        if rows and dim is not None:
+        if rows and dim is not None and lamps is not None:
             strength = np.maximum((whole - upward(dim)) / np.maximum(upward(lamps), 1e-9), 1)
             around = _scaled(dim + lamps * strength.astype(np.float32), whole)
         return Light(None, 0.0, zero, zero, whole, PAPER_SD * whole, around)
