@@ -92,7 +92,7 @@ HTML: dict[str, Callable[[Any], str]] = {
     "Image": _image,
     "Diff": lambda found: _pair(view_of(found)),
     "Result": lambda found: _pair(view_of(found)),
-    "Levels": lambda made: _shown(("method", "rung", "rays", "seconds", "error"), made.table(), caption=made.found.reason),
+    "Levels": lambda found: _shown(("method", "rung", "rays", "seconds", "error"), found.table()),
     "Bench": lambda found: _shown(
         ("method", "rung", "width", "height", "seconds_median", "rmse", "verdict", "on_frontier"), found.table()
     ),
