@@ -11,6 +11,7 @@ import pytest
 from program import raytwin, refused
 
 from raytwin import bench, files
+from raytwin.analysis.converged import converged
 from raytwin.bench import bench_run as run
 from raytwin.bench.bench_run import reference_of, sized
 from raytwin.compare import METRICS
