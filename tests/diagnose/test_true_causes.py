@@ -166,7 +166,7 @@ def test_a_search_without_time_says_what_it_did_not_try():
     shown = 1.3 * trace(scene).mean
     none = diagnose([SubmittedImage(scene, shown)], seconds=0)
     assert not none.cause
-    assert none.words[-1] == "the search stopped after 0 s: not all known mistakes were tried"
+    assert none.findings[-1].text == "the search stopped after 0 s: not all known mistakes were tried"
     assert diagnose([SubmittedImage(scene, shown)]).untried == ""
 
 

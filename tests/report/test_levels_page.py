@@ -31,8 +31,7 @@ def test_any_two_pictures_are_shown_to_eleven_bits(browse, tmp_path):
       const shown = () => root.dataset.shown;
       await until(shown);
       result.first = shown();
-      const select = document.getElementById("choose-B");
-      select.value = "twin: path"; select.dispatchEvent(new Event("change"));
+      [...document.querySelectorAll('[data-picture="B"]')].find((b) => b.textContent === "twin: path").click();
       await until(() => shown() === "tracer: shadow | twin: path");
       const at = 5 * 32 + 7;
       const here = viewer.read(7, 5);

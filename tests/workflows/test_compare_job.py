@@ -214,7 +214,7 @@ def test_a_subject_with_stages_is_asked_by_stages_first(scenes, tmp_path):
     made = compare_scene(scenes / "overlap", subject=subject, size=(80, 60))
     assert made.comparison.verdict == "fail"
     wrong = "the sun's part is π times too bright: a Lambertian surface reflects albedo/π, not albedo"
-    assert made.comparison.cause == f"shade: {wrong}"
+    assert made.comparison.cause.startswith(f"shade: {wrong}; a place to mend it: line 5: ")
 
 
 def test_a_scene_is_compared_under_a_photos_light(scenes, tmp_path):

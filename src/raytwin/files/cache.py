@@ -105,7 +105,7 @@ def installed(packages: tuple[str, ...]) -> dict[str, str]:
     return found
 
 
-SOURCES = (".py", ".tsv", ".json", ".toml", ".txt")
+SOURCES = (".py", ".tsv", ".json", ".toml")
 """Endings of code and of the tables that it reads."""
 
 
