@@ -116,7 +116,10 @@ def _drawing(found: "LightEstimate", photo: "LinearPhoto") -> dict[str, Any]:
 
     paths = [(" ".join(f"{u:.1f},{v:.1f}" for u, v in upright(line)), *style) for line, *style in lines]
     seen = [(upright(np.array([at]))[0].round(1).tolist(), text) for at, text in labels]
-    border, texts = width / 40, []  # a label that the frame would cut is left out, or that another one would cover
+    border = width / 40
+    texts: list[
+        tuple[float, float, str]
+    ] = []  # a label that the frame would cut is left out, or that another one would cover
     for (u, v), text in sorted(seen, key=lambda label: label[1].isdigit()):  # the axes' names first
         inside = border < u < width - border and border < v < height - border
         if inside and all(abs(u - a) > 2.5 * border or abs(v - b) > 1.2 * border for a, b, _ in texts):
