@@ -9,4 +9,4 @@ from raytwin.twin.mitsuba_render import mitsuba_provenance, mitsuba_reach, mitsu
 from raytwin.twin.opencv_sensor import mitsuba_sensor
 from raytwin.twin.plain import load_plain, render_plain
 from raytwin.twin.rendering import MOST_SAMPLES, SAMPLINGS, provenance, render
-from raytwin.twin.rounding import highlight_rounding, settle
+from raytwin.twin.rounding import settle

@@ -57,15 +57,6 @@ def settle(test: Image, reference: Image, scene: Scene) -> tuple[Image, np.ndarr
     return test, granted, tuple(said)
 
 
-def highlight_rounding(scene: Scene, surface: Surface) -> np.ndarray:
-    """By how much float32 may put the sun's highlight off at each pixel (H, W, 3): |∂L/∂(r·v)| times the error of r·v.
-
-    A normal errs by δ / r, and r·v by 4 times that at most. A sharp lobe makes n / (r·v) times as much of it, where
-    Lambert's law makes 1.
-    """
-    return _highlights(scene, surface)
-
-
 def _rays(scene: Scene, pixels: np.ndarray) -> np.ndarray:
     """The unit directions (k, 3), board axes, through the centres of the pixels of these numbers, row by row."""
     v, u = np.divmod(pixels, scene.camera.width)
@@ -181,6 +172,11 @@ def _with(test: Image, reference: Image, chosen: np.ndarray) -> Image:
 
 
 def _highlights(scene: Scene, surface: Surface) -> np.ndarray:
+    """By how much float32 may put the sun's highlight off at each pixel (H, W, 3): |∂L/∂(r·v)| times the error of r·v.
+
+    A normal errs by δ / r, and r·v by 4 times that at most. A sharp lobe makes n / (r·v) times as much of it, where
+    Lambert's law makes 1.
+    """
     granted = np.zeros((surface.ids.size, 3), np.float32)
     to_light = np.asarray(scene.sun.to_light)
     for i, (thing, reach) in enumerate(zip(scene.objects, _reaches(scene), strict=True)):
