@@ -96,9 +96,9 @@ def test_what_only_ipython_understands_is_taken_out_of_a_cell_and_nothing_else(c
     assert as_python(cell) == plain
 
 
-@pytest.mark.parametrize("line", [" " * 20_000 + "x y", " " * 20_000 + "= x y", "? " * 10_000 + "x", "a," * 10_000])
+@pytest.mark.parametrize("line", [" " * 20_000 + "x y", "x " + "? " * 10_000 + "x", "a," * 10_000 + "b c"])
 def test_a_long_line_is_read_in_time_that_grows_with_its_length(line):
-    """By squares of it, the first two take seconds."""
+    """By squares of it, the first takes seconds."""
     start = time.process_time()
     assert as_python(line) == line
     assert time.process_time() - start < 0.5
