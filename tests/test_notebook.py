@@ -153,6 +153,7 @@ def test_a_scene_changes_by_with():
     assert changed.camera.image_size == (40, 30)
     assert raytwin.trace(changed, "shadow").shape == (30, 40, 3)
     assert ball.with_(center=np.array([1, 2, 3])).center == (1, 2, 3)
+    assert type(ball)(np.array([1.0, 2.0, 3.0]), np.float64(0.1)).with_(radius=0.5).center == (1, 2, 3)
     for record, wrong, said in (
         (ball, {"radius": -1}, "Sphere.radius: expected a number > 0, got -1"),
         (ball, {"radus": 1}, "did you mean radius"),

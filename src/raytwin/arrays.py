@@ -44,6 +44,11 @@ def minimum(a: Any, b: Any) -> Any:
     return library(a, b).minimum(a, b)
 
 
+def power(x: Any, n: Any) -> Any:
+    """xⁿ for x >= 0 and n > 0. Dr.Jit's is NaN in doubles near 2⁻¹⁰²³, so that what is below 2⁻¹⁰⁰⁰ is 2⁻¹⁰⁰⁰ there."""
+    return x**n if (xp := library(x, n)) is np else xp.exp2(xp.maximum(xp.log2(x) * n, -1000))
+
+
 def select(mask: Any, a: Any, b: Any) -> Any:
     """`a` where the mask is true, else `b`; of tuples, one by one."""
     if isinstance(a, tuple):

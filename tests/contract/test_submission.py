@@ -2,6 +2,7 @@
 
 import json
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -93,6 +94,14 @@ def test_a_notebook_is_run_cell_by_cell_without_its_magics_and_a_cell_that_fails
 )
 def test_what_only_ipython_understands_is_taken_out_of_a_cell_and_nothing_else(cell, plain):
     assert as_python(cell) == plain
+
+
+@pytest.mark.parametrize("line", [" " * 20_000 + "x y", "x " + "? " * 10_000 + "x", "a," * 10_000 + "b c"])
+def test_a_long_line_is_read_in_time_that_grows_with_its_length(line):
+    """By squares of it, the first takes seconds."""
+    start = time.process_time()
+    assert as_python(line) == line
+    assert time.process_time() - start < 0.5
 
 
 def test_an_import_that_fails_costs_a_cell_only_what_it_imports(tmp_path):

@@ -70,8 +70,7 @@ def verdicts(scene: Scene, seeds: int) -> Iterator[tuple[str, str]]:
         if not RUNGS[rung].noisy and seed:
             continue
         if RUNGS[rung].noisy:
-            engine = "drjit32" if scene.glossy else "drjit64"  # in doubles, single samples of highlights are NaN
-            mine = speed.walk(scene, rung, engine, samples=SAMPLES, seed=seed, sampling="center")
+            mine = speed.walk(scene, rung, "drjit64", samples=SAMPLES, seed=seed, sampling="center")
         else:
             mine = trace(scene, rung)
         other = twin.render(scene, rung, samples=SAMPLES, seed=seed + 1000, cache=False)

@@ -10,6 +10,7 @@ from scipy import integrate
 from truths import camera_above, glare
 
 from raytwin import files, speed
+from raytwin.arrays import power
 from raytwin.scene import Lambert, Phong, Rectangle, Scene, Sky, Sun
 from raytwin.speed import ENGINES
 from raytwin.tracer.hit import Hit, Specular
@@ -69,6 +70,16 @@ def test_a_sharp_highlight_is_as_exact_as_a_dull_one_on_every_engine(engine, exp
     most = 1e-12 if ENGINES[engine].bits == 64 else 5e-6
     np.testing.assert_allclose(speed.trace(scene, "lambert", engine).mean[..., 0] / expected.max(),
                                expected / expected.max(), rtol=0, atol=max(most, 6e-8))  # fmt: skip
+
+
+def test_far_from_its_peak_a_highlight_is_nothing_on_every_engine(engine):
+    """Where the power leaves the range of doubles, too: (r·v)⁹⁶ is 2⁻¹⁰²³ for r·v = 6e-4."""
+    kind = ENGINES[engine].float_type or np.float64
+    for exponent in (24.0, 96.0, 1e4):
+        x = 2.0 ** (-np.linspace(1000, 1100, 1001) / exponent)
+        found = np.array(power(kind(x), kind(exponent)), float)
+        assert found.max() < 1e-300
+        assert found.min() >= 0
 
 
 def test_under_an_even_sky_a_sheet_shows_what_quadrature_says():

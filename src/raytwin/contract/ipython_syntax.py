@@ -14,8 +14,8 @@ MOST_LINES = 40
 _FORMS = (
     (re.compile(r"(\s*)%time\s+(?=\S)(.*)"), r"\1\2"),  # runs a statement, whose names stay
     (re.compile(r"(\s*)[%!].*"), r"\1pass"),
-    (re.compile(r"(\s*)(\?.*|.*\?)\s*"), r"\1pass"),  # help: `np.cross?`
-    (re.compile(r"(\s*[\w.,\s]+=)\s*[%!].*"), r"\1 None"),  # `names = !ls`
+    (re.compile(r"(\s*)(?=\S)(\?.*|.*\?)\s*"), r"\1pass"),  # help: `np.cross?`
+    (re.compile(r"([\w.,\s]+=)\s*[%!].*"), r"\1 None"),  # `names = !ls`
 )
 
 

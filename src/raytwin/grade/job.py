@@ -14,8 +14,8 @@ from raytwin.sandbox.sandbox import plain
 from raytwin.sandbox.work_folder import MEGA
 
 GRADING_ROOMS = (
-    *("array_types.py", "arrays.py", "errors.py", "image.py", "image_input.py", "image_pool.py", "references.py"),
-    *("rungs.py", "files", "lights", "scene", "tracer"),
+    *("array_types.py", "arrays.py", "errors.py", "image.py", "image_input.py", "image_pool.py", "judging.py"),
+    *("references.py", "rungs.py", "files", "lights", "scene", "tracer"),
     *("compare", "renderers", "diagnose", "contract", "sandbox", "grade"),
 )
 """What decides points and sentences. A result of other code is not reused; a change of a page regrades nobody."""

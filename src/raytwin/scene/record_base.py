@@ -43,15 +43,15 @@ class Record(Row, frozen=True, forbid_unknown_fields=True):
         """
         for name in changes:
             check_one_of(type(self).__name__, name, self.__struct_fields__)
-        values = {name: _listed(value) for name, value in changes.items()}
-        tag = self.__struct_config__.tag
         known = {k: v for k, v in msgspec.structs.asdict(self).items() if v is not msgspec.UNSET}
+        values = {name: _listed(value) for name, value in (known | changes).items()}
+        tag = self.__struct_config__.tag
         try:
-            return msgspec.convert(known | ({"type": tag} if tag else {}) | values, type(self))
+            return msgspec.convert(({"type": tag} if tag else {}) | values, type(self))
         except msgspec.ValidationError as error:
             path, right = explained(error)
             field = re.split(r"[.\[]", path)[0]
-            raise InputError(f"{type(self).__name__}.{field}", right, repr(changes.get(field))) from None
+            raise InputError(f"{type(self).__name__}.{field}", right, repr(values.get(field))) from None
 
 
 def explained(error: msgspec.ValidationError) -> tuple[str, str]:

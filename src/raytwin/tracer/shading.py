@@ -4,7 +4,7 @@ from collections.abc import Callable
 from math import pi
 from typing import Any
 
-from raytwin.arrays import Vec, cosine, dot, maximum, select
+from raytwin.arrays import Vec, cosine, dot, maximum, power, select
 from raytwin.lights import Lighting
 from raytwin.scene import Camera
 from raytwin.tracer.hit import Hit, World
@@ -33,7 +33,7 @@ def highlight(hit: Hit, to_light: Vec) -> Vec:
     apart = tuple(twice * n - to + d for n, to, d in zip(hit.normal, to_light, hit.d, strict=True))
     x = dot(apart, apart) / 2
     along = maximum(1 - x, 0.0)
-    lobe = (exponent + 2) / 2 * along**exponent * (1 + exponent * ((1 - along) - x))
+    lobe = (exponent + 2) / 2 * power(along, exponent) * (1 + exponent * ((1 - along) - x))
     return share[0] * lobe, share[1] * lobe, share[2] * lobe
 
 

@@ -117,13 +117,15 @@ def _undecided(test: Image, reference: Image, scene: Scene) -> np.ndarray:
     undecided, eye, origin = np.zeros(surface.ids.size, bool), np.asarray(scene.camera.eye), place_of(scene).origin
     if test.shape != reference.shape:
         return undecided.reshape(surface.ids.shape)
+    valid = (np.isfinite(test.mean) & (test.mean >= 0)).all(axis=-1)  # rounding makes no other values
     if test.surface is not None and test.surface.ids.shape == surface.ids.shape:
         near = abs(np.subtract(test.surface.depth, surface.depth)) <= SAME_DEPTH * surface.depth
         tied = near & (test.surface.ids >= 0) & (surface.ids >= 0)  # `compare` has a sentence of its own for these
-        other = np.flatnonzero((test.surface.ids != surface.ids) & ~tied)
+        other = np.flatnonzero((test.surface.ids != surface.ids) & ~tied & valid)
         undecided[other] = _grazing(scene, np.broadcast_to(eye, (other.size, 3)), _rays(scene, other), origin, 0.0)
     change = np.abs(np.subtract(test.mean, reference.mean, dtype=np.float32)).max(axis=-1).ravel()
-    seen = np.flatnonzero((change > LEAST_CHANGE * max(sun.irradiance)) & (surface.ids.ravel() >= 0) & ~undecided)
+    lit = valid.ravel() & (surface.ids.ravel() >= 0) & ~undecided
+    seen = np.flatnonzero((change > LEAST_CHANGE * max(sun.irradiance)) & lit)
     if any(sun.irradiance) and seen.size:
         albedo = np.array([thing.material.albedo for thing in scene.objects])[surface.ids.ravel()[seen]]
         facing = np.maximum(surface.normal.reshape(-1, 3)[seen] @ np.asarray(sun.to_light), 0)
