@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from xml.etree import ElementTree
@@ -107,6 +108,15 @@ def test_noisy_methods_have_an_upright_of_two_standard_errors_and_no_others(made
     bars = [line for line in error_chart(made, SIZES[0], "path-area").lines if len(set(line.xs)) == 1]
     expected = [(e.seconds_median, 0.8 * e.rmse, 1.2 * e.rmse) for e in found]
     np.testing.assert_allclose([(line.xs[0], *line.ys) for line in bars], expected)
+
+
+def test_a_method_whose_error_is_no_number_is_left_out_of_the_chart(made):
+    size, truth = made.sizes[0], made.errors[0].truth
+    wrong = (replace_row(made.errors[0], rmse=math.nan, rmse_sigma=math.nan), *made.errors[1:])
+    drawn = error_chart(replace_row(made, errors=wrong), size, truth)
+    assert len(drawn.points) == len(error_chart(made, size, truth).points) - 1
+    alone = replace_row(made, errors=wrong[:1], rows=())
+    assert error_chart(alone, size, truth) is None
 
 
 def test_seconds_against_pixels_have_their_exponents(made):

@@ -58,8 +58,8 @@ def megapixels(size: tuple[int, int]) -> str:
 
 
 def error_chart(bench: Bench, size: tuple[int, int], truth: str) -> Chart | None:
-    """Return every method's RMSE against its seconds, with the standard errors; None where nothing was measured."""
-    found = measured(bench, size, truth)
+    """Return every method's RMSE against its seconds, with the standard errors; None where no RMSE is a number."""
+    found = [r for r in measured(bench, size, truth) if math.isfinite(r.rmse)]
     if not found:
         return None
     floor = found[0].truth_floor
