@@ -249,9 +249,10 @@ def test_a_submission_graded_alone_takes_its_place_in_the_class(graded, tmp_path
     (tmp_path / RESULTS / f"{graded.results['nan'].key}.json").unlink()
     with pytest.raises(InputError, match="expected the stored result of nan"):
         with_class([mended], tmp_path, rubric)
-    (tmp_path / "results.json").write_text("{")
-    with pytest.raises(InputError, match=r"results\.json: expected the results of a class"):
-        with_class([mended], tmp_path, rubric)
+    for damaged in ("{", '{"results": [{"student": [], "key": "a"}]}'):
+        (tmp_path / "results.json").write_text(damaged)
+        with pytest.raises(InputError, match=r"results\.json: expected the results of a class"):
+            with_class([mended], tmp_path, rubric)
 
 
 # ------------------------------------------------------------------------------------------ outputs

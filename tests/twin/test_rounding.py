@@ -180,7 +180,7 @@ def test_a_shadow_is_forgiven_at_its_edge_alone():
         settled, _, said = settle(test, image, scene)
         assert (settled.mean != image.mean).any(axis=-1).sum() == left
         assert len(said) == len(places) - left
-    for wrong in (np.nan, np.inf, -1.0):  # no rounding makes these
+    for wrong in (np.nan, np.inf, -1.0, 50.0):  # no rounding makes these, nor a firefly
         mean = image.mean.copy()
         mean[60, column] = wrong
         settled, _, said = settle(replace(image, mean=mean), image, scene)

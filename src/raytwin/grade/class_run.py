@@ -95,6 +95,17 @@ def run(
     return [said(result) for result in made]
 
 
+class _Listed(msgspec.Struct):
+    student: str
+    key: str
+
+
+class _Class(msgspec.Struct):
+    """What is read of results.json."""
+
+    results: list[_Listed]
+
+
 def with_class(results: Sequence[Result], out: Path, rubric: Rubric) -> list[Result]:
     """One submission's result among those of the class that `out` holds; alone where it holds none.
 
@@ -104,8 +115,8 @@ def with_class(results: Sequence[Result], out: Path, rubric: Rubric) -> list[Res
     if len(results) != 1 or not listed.exists():
         return list(results)
     try:
-        keys = [(row["student"], row["key"]) for row in msgspec.json.decode(listed.read_bytes())["results"]]
-    except (OSError, msgspec.DecodeError, KeyError, TypeError) as error:
+        keys = [(row.student, row.key) for row in msgspec.json.decode(listed.read_bytes(), type=_Class).results]
+    except (OSError, msgspec.DecodeError) as error:
         raise InputError(listed, "the results of a class", error) from None
     found = {results[0].student: results[0]}
     for student, key in keys:

@@ -25,6 +25,8 @@ distance."""
 
 SUNLIGHT, LEAST_CHANGE = 0.5, 1e-3
 """Changes of radiance below this part of the sun's light on a pixel, or of its irradiance, leave a shadow as it is."""
+MOST_CHANGE = 2.0
+"""Times the sun's light on a pixel: a larger change is no shadow, but a firefly. Noise and other light leave room."""
 
 
 SAME_DEPTH = 1e-4
@@ -130,7 +132,9 @@ def _undecided(test: Image, reference: Image, scene: Scene) -> np.ndarray:
         albedo = np.array([thing.material.albedo for thing in scene.objects])[surface.ids.ravel()[seen]]
         facing = np.maximum(surface.normal.reshape(-1, 3)[seen] @ np.asarray(sun.to_light), 0)
         term = (albedo * np.asarray(sun.irradiance)).max(axis=1) / np.pi * facing
-        seen = seen[(change[seen] > SUNLIGHT * term) & (term > LEAST_CHANGE * max(sun.irradiance))]
+        all_of_it = term if not scene.glossy else np.inf  # a highlight's is not bounded by Lambert's law
+        part_of_it = (change[seen] > SUNLIGHT * term) & (change[seen] <= MOST_CHANGE * all_of_it)
+        seen = seen[part_of_it & (term > LEAST_CHANGE * max(sun.irradiance))]
         points = eye + surface.depth.ravel()[seen, None] * _rays(scene, seen)
         lift = SPHERE_OFFSET * max((thing.radius for thing in scene.spheres), default=0.0)
         toward = np.broadcast_to(sun.to_light, points.shape)
