@@ -89,7 +89,7 @@ ENTRIES = (
         "Sun and sky from an orange ball and a pin in two photos, with what each model predicts.",
         (
             "light {root}/scenes/desk/lit --board {root}/scenes/desk/board.toml"
-            " --camera {root}/scenes/desk/lit/camera.toml --ball=-0.065,0.15,0.018,0.02"
+            " --camera {root}/scenes/desk/lit/camera.toml --ball=-0.075,0.05,0.028,0.03"
             " --stand 0.095,0.095,0.03 -o light.toml",
         ),
     ),
