@@ -86,7 +86,7 @@ ENTRIES = (
     ),
     Entry(
         "light", "light.html", "The light of a photo",
-        "Sun and sky from an orange ball and a pin in two photos, with what each model predicts.",
+        "Sun and sky from a mirror ball and a pin in two photos, with what each model predicts.",
         (
             "light {root}/scenes/desk/lit --board {root}/scenes/desk/board.toml"
             " --camera {root}/scenes/desk/lit/camera.toml --ball=-0.075,0.05,0.028,0.03"
