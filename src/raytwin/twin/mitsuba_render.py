@@ -15,7 +15,6 @@ from raytwin.scene.mitsuba_scene import MitsubaScene
 from raytwin.twin import render_cache
 from raytwin.twin.backend import activate, made_with
 from raytwin.twin.plain import LANES
-from raytwin.twin.rendering import pooled
 
 BATCHES = 16
 """Independent renders behind a variance."""
@@ -50,10 +49,13 @@ def _pooled(scene: MitsubaScene, samples: int, seed: int, batches: int, progress
     each, means = -(-samples // batches), []
     for k in range(batches):
         progress("twin", k, batches)
-        means.append(_rendered(scene, loaded, each, (seed, k)).reshape(-1, 3))
+        means.append(_rendered(scene, loaded, each, (seed, k)).reshape(height, width, 3))
     progress("twin", batches, batches)
-    mean, variance = (x.astype(np.float32).reshape(height, width, 3) for x in pooled([np.stack(means, 1)], [each]))
-    return Image(mean, variance if batches > 1 else None, each * batches, _surface(scene, loaded), batches)
+    mean = np.mean(means, axis=0, dtype=float).astype(np.float32)
+    variance = None
+    if batches > 1:
+        variance = (np.var(means, axis=0, ddof=1, dtype=float) / batches).astype(np.float32)
+    return Image(mean, variance, each * batches, _surface(scene, loaded), batches)
 
 
 def mitsuba_provenance(

@@ -211,21 +211,27 @@ def _sampled(
             else:
                 colour = twin.bounced(twin.look(pixel), sampler)
             dr.eval(colour)  # all channels in one kernel: block_sum would run it once for each
-            sums = [dr.block_sum(double(c), size).numpy().reshape(b - a, number) / size for c in colour]
-            parts.append(np.stack(sums, axis=2))
-        mean[a:b], variance[a:b] = pooled(parts, [size for size, _ in kinds])
+            parts.append([dr.block_sum(double(c), size) / size for c in colour])
+        for channel in range(3):
+            found = pooled([part[channel] for part in parts], kinds)
+            mean[a:b, channel], variance[a:b, channel] = (x.numpy() for x in found)
         say(b / n)
     return mean.reshape(*shape, 3), variance.reshape(*shape, 3) if plan.batches > 1 else None
 
 
-def pooled(parts: Sequence[np.ndarray], sizes: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    """The mean of all samples and the variance of that mean (n, 3); 0 from a single batch, which has none.
+def pooled(parts: Sequence[Any], kinds: Sequence[tuple[int, int]]) -> tuple[Any, Any]:
+    """The mean of all samples and the variance of that mean, for n pixels; 0 from a single batch, which has none.
 
-    `parts`: the means of batches (n, number, 3), a part for each of the `sizes`. With sizes k, means m and the mean of
-    all M, Σ k (m - M)² is (number of batches - 1) times the variance of one sample, also where sizes differ.
+    `kinds`: how many samples a batch has, and how many such batches. `parts`: of each kind the means of its batches,
+    pixel by pixel, a float64 array of Dr.Jit. With sizes k, means m and the mean of all M, Σ k (m - M)² is (number of
+    batches - 1) times the variance of one sample, also where sizes differ.
     """
-    numbers = [part.shape[1] for part in parts]
-    samples, batches = sum(k * n for k, n in zip(sizes, numbers, strict=True)), sum(numbers)
-    mean = sum(k * part.sum(axis=1) for k, part in zip(sizes, parts, strict=True)) / samples
-    spread = sum(k * np.square(part - mean[:, None]).sum(axis=1) for k, part in zip(sizes, parts, strict=True))
+    import drjit as dr
+
+    samples, batches = sum(k * n for k, n in kinds), sum(n for _, n in kinds)
+    mean = sum(k * dr.block_sum(part, n) for part, (k, n) in zip(parts, kinds, strict=True)) / samples
+    dr.eval(mean)
+    spread = sum(
+        k * dr.block_sum(dr.square(part - dr.repeat(mean, n)), n) for part, (k, n) in zip(parts, kinds, strict=True)
+    )
     return mean, spread / (max(1, batches - 1) * samples)
