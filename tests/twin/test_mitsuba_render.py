@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 from counting import lines
+from mitsuba_windows import with_window
 
 from raytwin import files, twin
 from raytwin.compare import compare
@@ -80,7 +81,7 @@ def test_an_integrator_that_renders_no_colours_is_refused(tmp_path):
 
 
 def test_a_film_with_a_window_shows_the_same_at_every_size(tmp_path):
-    window = files.with_window(scene_of(tmp_path, BALL), 6, 4, 7, 5)
+    window = with_window(scene_of(tmp_path, BALL), 6, 4, 7, 5)
     larger = files.with_film(window, 21, 15)
     assert (window.image_size, larger.image_size) == ((7, 5), (21, 15))
     ids, more = (twin.render_mitsuba(scene, 1).surface.ids for scene in (window, larger))
@@ -151,7 +152,7 @@ def test_batches_share_no_random_number_and_seeds_none_either(tmp_path):
 
 def test_a_crop_shows_the_same_part(tmp_path):
     whole = twin.render_mitsuba(scene_of(tmp_path, BALL), 4).surface
-    cropped = files.with_window(scene_of(tmp_path, BALL), 6, 4, 7, 5)
+    cropped = with_window(scene_of(tmp_path, BALL), 6, 4, 7, 5)
     part = twin.render_mitsuba(cropped, 4).surface
     assert part is not None
     assert whole is not None

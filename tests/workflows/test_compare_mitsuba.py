@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mitsuba_windows import with_window
 
 from raytwin import files, references, twin
 from raytwin.errors import InputError
@@ -96,7 +97,7 @@ def test_a_reference_of_a_file_is_made_checked_and_goes_stale_with_its_mesh(glas
 
 def test_a_reference_of_a_film_with_a_window_is_the_part_that_it_shows(glass, tmp_path):
     whole = twin.render_mitsuba(files.read_mitsuba(glass), 64, 1)
-    files.write_mitsuba(files.with_window(files.read_mitsuba(glass), 20, 10, 16, 12), glass)
+    files.write_mitsuba(with_window(files.read_mitsuba(glass), 20, 10, 16, 12), glass)
     made = make_reference.make(glass, "path", tmp_path / "reference", samples=64).new
     references.save(made)
     np.testing.assert_array_equal(made.image.surface.ids, whole.surface.ids[10:22, 20:36])

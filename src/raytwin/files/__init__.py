@@ -11,13 +11,11 @@ from raytwin.files.mitsuba_file import (
     ALLOW,
     allowed,
     as_loaded,
-    edited,
     is_mitsuba,
     mitsuba_plugins,
     read_mitsuba,
     with_film,
     with_pose,
-    with_window,
     write_mitsuba,
 )
 from raytwin.files.photo_files import (

@@ -278,13 +278,6 @@ def with_film(scene: MitsubaScene, width: int, height: int) -> MitsubaScene:
     return _with_film(scene, new)
 
 
-def with_window(scene: MitsubaScene, x: int, y: int, width: int, height: int) -> MitsubaScene:
-    """The scene that shows this part of its image alone, from pixel (x, y) on."""
-    film = _film(Path(scene.file), ET.fromstring(scene.text))
-    window = {"crop_offset_x": film["crop_offset_x"] + x, "crop_offset_y": film["crop_offset_y"] + y}
-    return _with_film(scene, film | window | {"crop_width": width, "crop_height": height})
-
-
 def _with_film(scene: MitsubaScene, integers: dict[str, int]) -> MitsubaScene:
     """The scene whose film has these numbers of pixels, and no others."""
     root = ET.fromstring(scene.text)
@@ -298,7 +291,7 @@ def _with_film(scene: MitsubaScene, integers: dict[str, int]) -> MitsubaScene:
         film.remove(element)
     for name, value in integers.items():
         ET.SubElement(film, "integer", {"name": name, "value": str(value)})
-    return edited(scene, root)
+    return _edited(scene, root)
 
 
 def with_pose(scene: MitsubaScene, to_world: list[float]) -> MitsubaScene:
@@ -310,10 +303,10 @@ def with_pose(scene: MitsubaScene, to_world: list[float]) -> MitsubaScene:
         sensor.remove(element)
     transform = ET.SubElement(sensor, "transform", {"name": "to_world"})
     ET.SubElement(transform, "matrix", {"value": " ".join(map(repr, to_world))})
-    return edited(scene, root)
+    return _edited(scene, root)
 
 
-def edited(scene: MitsubaScene, root: ET.Element) -> MitsubaScene:
+def _edited(scene: MitsubaScene, root: ET.Element) -> MitsubaScene:
     """The scene with other elements, which name no further files."""
     named = {element.get(key, "") for element in root.iter() for key in _files_of(element)}
     names = {shape.get("id", "") for shape in root.iter("shape")}
@@ -326,7 +319,7 @@ def edited(scene: MitsubaScene, root: ET.Element) -> MitsubaScene:
     )
 
 
-def write_mitsuba(scene: MitsubaScene, folder: Path, comment: str = "") -> MitsubaScene:
+def write_mitsuba(scene: MitsubaScene, folder: Path) -> MitsubaScene:
     """Write the scene as `folder`/scene.xml with copies of all files that it names; the scene as it lies there."""
     root, names = ET.fromstring(scene.text), {}
     for name in scene.files:
@@ -341,8 +334,7 @@ def write_mitsuba(scene: MitsubaScene, folder: Path, comment: str = "") -> Mitsu
             element.set(key, names.get(element.get(key, ""), element.get(key, "")))
     ET.indent(root)
     text = ET.tostring(root, "unicode")
-    said = f"<!--\n{comment.replace('--', '- -')}\n-->\n" if comment else ""
-    write_text(folder / "scene.xml", f"{said}{text}\n")
+    write_text(folder / "scene.xml", f"{text}\n")
     named = {names[name]: digest for name, digest in scene.files.items()}
     file = str((folder / "scene.xml").absolute())
     return msgspec.structs.replace(scene, text=text, file=file, folder=str(folder.absolute()), files=named)
