@@ -99,7 +99,8 @@ ENTRIES = (
         (
             "photo board --columns 5 --rows 7 --tag 30mm --pitch 38mm --paper letter -o board.pdf",
             "photo simulate --board board.toml --scene desk --count 6 --size 480x360 --samples 4 -o plain",
-            "photo simulate --board board.toml --scene desk --count 6 --size 480x360 --samples 4 --with-objects -o true",
+            "photo simulate --board board.toml --scene desk --count 6 --size 480x360 --samples 4"
+            " --with-objects -o true",
             "photo calibrate plain --board board.toml -o camera.toml",
             "photo draw plain/photo_00.jpg --scene desk --board board.toml --camera camera.toml --against true -o out",
             "diff out/photo_00.jpg true/photo_00.jpg -o out",
