@@ -15,7 +15,6 @@ from raytwin.files.mitsuba_file import (
     mitsuba_plugins,
     read_mitsuba,
     with_film,
-    with_pose,
     write_mitsuba,
 )
 from raytwin.files.photo_files import (
