@@ -1,4 +1,4 @@
-"""raytwin export: what other renderers are told is the scene, and they render the same picture from it."""
+"""raytwin scenes export: what other renderers are told is the scene, and they render the same picture from it."""
 
 import json
 import os

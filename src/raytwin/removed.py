@@ -9,12 +9,12 @@ COMMANDS: dict[str, str] = {
     "bench --spheres": "Use pytest-benchmark (pip install 'raytwin[bench]') with scenes of so many spheres.",
     "bench calibration": "Use `python -m measure.calibration_cost`, in tests/ of the repository.",
     "bench paper": "Use `python -m measure.paper`, in tests/ of the repository.",
-    "board --import": 'Use a board.toml: "Use your own photos" in the docs writes one from a trusted pickle.',
-    "board --name": "Use a board.toml: one file per board.",
-    "board --unit": "Use a board.toml, whose lengths are metres.",
-    "board --y-down": "Use a board.toml, whose Y points up.",
-    "calibrate --bend": "Use the number in mm that calibrate prints; --json has each tag's offset.",
-    "calibrate --uncertainty": "Use -o camera.toml: the page beside it has the map of uncertainty.",
+    "photo board --import": 'Use a board.toml: "Use your own photos" in the docs writes one from a trusted pickle.',
+    "photo board --name": "Use a board.toml: one file per board.",
+    "photo board --unit": "Use a board.toml, whose lengths are metres.",
+    "photo board --y-down": "Use a board.toml, whose Y points up.",
+    "photo calibrate --bend": "Use the number in mm that it prints; --json has each tag's offset.",
+    "photo calibrate --uncertainty": "Use -o camera.toml: the page beside it has the map of uncertainty.",
     "diff --allow-failures": "Use OpenImageIO's idiff -allowfailures.",
     "diff --allowfailures": "Use OpenImageIO's idiff -allowfailures.",
     "diff --fail": "Use OpenImageIO's idiff -fail.",
@@ -35,14 +35,25 @@ COMMANDS: dict[str, str] = {
     "ladder": "Use `raytwin levels SCENE`.",
     "matrix": "Use `raytwin bench SCENE... --subject A --subject B`, or pytest as docs/howto/pytest.md shows.",
     "needs": "Use `raytwin levels SCENE --tolerance T`.",
-    "photograph --ball": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
-    "photograph --exposure": "Scale the sun and the sky of the scene that --scene names.",
-    "photograph --mirror": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
-    "photograph --stand": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
+    "photo simulate --ball": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
+    "photo simulate --exposure": "Scale the sun and the sky of the scene that --scene names.",
+    "photo simulate --mirror": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
+    "photo simulate --stand": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
     "reference make --shard": "Use --jobs N on one machine, or --dask ADDRESS on several.",
     "shrink --allow": "Use a scene.toml: shrink takes no Mitsuba files, which alone have plugins.",
 }
 """Words of the command line ("bench paper", "diff --fail") -> what to use instead, a sentence."""
+
+MOVED: dict[str, str] = {
+    "augment": "photo draw",
+    "board": "photo board",
+    "calibrate": "photo calibrate",
+    "export": "scenes export",
+    "grade gradescope-zip": "grade zip",
+    "light": "photo light",
+    "photograph": "photo simulate",
+}
+"""Old name of a command -> its name today. The old name does the same, and `--help` does not list it."""
 
 NAMES: dict[str, str] = {
     "ladder": "Use raytwin.levels(scene).",
@@ -69,6 +80,19 @@ def removed_renderer(name: str) -> str | None:
     """
     instead = next((text for start, text in RENDERERS.items() if name.startswith(start)), None)
     return instead and f"`{name}` was removed in 0.2.0. {instead}"
+
+
+def moved_command(words: Sequence[str]) -> list[str]:
+    """Return the command line's words with the name that a command has today.
+
+    >>> moved_command(["augment", "photo.jpg"])
+    ['photo', 'draw', 'photo.jpg']
+    """
+    for old, new in MOVED.items():
+        length = len(old.split())
+        if " ".join(words[:length]) == old:
+            return [*new.split(), *words[length:]]
+    return list(words)
 
 
 def removed_command(words: Sequence[str]) -> str | None:

@@ -1,22 +1,23 @@
-"""raytwin scenes, export: what there is to render, a copy of one to change, one for other renderers."""
+"""raytwin scenes: what there is to render, a copy of one to change, one for other renderers."""
 
 from pathlib import Path
 
 import typer
 
 from raytwin.cli.option_values import check_outputs
-from raytwin.cli.options import Size, register
+from raytwin.cli.options import Size, group, register
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError
 
-app = typer.Typer()
+app = group("list", alone=True)
+
+SEEN = 0.01
+"""Pixels: what a lens that is left out may move without a word."""
 
 
-@app.callback(invoke_without_command=True)
-def list_command(context: typer.Context) -> None:
-    if context.invoked_subcommand:
-        return
+def list_command() -> None:
+    """List the built-in scenes, and those in a folder scenes/ here."""
     from raytwin import files
 
     for row in files.scenes():
@@ -28,13 +29,6 @@ def copy_command(scene: Path, out: Path | None = None) -> None:
     from raytwin import files
 
     say(files.copy_scene(scene, out or Path(files.find_scene(scene).parent.name)))
-
-
-register(app, {"copy": copy_command}, within="scenes")
-
-
-SEEN = 0.01
-"""Pixels: what a lens that is left out may move without a word."""
 
 
 def export_command(
@@ -83,3 +77,6 @@ def export_command(
         typer.echo(text, nl=False)
     else:
         files.write_text(out, text)
+
+
+register(app, {"list": list_command, "copy": copy_command, "export": export_command}, within="scenes")
