@@ -10,13 +10,13 @@ IDIFF = (
 """Options of OpenImageIO's idiff that `diff` had."""
 
 COMMANDS: dict[str, str] = {
-    "bench --against": "Use pytest-benchmark (pip install 'raytwin[bench]'), as docs/howto/measure-speed.md shows.",
+    "bench --against": "Use pytest-benchmark (pip install 'raytwin[bench]'), as docs/renderer.md shows.",
     "bench --flip": "Use diff --flip on two images.",
-    "bench --save": "Use pytest-benchmark (pip install 'raytwin[bench]'), as docs/howto/measure-speed.md shows.",
+    "bench --save": "Use pytest-benchmark (pip install 'raytwin[bench]'), as docs/renderer.md shows.",
     "bench --spheres": "Use pytest-benchmark (pip install 'raytwin[bench]') with scenes of so many spheres.",
     "bench calibration": "Use `python -m measure.calibration_cost`, in tests/ of the repository.",
     "bench paper": "Use `python -m measure.paper`, in tests/ of the repository.",
-    "photo board --import": 'Use a board.toml: "Use your own photos" in the docs writes one from a trusted pickle.',
+    "photo board --import": "Use a board.toml: docs/photos.md writes one from a trusted pickle.",
     "photo board --name": "Use a board.toml: one file per board.",
     "photo board --unit": "Use a board.toml, whose lengths are metres.",
     "photo board --y-down": "Use a board.toml, whose Y points up.",
@@ -25,7 +25,7 @@ COMMANDS: dict[str, str] = {
     **{f"diff --{option}": f"Use OpenImageIO's idiff -{option.replace('-', '')}." for option in IDIFF},
     "grade --shard": "Use --jobs N on one machine, or --dask ADDRESS on several.",
     "ladder": "Use `raytwin levels SCENE`.",
-    "matrix": "Use `raytwin bench SCENE... --subject A --subject B`, or pytest as docs/howto/pytest.md shows.",
+    "matrix": "Use `raytwin bench SCENE... --subject A --subject B`, or pytest as docs/renderer.md shows.",
     "needs": "Use `raytwin levels SCENE --tolerance T`.",
     "photo simulate --ball": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
     "photo simulate --exposure": "Scale the sun and the sky of the scene that --scene names.",
