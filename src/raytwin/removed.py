@@ -2,6 +2,13 @@
 
 from collections.abc import Sequence
 
+IDIFF = (
+    "allow-failures", "allowfailures", "fail", "fail-percent", "fail-relative", "failpercent", "failrelative",
+    "hard-fail", "hard-warn", "hardfail", "hardwarn", "warn", "warn-percent", "warn-relative", "warnpercent",
+    "warnrelative",
+)  # fmt: skip
+"""Options of OpenImageIO's idiff that `diff` had."""
+
 COMMANDS: dict[str, str] = {
     "bench --against": "Use pytest-benchmark (pip install 'raytwin[bench]'), as docs/renderer.md shows.",
     "bench --flip": "Use diff --flip on two images.",
@@ -15,22 +22,7 @@ COMMANDS: dict[str, str] = {
     "photo board --y-down": "Use a board.toml, whose Y points up.",
     "photo calibrate --bend": "Use the number in mm that it prints; --json has each tag's offset.",
     "photo calibrate --uncertainty": "Use -o camera.toml: the page beside it has the map of uncertainty.",
-    "diff --allow-failures": "Use OpenImageIO's idiff -allowfailures.",
-    "diff --allowfailures": "Use OpenImageIO's idiff -allowfailures.",
-    "diff --fail": "Use OpenImageIO's idiff -fail.",
-    "diff --fail-percent": "Use OpenImageIO's idiff -failpercent.",
-    "diff --fail-relative": "Use OpenImageIO's idiff -failrelative.",
-    "diff --failpercent": "Use OpenImageIO's idiff -failpercent.",
-    "diff --failrelative": "Use OpenImageIO's idiff -failrelative.",
-    "diff --hard-fail": "Use OpenImageIO's idiff -hardfail.",
-    "diff --hard-warn": "Use OpenImageIO's idiff -hardwarn.",
-    "diff --hardfail": "Use OpenImageIO's idiff -hardfail.",
-    "diff --hardwarn": "Use OpenImageIO's idiff -hardwarn.",
-    "diff --warn": "Use OpenImageIO's idiff -warn.",
-    "diff --warn-percent": "Use OpenImageIO's idiff -warnpercent.",
-    "diff --warn-relative": "Use OpenImageIO's idiff -warnrelative.",
-    "diff --warnpercent": "Use OpenImageIO's idiff -warnpercent.",
-    "diff --warnrelative": "Use OpenImageIO's idiff -warnrelative.",
+    **{f"diff --{option}": f"Use OpenImageIO's idiff -{option.replace('-', '')}." for option in IDIFF},
     "grade --shard": "Use --jobs N on one machine, or --dask ADDRESS on several.",
     "ladder": "Use `raytwin levels SCENE`.",
     "matrix": "Use `raytwin bench SCENE... --subject A --subject B`, or pytest as docs/renderer.md shows.",
@@ -39,7 +31,11 @@ COMMANDS: dict[str, str] = {
     "photo simulate --exposure": "Scale the sun and the sky of the scene that --scene names.",
     "photo simulate --mirror": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
     "photo simulate --stand": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
-    "reference make --shard": "Use --jobs N on one machine, or --dask ADDRESS on several.",
+    "reference diff": "Use `reference make --again`, which shows changes and asks; `diff A B` on two folders.",
+    "reference make --dask": "Use one `reference make SCENE` per machine.",
+    "reference make --jobs": "Leave it out: Mitsuba renders on every core.",
+    "reference make -j": "Leave it out: Mitsuba renders on every core.",
+    "reference make --shard": "Use one `reference make SCENE` per machine.",
     "shrink --allow": "Use a scene.toml: shrink takes no Mitsuba files, which alone have plugins.",
 }
 """Words of the command line ("bench paper", "diff --fail") -> what to use instead, a sentence."""

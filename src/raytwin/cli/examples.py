@@ -21,7 +21,6 @@ EXAMPLES = {
     "reference.make": "raytwin reference make overlap --rung shadow",
     "reference.check": "raytwin reference check overlap",
     "reference.show": "raytwin reference show overlap",
-    "reference.diff": "raytwin reference diff overlap --against other",
     "grade": "raytwin grade submissions --rubric rubric.toml",
     "grade.class": "raytwin grade submissions --rubric rubric.toml --jobs 4",
     "grade.starter": "raytwin grade starter -o tracer.py",

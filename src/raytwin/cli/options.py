@@ -285,7 +285,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "again": _opt("Render even what is up to date.", None, "--again"),
         "yes": _opt("Replace old references without asking.", None, "--yes", "-y"),
         "whole": _opt("Print everything known of each.", None, "--all"),
-        "against": _opt("Another folder of references.", "DIR"),
     },
     "reference.check": {
         "budget": _opt("Most samples per pixel, or time (30s), per reference.", "N|TIME", "--budget", "--samples"),

@@ -41,10 +41,11 @@ def export_command(
     """
     from raytwin import files
     from raytwin.errors import check_one_of
-    from raytwin.renderers.mitsuba_xml import mitsuba_xml as as_xml
-    from raytwin.renderers.mitsuba_xml import moved_by, too_large_for_mitsuba
     from raytwin.renderers.scene_exchange import as_arrays, as_json
     from raytwin.rungs import RUNGS
+    from raytwin.twin.mitsuba_xml import mitsuba_xml as as_xml
+    from raytwin.twin.mitsuba_xml import moved_by
+    from raytwin.twin.rounding import extreme_spheres
 
     if json == mitsuba_xml:
         raise InputError("--json, --mitsuba-xml", "one of them", "both" if json else "neither")
@@ -69,9 +70,9 @@ def export_command(
                 f"raytwin: the XML has neither distortion nor a second focal length: it sees up to {moved:.1f} px off",
                 err=True,
             )
-        if large := too_large_for_mitsuba(made):
-            names = ", ".join(f"object-{i}" for i in large)
-            say(f"raytwin: large beside their distance, Mitsuba's float32 may shade them falsely: {names}", err=True)
+        if coarse := extreme_spheres(made):
+            names = ", ".join(f"object-{i}" for i in coarse)
+            say(f"raytwin: very large or very far away, Mitsuba's float32 may shade them falsely: {names}", err=True)
     if out is None:
         typer.echo(text, nl=False)
     else:

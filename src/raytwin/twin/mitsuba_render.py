@@ -66,25 +66,6 @@ def mitsuba_provenance(
     return about | {"samples": str(samples), "seed": str(seed), "batches": str(batches)}
 
 
-def mitsuba_surface(scene: MitsubaScene) -> Surface:
-    """What the center of each pixel sees."""
-    activate()
-    return _surface(scene, _loaded(scene))
-
-
-def mitsuba_reach(scene: MitsubaScene) -> tuple[np.ndarray, np.ndarray]:
-    """The first sensor's `to_world` (4, 4), and how far each shape's box reaches in front of it; negative: behind."""
-    activate()
-    loaded = _loaded(scene)
-    pose = np.array(loaded.sensors()[0].world_transform().matrix, np.float64).reshape(4, 4)
-    forward = np.linalg.inv(pose)[2]
-    reach = []
-    for shape in loaded.shapes():
-        low, high = (np.array(corner, np.float64).ravel() for corner in (shape.bbox().min, shape.bbox().max))
-        reach.append(forward[3] + np.maximum(forward[:3] * low, forward[:3] * high).sum())
-    return pose, np.array(reach)
-
-
 def _loaded(scene: MitsubaScene) -> Any:
     """Mitsuba's scene, without `optimize`, which would merge shapes and let light leak (see twin_scene.load)."""
     import mitsuba as mi
