@@ -84,8 +84,8 @@ class Exercise(Record, frozen=True):
 class Speed(Record, frozen=True):
     """Speed against accuracy, of the drawn scenes of the exercise `of`: a leaderboard, and a bonus if wanted.
 
-    The whole `bonus` at `fast` seconds a picture or fewer, none at `slow`, in between by the logarithm; only where every
-    exercise is passed.
+    The whole `bonus` at `fast` seconds a picture or fewer, none at `slow`, in between by the logarithm; only where
+    every exercise is passed.
     """
 
     of: str
