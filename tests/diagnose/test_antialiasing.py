@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from raytwin.diagnose.averaged_pixels import AVERAGED
+from raytwin.diagnose.catalogue import AVERAGED
 from raytwin.diagnose.predict import applied
 
 

@@ -5,7 +5,7 @@ Each family is a change of the tracer with parameters. They are found by least s
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import pi
 from typing import Any
 
@@ -250,44 +250,8 @@ def _resized(factor: float) -> Pipeline:
         "things": [x | {"radius": factor * x["radius"]} if is_ball(x) else x for x in scene["things"]]})  # fmt: skip
 
 
-def fit(
-    family: ParametricFault,
-    samples: Sequence[PixelSample],
-    over: Callable[[], bool] = lambda: False,
-) -> tuple[tuple[float, ...], float]:
-    """The parameters that explain most, and their cost, the mean over sights; as far as it comes until `over`."""
-    made = [_nearer(family, samples, p, 9, over)[0] for p in (family.start, *family.tries)]
-    return min(((p, total(samples, family.make(p))) for p in made), key=lambda x: x[1])
-
-
-def promising(
-    families: Sequence[ParametricFault],
-    samples: Sequence[PixelSample],
-    most: int,
-    over: Callable[[], bool] = lambda: False,
-) -> list[ParametricFault]:
-    """Those whose first step explains most, each begun at its best place, of as many as are tried until `over`."""
-    tried: dict[str, tuple[float, ParametricFault]] = {}
-    for family, start in ((f, p) for f in families for p in (f.start, *f.tries)):
-        if over():
-            break
-        p, cost = _nearer(family, samples, start, 1, over)
-        begun = cost, replace(family, start=p, tries=())
-        tried[family.name] = min(tried.get(family.name, begun), begun, key=lambda x: x[0])
-    return [family for _, family in sorted(tried.values(), key=lambda x: x[0])[:most]]
-
-
-def total(samples: Sequence[PixelSample], steps: Pipeline) -> float:
-    """The mean cost."""
-    return float(np.mean([s.cost(s.errors(steps)) for s in samples]))
-
-
-def _nearer(
-    family: ParametricFault,
-    samples: Sequence[PixelSample],
-    start: tuple[float, ...],
-    rounds: int,
-    over: Callable[[], bool],
+def nearer(
+    family: ParametricFault, samples: Sequence[PixelSample], start: tuple[float, ...], rounds: int = 9
 ) -> tuple[tuple[float, ...], float]:
     """Parameters that explain more, and their cost: least squares whose tolerance shrinks from round to round.
 
@@ -312,8 +276,6 @@ def _nearer(
     large = np.abs(off(q))
     width = 2 * float(np.quantile(large[large > 1], 0.9)) if (large > 1).any() else 1.0
     for k in range(rounds):
-        if over():
-            break
         step = (1 if width > 1 else 0.1) / REACH
         found = least_squares(off, q, loss=loss, f_scale=width, diff_step=step, max_nfev=3 if rounds == 1 else 4)
         q, cost = found.x, 2 * found.cost / width**2
