@@ -7,10 +7,10 @@ from raytwin import files
 from raytwin.diagnose import draw_scene
 from raytwin.diagnose.catalogue import ACNE, AVERAGED, FAULTS
 from raytwin.diagnose.changes import STAGES
-from raytwin.diagnose.diagnosis import SPECKLED, Cause, SubmittedImage, diagnose, explain
+from raytwin.diagnose.diagnosis import SPECKLED, Cause, diagnose, explain
 from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import whereabouts
-from raytwin.diagnose.pixel_sample import _mixed, look
+from raytwin.diagnose.pixel_sample import SubmittedImage, look, mixed
 from raytwin.diagnose.predict import RIGHT, predictor
 from raytwin.diagnose.search import Hypothesis, ranked
 from raytwin.files.rounding import half_code
@@ -134,15 +134,16 @@ def test_faults_that_give_the_same_pictures_are_both_named():
     assert made.sentences[1].startswith("or, with the same effect here: ")
 
 
+@pytest.mark.parametrize("name", ["first-wins", "wrong-eye"])
 @pytest.mark.parametrize("composed", [True, False])
-def test_points_that_are_composed_say_nothing_of_the_order(composed):
-    """There the order along a ray is ours: right points speak against a wrong order of the submission's own alone."""
+def test_points_that_are_composed_say_nothing_of_the_order_and_the_eye(composed, name):
+    """There both are ours: correct points speak against such a mistake in the submission's own functions alone."""
     camera = SCENES[1].camera
     right = predictor(msgspec.structs.replace(SCENES[1], objects=SCENES[1].spheres)).points()
     sight = look(
         SubmittedImage(SCENES[1], right.reshape(camera.height, camera.width, 3), points=True, composed=composed)
     )
-    cost = sight.squared(sight.predict(fault("first-wins").ways[0]))
+    cost = sight.squared(sight.predict(fault(name).ways[0]))
     assert (cost == 0) == composed
 
 
@@ -321,8 +322,8 @@ def test_pixels_that_are_wrong_by_chance_are_speckled_and_regions_are_not(share)
     rng = np.random.default_rng(5)
     x, y = np.meshgrid(np.arange(120), np.arange(90))
     disc = (x - 60) ** 2 + (y - 45) ** 2 < share * 120 * 90 / np.pi
-    assert _mixed(disc) < SPECKLED < _mixed(rng.random(disc.shape) < share)
-    assert _mixed(disc | (rng.random(disc.shape) < 0.05)) > SPECKLED
+    assert mixed(disc) < SPECKLED < mixed(rng.random(disc.shape) < share)
+    assert mixed(disc | (rng.random(disc.shape) < 0.05)) > SPECKLED
 
 
 def test_acne_that_darkens_most_of_a_table_is_named():

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from raytwin.diagnose.changes import given
 from raytwin.diagnose.draw_scene import draw_scene
 from raytwin.diagnose.pixel_sample import SubmittedImage, look
 from raytwin.diagnose.predict import RIGHT, predictor, slip, slips, text_of
@@ -33,7 +32,7 @@ def test_slips_in_one_function_add_up_and_those_that_exclude_one_another_are_ref
 
 def test_slips_that_do_not_go_with_another_change_predict_nothing():
     (summed,) = slips("shade", "albedo * sky => albedo @ sky[:, None]")
-    by_point = given(sky=lambda sky: sky * np.ones((sky.size, 7, 1)))
+    by_point = slip("radiance", ("    lit = shade(", "    sky = sky * np.ones((3, 7, 1))\n    lit = shade("))
     sight = look(SubmittedImage(SCENES[0], np.zeros((44, 60, 3))))
     assert np.isnan(sight.predict((*by_point, *summed))).all()
     assert np.isfinite(sight.predict(summed)).all()

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from raytwin.diagnose.changes import SAMPLING, SHADOW, Fault, chain, in_shadow_test, offset_by, others_hide, row
-from raytwin.diagnose.predict import Array, Pipeline, replaced, slip, touches
+from raytwin.diagnose.predict import SPREAD, Array, Pipeline, replaced, slip, touches
 
 ACNE = row("acne", SHADOW,
     "shadow rays hit the surface they start from (acne): rounding puts their start now above it, now below; "
@@ -59,7 +59,7 @@ def _way(fields: list[str]) -> Pipeline:
 def _mean_of(n: int, low: float, high: float) -> Pipeline:
     """The mean of n x n rays from `low` to `high` in both directions, pixels from the centre."""
     places = tuple(product(np.linspace(low, high, n).tolist(), repeat=2))
-    return replaced(spread=lambda _: places)
+    return ((SPREAD, places),)
 
 
 BLENDS = "each pixel is the mean of several rays (anti-aliasing), which blends outlines and the edges of shadows"

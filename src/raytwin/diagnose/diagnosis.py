@@ -20,7 +20,7 @@ from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import points_of_misses, whereabouts
 from raytwin.diagnose.noisy_values import noisy_cause
 from raytwin.diagnose.parametric_faults import FAMILIES, ParametricFault, radii_of
-from raytwin.diagnose.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, look
+from raytwin.diagnose.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, look, mixed
 from raytwin.diagnose.predict import RIGHT, Pipeline
 from raytwin.diagnose.premultiplied import alpha_cause
 from raytwin.diagnose.search import STOPPED, Hypothesis, Search, StoppedEarly
@@ -45,7 +45,7 @@ ALTERNATIVES = 3
 RARE = 3e-3
 """Share of a picture's pixels: up to here, only single faults without fitted numbers are tried."""
 SPECKLED = 0.1
-"""`PixelSample.mixed` from which on chance is asked: acne of seven tracers in five scenes has .11 to .26, and 981
+"""What `mixed` says from which on chance is asked: acne of seven tracers in five scenes has .11 to .26, and 981
 of 1006 pictures with faults of shapes and light have less."""
 MOST = 25_000
 """Pixels of a picture that are looked at in the end."""
@@ -116,7 +116,8 @@ def view_of(
     if variances:
         slack = slack + 3 * np.sqrt(np.maximum(np.sum(variances, axis=0, dtype=float), 0))
     # Faults are predicted under a constant sky, without highlights.
-    known = scene and RUNGS[rung].lit and scene.objects and not (scene.glossy or scene.environment)
+    fits = scene and shown.shape == (scene.camera.height, scene.camera.width, 3)
+    known = scene and fits and RUNGS[rung].lit and scene.objects and not (scene.glossy or scene.environment)
     right: np.ndarray = reference.mean
     bounds: tuple[np.ndarray, ...] = ()
     if of_reference.half is not None:
@@ -184,8 +185,8 @@ def _one_value(views: Sequence[SubmittedImage]) -> Cause | None:
 def _acne(samples: Sequence[PixelSample]) -> float:
     """The share of the squared error that acne explains, which leaves to chance whether a pixel is lit; 0 for none."""
     spoilt = [s for s in samples if s.wrong.any()]
-    mixed = np.average([s.mixed for s in spoilt], weights=[s.wrong.sum() for s in spoilt])
-    if mixed < SPECKLED or not is_firm(samples):
+    speckled = np.average([mixed(s.frame.wrong) for s in spoilt], weights=[s.wrong.sum() for s in spoilt])
+    if speckled < SPECKLED or not is_firm(samples):
         return 0.0
     hit, kept, before, after = [], [], 0.0, 0.0
     for s in samples:

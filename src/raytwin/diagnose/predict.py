@@ -63,7 +63,7 @@ def slips(function: str, *texts: str) -> tuple[Pipeline, ...]:
 
 def text_of(way: Pipeline) -> tuple[str, Changes] | None:
     """The function and the replacements that a mistake is made of; None where it is not one slip."""
-    return way[0] if len(way) == 1 and isinstance(way[0][1], tuple) else None
+    return way[0] if len(way) == 1 and way[0][0] in FUNCTIONS and isinstance(way[0][1], tuple) else None
 
 
 def touches(pipeline: Pipeline, *names: str) -> bool:
@@ -71,12 +71,11 @@ def touches(pipeline: Pipeline, *names: str) -> bool:
     return any(name in names for name, _ in pipeline)
 
 
-def applied(pipeline: Pipeline, name: str, right: Any) -> Any:
-    """What the steps of this name make of the right one."""
-    for other, what in pipeline:
-        if other == name:
-            right = what(right)
-    return right
+def steps_of(pipeline: Pipeline, *names: str) -> Pipeline:
+    """Its steps of these names, with the numbers that their text may have; empty where it has none of them."""
+    if not touches(pipeline, *names):
+        return RIGHT
+    return tuple(step for step in pipeline if step[0] in names or step[0] not in (*FUNCTIONS, SPREAD))
 
 
 def written(pipeline: Pipeline) -> dict[str, Any]:
@@ -229,7 +228,7 @@ class Predictor:
 
     def described(self, pipeline: Pipeline) -> SceneDict:
         """The scene as this tracer takes it."""
-        changes = tuple(step for step in pipeline if step[0] == "read_scene")
+        changes = steps_of(pipeline, "read_scene")
         return self._remembered("scene", changes, partial(self._described, changes))
 
     def _described(self, changes: Pipeline) -> SceneDict:
@@ -243,8 +242,7 @@ class Predictor:
         """Those of this tracer; what they give for the same arguments is not computed again."""
         space = written(pipeline)
         for name, causes in DEPENDS.items():
-            mistakes = tuple(step for step in pipeline if step[0] in causes or step[0] not in (*FUNCTIONS, SPREAD))
-            space[name] = partial(self._remembered, name, mistakes, space[name])
+            space[name] = partial(self._remembered, name, steps_of(pipeline, *causes), space[name])
         return space
 
     @QUIET
@@ -299,7 +297,7 @@ class Predictor:
         """(N, 3), before output: the mean over all rays of a pixel."""
         if touches(pipeline, SPREAD):
             one = tuple(step for step in pipeline if step[0] != SPREAD)
-            places = applied(pipeline, SPREAD, None)
+            places = next(what for name, what in pipeline if name == SPREAD)
             rays = [self.at(self.u + x, self.v + y).radiance(one) for x, y in places]
             return np.asarray(sum(rays) / len(rays))
         scene, space = self.described(pipeline), self.functions(pipeline)
@@ -320,10 +318,8 @@ class Predictor:
 
 def output(pipeline: Pipeline, radiance: Array, brightest: float) -> Array:
     """The values that a tracer with these mistakes hands in."""
-    if not touches(pipeline, "hand_in"):
-        return radiance
-    steps = tuple(step for step in pipeline if step[0] == "hand_in")
-    return np.asarray(written(steps)["hand_in"](radiance, brightest), float)
+    steps = steps_of(pipeline, "hand_in")
+    return np.asarray(written(steps)["hand_in"](radiance, brightest), float) if steps else radiance
 
 
 def _same(a: Any, b: Any) -> bool:
@@ -346,31 +342,19 @@ def planted(scene: Scene, *mistakes: Pipeline, shadows: bool = True) -> Array:
 
 @dataclass(eq=False)
 class UnknownScene:
-    """A right picture (H, W, 3) of nobody knows which scene: its pixels can be moved, and its values changed.
+    """Correct pictures (H, W, 3) of nobody knows which scene: their pixels can be moved, and their values changed.
 
-    `bounds`: the least and the largest picture that its format stores as this one.
+    `pictures`: the correct one, and where a format rounds it, the least and the largest that are stored as this one.
     """
 
-    right: Array
+    pictures: tuple[Array, ...]
     u: Array
     v: Array
     brightest: float = 1.0
-    bounds: tuple[Array, ...] = ()
 
-    def at(self, u: Array, v: Array) -> "UnknownScene":
-        return UnknownScene(self.right, u, v, self.brightest, self.bounds)
-
-    @property
-    def ends(self) -> tuple["UnknownScene", ...]:
-        """The same of the bounds."""
-        return tuple(UnknownScene(bound, self.u, self.v, self.brightest) for bound in self.bounds)
-
-    def place(self, pipeline: Pipeline = RIGHT) -> tuple[Array, Array]:
-        return written(pipeline)["pixel"](self.u, self.v, self.right.shape[1], self.right.shape[0])
-
-    def radiance(self, pipeline: Pipeline = RIGHT) -> Array:
-        """(N, 3), before output; NaN beyond the picture."""
-        h, w = self.right.shape[:2]
-        u, v = (np.rint(x).astype(int) for x in self.place(pipeline))
-        there = (u >= 0) & (u < w) & (v >= 0) & (v < h)
-        return np.where(there[:, None], self.right[np.clip(v, 0, h - 1), np.clip(u, 0, w - 1)], np.nan)
+    def radiances(self, pipeline: Pipeline = RIGHT) -> list[Array]:
+        """(N, 3) of each, before output; NaN beyond the picture."""
+        h, w = self.pictures[0].shape[:2]
+        u, v = (np.rint(x).astype(int) for x in written(pipeline)["pixel"](self.u, self.v, w, h))
+        there = ((u >= 0) & (u < w) & (v >= 0) & (v < h))[:, None]
+        return [np.where(there, one[np.clip(v, 0, h - 1), np.clip(u, 0, w - 1)], np.nan) for one in self.pictures]
