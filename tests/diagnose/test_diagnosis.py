@@ -232,8 +232,8 @@ def test_where_nothing_explains_it_is_said_where_it_is_wrong():
     pictures[0][on] *= rng.uniform(0.5, 1.5, (on.sum(), 1)).astype(np.float32)
     made = diagnose(views(pictures))
     assert not made.cause
-    assert made.findings[0].reason.startswith("cause unknown: wrong only on spheres, right elsewhere")
-    assert "all of overlap is right" in made.findings[0].reason
+    assert made.findings[0].reason.startswith("cause unknown: wrong only on spheres, correct elsewhere")
+    assert "all of overlap is correct" in made.findings[0].reason
 
 
 def test_points_are_told_from_the_points_that_a_fault_would_give():

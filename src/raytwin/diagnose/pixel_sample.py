@@ -30,6 +30,8 @@ SPOT = 4
 """Pixels of the largest spot that counts as a speckle."""
 DIGITS = 3e-6
 """Share of the scale that float32 rounds off."""
+BESIDE = (np.arange(5) == 2) | (np.arange(5) == 2)[:, None]
+"""Pixels within two of another, along rows and columns: an outline lies beside it where they show several objects."""
 
 Sampled = Callable[[int], Mapping[str, tuple[Array, Array]]]
 """k -> parts of the light (h, w, 3) at every k-th pixel, each twice, from independent samples."""
@@ -249,8 +251,8 @@ def _frame(view: SubmittedImage) -> Frame:
         right = Predictor(thin, u, v).points(RIGHT).reshape(*ids.shape, 3)
     else:
         right = traced.mean.astype(float)
-    # Within two pixels of where another object begins.
-    edge = ndimage.maximum_filter(ids, 5, mode="nearest") != ndimage.minimum_filter(ids, 5, mode="nearest")
+    most, least = ndimage.maximum_filter, ndimage.minimum_filter
+    edge = most(ids, footprint=BESIDE, mode="nearest") != least(ids, footprint=BESIDE, mode="nearest")
     lost = without_ray(camera)
     rays = ~none[cut] if lost is None else ~lost[cut]
     made = replace(view, scene=scene, shown=shown[cut])
