@@ -248,7 +248,7 @@ def test_a_search_ends_after_a_fixed_amount_of_work_however_long_it_takes():
 
 def test_the_lines_that_a_call_runs_are_counted():
     own = "class Ball:\n    def size(self):\n        return 1\n\n"
-    text = own + "def f(n):\n    for _ in range(n):\n        Ball().size()\n    if n < 0:\n        n = 3\n    return 4\n"
+    text = own + "def f(n):\n    for _ in range(n):\n        Ball().size()\n    if n < 0:\n        n = 3\n    return\n"
     exec(text, space := {})
     found = lines_run(space, "f", (2,), 1.0)
     assert found == {("f", 6): 3, ("f", 7): 2, ("Ball", 3): 2, ("f", 8): 1, ("f", 10): 1}
