@@ -33,7 +33,7 @@ def load(key: str) -> Image | None:
         return None
     batches = int(found["batches"]) if "batches" in found else None
     surface = Surface(found["ids"], found["depth"], found["normal"])
-    return Image(found["mean"], found.get("variance"), int(found["samples"]), surface, batches)
+    return Image(found["mean"], found.get("variance"), int(found["samples"]), surface, batches, third=found.get("third"))
 
 
 def store(key: str, image: Image) -> None:
@@ -42,6 +42,8 @@ def store(key: str, image: Image) -> None:
     parts: dict[str, Any] = {"mean": image.mean, "samples": np.array(image.samples)}
     if image.variance is not None:
         parts["variance"] = image.variance
+    if image.third is not None:
+        parts["third"] = image.third
     if image.batches is not None:
         parts["batches"] = np.array(image.batches)
     parts |= {"ids": image.surface.ids, "depth": image.surface.depth, "normal": image.surface.normal}
