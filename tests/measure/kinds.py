@@ -9,11 +9,12 @@ drawn up beside them, and first looked at when the rules were finished.
 
 import math
 from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 import numpy as np
 from measure import record
 from measure.noise_models import picture, times
-from measure.sequences import HEIGHT, MOST, NOISES, WIDTH, Noise, Samples, chosen, gaussian, interval, pooled
+from measure.sequences import HEIGHT, MOST, NOISES, WIDTH, Noise, Samples, chosen, gaussian, interval
 from scipy.ndimage import convolve1d
 
 from raytwin.compare import SequentialComparison, compare
@@ -24,20 +25,29 @@ SMALL = picture(HEIGHT, WIDTH).astype(np.float32)
 CONTRAST = SMALL**4 + np.float32(0.002)
 
 
-def factors(draw: Callable[[np.random.Generator, tuple[int, ...]], np.ndarray]) -> Noise:
+class Kind(NamedTuple):
+    """Samples of a truth, and their mean."""
+
+    noise: Noise
+    mean: Callable[[np.ndarray], np.ndarray] = lambda truth: truth
+
+
+def factors(draw: Callable[[np.random.Generator, tuple[int, ...]], np.ndarray]) -> Kind:
     """The light times random numbers of mean 1, alike in all channels."""
-    return lambda rng, truth, n: truth * draw(rng, (n, *truth.shape[:2], 1)).astype(np.float32)
+    return Kind(lambda rng, truth, n: truth * draw(rng, (n, *truth.shape[:2], 1)).astype(np.float32))
 
 
-def events(p: float, size: float, where: np.ndarray | float = 1.0, proportional: bool = False) -> Noise:
-    """Noise of 3 %, and events of `size` in a share p of the samples at the pixels `where`; the mean is the truth."""
+def events(p: float, size: float, where: np.ndarray | float = 1.0, proportional: bool = False) -> Kind:
+    """Noise of 3 %, and events of `size` in a share p of the samples, at the pixels `where`."""
+
+    def added(truth: np.ndarray) -> np.ndarray:
+        lit = np.broadcast_to(np.float32(size) * np.asarray(where, np.float32), (*truth.shape[:2], 1))
+        return lit * truth if proportional else lit
 
     def noise(rng: np.random.Generator, truth: np.ndarray, n: int) -> Samples:
-        lit = np.broadcast_to(size * np.asarray(where, np.float32), (*truth.shape[:2], 1))
-        one = lit * truth if proportional else lit
-        return gaussian(0.03)(rng, truth, n) + (chosen(rng, p, truth, n) - p) * one
+        return gaussian(0.03)(rng, truth, n) + chosen(rng, p, truth, n) * added(truth)
 
-    return noise
+    return Kind(noise, lambda truth: truth + np.float32(p) * added(truth))
 
 
 def box(y0: int, y1: int, x0: int, x1: int) -> np.ndarray:
@@ -69,30 +79,29 @@ def ringing() -> np.ndarray:
     return x.astype(np.float32)
 
 
-def centred(noise: Noise, mean: float, proportional: bool = False) -> Noise:
-    """Noise less what it adds to the light."""
-    return lambda rng, truth, n: noise(rng, truth, n) - np.float32(mean) * (truth if proportional else np.float32(1))
-
-
 def control_variates(rng: np.random.Generator, truth: np.ndarray, n: int) -> Samples:
     """An estimate less another of the same light, whose mean is added: often negative, with either tail."""
     first, second = (rng.standard_exponential((n, *truth.shape), np.float32) for _ in range(2))
     return truth * (1.5 * first - 0.8 * second + 0.3)
 
 
-def lognormal(sigma: float) -> Noise:
+def lognormal(sigma: float) -> Kind:
     return factors(lambda rng, size: np.exp(sigma * rng.standard_normal(size, np.float32) - sigma**2 / 2))
 
 
-def two_points(p: float) -> Noise:
+def two_points(p: float) -> Kind:
     return factors(lambda rng, size: (rng.random(size, np.float32) < p) / p)
 
 
-SHAPING: dict[str, Noise] = {
-    **{name: noise for name, (noise, truth) in NOISES.items() if truth.shape == SMALL.shape and "log-normal" not in name},
-    "many fireflies": centred(NOISES["many fireflies"][0], 0.03),
-    "few fireflies": centred(NOISES["few fireflies"][0], 0.01),
-    "rare events": centred(NOISES["rare events"][0], 0.1, proportional=True),
+SHAPING: dict[str, Kind] = {
+    **{
+        name: Kind(noise)
+        for name, (noise, truth) in NOISES.items()
+        if truth.shape == SMALL.shape and "log-normal" not in name
+    },
+    "many fireflies": Kind(NOISES["many fireflies"][0], lambda truth: truth + np.float32(0.03)),
+    "few fireflies": Kind(NOISES["few fireflies"][0], lambda truth: truth + np.float32(0.01)),
+    "rare events": Kind(NOISES["rare events"][0], lambda truth: truth * np.float32(1.1)),
     "rare events in 10 x 14 pixels": events(0.01, 30.0, box(6, 16, 9, 23)),
     ".0003 x 300 everywhere": events(3e-4, 300.0),
     "two points, .02": two_points(0.02),
@@ -100,13 +109,13 @@ SHAPING: dict[str, Noise] = {
     "Weibull .5": factors(lambda rng, size: 0.5 * rng.standard_exponential(size, np.float32) ** 2),
     "lognormal 1": lognormal(1.0),
     "lognormal 1.5": lognormal(1.5),
-    "control variates": control_variates,
+    "control variates": Kind(control_variates),
     "events of the light, .001 x 5": events(1e-3, 5.0, proportional=True),
     "events of the light, .003 x 2": events(3e-3, 2.0, proportional=True),
     "events of the light, .01 x 1": events(1e-2, 1.0, proportional=True),
     "events of the light, .003 x 20": events(3e-3, 20.0, proportional=True),
     "events of the light, .0015 x 6": events(1.5e-3, 6.0, proportional=True),
-    "Lanczos": lanczos,
+    "Lanczos": Kind(lanczos, lambda truth: ringing()),
 }
 
 
@@ -123,7 +132,7 @@ def mixed_tiles(rng: np.random.Generator, truth: np.ndarray, n: int) -> Samples:
 
 def clusters(rng: np.random.Generator, truth: np.ndarray, n: int) -> Samples:
     """Events that light 3 x 3 pixels at once."""
-    hit = (chosen(rng, 5e-4, truth, n) - 5e-4) * np.float32(8)
+    hit = chosen(rng, 5e-4, truth, n) * np.float32(8)
     for axis in (1, 2):
         hit = convolve1d(hit, np.ones(3), axis=axis, mode="mirror")
     return gaussian(0.1)(rng, truth, n) + hit
@@ -145,17 +154,19 @@ def lognormal_mixture(rng: np.random.Generator, size: tuple[int, ...]) -> np.nda
     return np.exp(sigma * rng.standard_normal(size) - sigma**2 / 2)
 
 
-HELD_OUT: dict[str, Noise] = {
+HELD_OUT: dict[str, Kind] = {
     "Student's t of 3": factors(lambda rng, size: 1 + 0.3 * rng.standard_t(3, size)),
     "Pareto 2.5": factors(lambda rng, size: 0.6 * (1 - rng.random(size)) ** (-1 / 2.5)),
     "mixture of lognormals": factors(lognormal_mixture),
     "gamma .05": factors(lambda rng, size: rng.standard_gamma(0.05, size) / 0.05),
     "Cauchy, cut at 200": factors(clipped_cauchy),
     "events of either sign": factors(
-        lambda rng, size: 1 + 0.1 * rng.standard_normal(size) + 10 * (rng.random(size) < 2e-3) * rng.choice([-1, 1], size)
+        lambda rng, size: (
+            1 + 0.1 * rng.standard_normal(size) + 10 * (rng.random(size) < 2e-3) * rng.choice([-1, 1], size)
+        )
     ),
-    "clusters of 3 x 3 pixels": clusters,
-    "dense beside sparse tiles": mixed_tiles,
+    "clusters of 3 x 3 pixels": Kind(clusters, lambda truth: truth + np.float32(0.036)),
+    "dense beside sparse tiles": Kind(mixed_tiles),
     "steps of a quarter": factors(
         lambda rng, size: np.floor(4 * rng.standard_exponential(size) + rng.random(size)) / 4
     ),
@@ -163,15 +174,13 @@ HELD_OUT: dict[str, Noise] = {
     "lognormal in one sample of 20": factors(
         lambda rng, size: 20 * (rng.random(size) < 0.05) * np.exp(rng.standard_normal(size) - 0.5)
     ),
-    "channels alike": correlated_channels,
+    "channels alike": Kind(correlated_channels),
     "rare events in a stripe": events(0.005, 40.0, box(0, 24, 13, 18)),
     "rare events in a corner of 6 x 6": events(0.02, 20.0, box(0, 6, 0, 6)),
     ".001 x 60 of the light": events(1e-3, 60.0, proportional=True),
 }
 
 KINDS = SHAPING | HELD_OUT
-TRUTHS = {"Lanczos": ringing()}
-"""Of kinds whose mean is not SMALL."""
 
 
 # ------------------------------------------------------------------------------------------ correct renders
@@ -188,24 +197,30 @@ def sequence(test: Samples, reference: Samples | Image) -> SequentialComparison:
     return check
 
 
+def reason_kinds(check: SequentialComparison) -> str:
+    """Which tests failed."""
+    assert check.comparison is not None
+    return " ".join(dict.fromkeys(f.kind for f in check.comparison.findings if f.kind != "note"))
+
+
 def alarms(count: int, kinds: Iterable[str]) -> list[list[str]]:
     """Rows: kind, fails of `count` sequences beside the exact image, beside renders of its kind, at which looks."""
     rows = []
     for name in kinds:
-        cells, total, at = [name], 0, []
+        cells, total, at = [name], 0, list[str]()
         for exact in (True, False):
             rng = np.random.default_rng([47_000, exact, *name.encode()])
             failed = 0
             for _ in range(count):
-                test = KINDS[name](rng, SMALL, MOST)
-                other = Image(TRUTHS.get(name, SMALL)) if exact else KINDS[name](rng, SMALL, MOST)
+                test = KINDS[name].noise(rng, SMALL, MOST)
+                other = Image(KINDS[name].mean(SMALL)) if exact else KINDS[name].noise(rng, SMALL, MOST)
                 check = sequence(test.astype(np.float32), other if exact else other.astype(np.float32))
                 if check.comparison is not None and check.comparison.verdict == "fail":
                     failed += 1
-                    at.append(check.samples)
+                    at.append(f"{check.samples} {reason_kinds(check)}")
             cells.append(f"{failed} of {count}")
             total += failed
-        first = " ".join(f"{n}: {at.count(n)}" for n in sorted(set(at))[:4])
+        first = ", ".join(f"{what}: {at.count(what)}" for what in sorted(set(at), key=lambda w: int(w.split()[0]))[:6])
         rows.append([*cells, interval(total, 2 * count), first])
         print(" | ".join(rows[-1]), flush=True)
     return rows
@@ -255,10 +270,13 @@ def power(count: int, samples: tuple[int, ...] = (16, 64, 256)) -> list[list[str
         found: dict[str, list[list[str]]] = {fault: [[], []] for fault in FAULTS}
         for n in samples:
             rng = np.random.default_rng([47_100, n, *name.encode()])
-            pairs = [[rendered(KINDS[name], rng, truth, n) for _ in range(2)] for _ in range(count)]
+            pairs = [[rendered(KINDS[name].noise, rng, truth, n) for _ in range(2)] for _ in range(count)]
             for fault, shares in found.items():
                 for share, beside_exact in zip(shares, (True, False), strict=True):
-                    seen = [compare(faulty(a, fault), Image(truth) if beside_exact else b).verdict for a, b in pairs]
+                    seen = [
+                        compare(faulty(a, fault), Image(KINDS[name].mean(truth)) if beside_exact else b).verdict
+                        for a, b in pairs
+                    ]
                     share.append(f"{100 * seen.count('fail') / count:.0f}")
         for fault, shares in found.items():
             rows.append([name, fault, *(" / ".join(s) for s in shares)])

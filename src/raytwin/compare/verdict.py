@@ -123,7 +123,9 @@ def _made(
 
 def _single(image: Image) -> Image:
     """The image in float32, or float64 where it came so: half floats overflow when squared."""
-    wide = {k: x for k in ("mean", "variance", "third") if (x := getattr(image, k)) is not None and x.dtype.itemsize < 4}
+    wide = {
+        k: x for k in ("mean", "variance", "third") if (x := getattr(image, k)) is not None and x.dtype.itemsize < 4
+    }
     return replace(image, **{k: x.astype(np.float32) for k, x in wide.items()})
 
 

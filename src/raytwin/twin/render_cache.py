@@ -33,7 +33,9 @@ def load(key: str) -> Image | None:
         return None
     batches = int(found["batches"]) if "batches" in found else None
     surface = Surface(found["ids"], found["depth"], found["normal"])
-    return Image(found["mean"], found.get("variance"), int(found["samples"]), surface, batches, third=found.get("third"))
+    return Image(
+        found["mean"], found.get("variance"), int(found["samples"]), surface, batches, third=found.get("third")
+    )
 
 
 def store(key: str, image: Image) -> None:
