@@ -159,7 +159,9 @@ def test_every_command_of_a_page_runs_as_written(text, tmp_path, monkeypatch):
         assert str(done.returncode) in expected.split(" or "), f"{command}\n{done.stdout}\n{done.stderr}"
         assert "Traceback" not in done.stderr
     if text in READ_FIRST:
-        shown = [line for block in blocks(text, "text") for line in block.splitlines()]
+        # A line that begins so shows an error in a file of the reader's, whatever the commands above it did.
+        texts = (line for block in blocks(text, "text") for line in block.splitlines())
+        shown = [line for line in texts if not line.startswith("raytwin: ")]
         lines = {without_numbers(line) for line in printed.splitlines()}
         assert [line for line in shown if without_numbers(line) not in lines] == []
 

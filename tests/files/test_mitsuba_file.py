@@ -29,14 +29,14 @@ def folder(tmp_path) -> Path:
     return made
 
 
-def test_a_files_parameters_are_put_in(folder):
-    """The longest name first; the first <default> counts; also in the name of a file."""
-    body = """<default name="wide" value="pot"/><default name="wide" value="pan"/><default name="where" value="parts"/>
-    <shape type="ply"><string name="filename" value="$where/$wide.ply"/></shape><shape type="cube" id="box"/>"""
+def test_a_files_parameters_includes_and_search_folders_are_put_in(folder):
+    (folder / "more.xml").write_text(
+        '<scene><shape type="ply"><string name="filename" value="pot.ply"/></shape></scene>'
+    )
+    body = '<path value="parts"/><include filename="more.xml"/><shape type="cube" id="box"/>'
     found = files.read_mitsuba(written(folder, body))
     assert (found.name, found.image_size, found.names) == ("kitchen", (12, 9), ("ply-0", "box"))
-    assert set(found.files) == {"parts/pot.ply"}
-    assert "default" not in found.text
+    assert set(found.files) == {"more.xml", "parts/pot.ply"}
     assert files.read_mitsuba(folder) == found
 
 
@@ -49,6 +49,20 @@ def test_a_scene_is_known_by_its_content_and_that_of_its_files_alone(folder, tmp
     assert files.read_mitsuba(tmp_path / "copy" / "scene.xml").digest == before
     (folder / "parts" / "pot.ply").write_text("another mesh")
     assert files.read_mitsuba(folder).digest != before
+
+
+def test_an_include_and_a_search_folder_are_looked_for_where_mitsuba_looks(folder):
+    """Beside the including file, then beside those that include it; later <path>s first; parameters in names."""
+    (folder / "parts" / "all.xml").write_text('<scene><include filename="parts/$which.xml"/></scene>')
+    (folder / "parts" / "one.xml").write_text(
+        '<bsdf version="3.0.0" type="diffuse" name="lost"><include name="reflectance" filename="two.xml"/></bsdf>'
+    )
+    (folder / "parts" / "two.xml").write_text('<texture version="3.0.0" type="checkerboard"/>')
+    (folder / "pot.ply").write_text("another mesh")
+    pot = '<shape type="ply"><string name="filename" value="pot.ply"/><include filename="parts/all.xml" /></shape>'
+    found = files.read_mitsuba(written(folder, f'<default name="which" value="one"/>{pot}<path value="parts"/>'))
+    assert set(found.files) == {"parts/all.xml", "parts/one.xml", "parts/two.xml", "parts/pot.ply"}
+    assert '<bsdf type="diffuse"><texture type="checkerboard" name="reflectance" /></bsdf>' in found.text
 
 
 def test_every_plugin_that_mitsuba_brings_is_its_own():
@@ -86,24 +100,36 @@ BAD = {
     '<shape type="ply"><string name="filename" value="no.ply"/></shape>': "none there",
     '<shape type="ply"><string name="filename" value="../outside.ply"/></shape>': "in the scene's folder",
     '<shape type="ply"><string name="filename" value="link.ply"/></shape>': "in the scene's folder",
-    '<include filename="parts/more.xml"/>': "one XML file, with paths from its own folder, got <include>",
-    '<bsdf type="diffuse"><path value="parts"/></bsdf>': "one XML file, with paths from its own folder, got <path>",
-    '<default name="a" value="1"><shape type="evil"/></default>': "a plugin of Mitsuba's",
+    '<include filename="/etc/hostname"/>': "in the scene's folder",
+    '<path value=".."/>': "in the scene's folder",
+    '<include filename="scene.xml"/>': "includes, 15 deep",
     '<float name="a" value="$x"/><default name="x" value="1"/>': "a <default> before it",
+    '<include filename="many.xml"/>': "at most 1000 includes",
     "<bsdf>" * 3000 + "</bsdf>" * 3000: "elements at most 100 deep",
     "<default name='a0' value='xx'/>" + "".join(f"<default name='a{i + 1}' value='$a{i}$a{i}'/>" for i in range(60)):
         "at most 64 MB of XML",
     "<default name='a' value='" + 2**17 * "x" + "'/>" + 600 * "<float name='b' value='$a'/>": "at most 64 MB of XML",
+    '<include filename="big.xml"/>' * 9: "at most 64 MB of XML",
     '<emitter type="area"><spectrum name="radiance" type="evil"/></emitter>': "a plugin of Mitsuba's",
     '<shape type="../evil"/>': "a plugin of Mitsuba's",
     '<default name="t" value="evil"/><bsdf type="$t" id="a"/><alias id="a" as="b"/><ref id="b"/>':
         "a plugin of Mitsuba's",
+    '<include filename="parts/evil.xml"/>': "a plugin of Mitsuba's",
+    '<include filename="parts/up.xml"/>': "in the scene's folder",
+    '<include filename="parts/bare.xml"/>': "whose outermost element is <scene>",
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("body", BAD)
 def test_what_is_wrong_with_a_file_is_said_in_one_line(folder, body):
     (folder / "link.ply").symlink_to(folder.parent / "outside.ply")
+    (folder / "many.xml").write_text("<scene>" + '<include filename="few.xml"/>' * 40 + "</scene>")
+    (folder / "few.xml").write_text("<scene>" + '<include filename="none.xml"/>' * 40 + "</scene>")
+    (folder / "none.xml").write_text("<scene/>")
+    (folder / "big.xml").write_text(f"<scene><!--{' ' * (1 << 23)}--></scene>")
+    (folder / "parts" / "evil.xml").write_text('<medium version="3.0.0" type="evil"/>')
+    (folder / "parts" / "up.xml").write_text('<scene><include filename="../../outside.ply"/></scene>')
+    (folder / "parts" / "bare.xml").write_text('<default version="3.0.0" name="a" value="1"/>')
     with pytest.raises(InputError, match=BAD[body]) as told:
         files.read_mitsuba(written(folder, body))
     assert ".xml" in str(told.value)

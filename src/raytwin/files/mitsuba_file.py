@@ -28,9 +28,14 @@ own; the processes that raytwin starts see it too."""
 MOST_BYTES = 1 << 30
 """Bytes per mesh, texture or other file that a scene names."""
 MOST_XML = 1 << 26
-"""Characters of a scene's XML with all parameters put in, and parameters looked up while doing so."""
+"""Characters of a scene's XML with all includes and parameters put in, and parameters looked up while doing so."""
+MOST_INCLUDES = 1000
+"""Files that a scene includes, counted each time."""
+DEEPEST_INCLUDE = 15
+"""Includes within includes, as in Mitsuba."""
 DEEPEST_ELEMENT = 100
 """Elements within elements: Python walks them by recursion."""
+OUTERMOST = "a Mitsuba scene, whose outermost element is <scene>"
 FILM = ("width", "x", 768), ("height", "y", 576)
 """A film's sides, their axes and, where a film has none, Mitsuba's lengths in pixels."""
 COLOURS = {"rgba": "rgb", "xyz": "rgb", "xyza": "rgb", "luminance_alpha": "luminance"}
@@ -51,26 +56,21 @@ def read_mitsuba(path: str | os.PathLike) -> MitsubaScene:
     """Read a Mitsuba scene, given its file, its folder or its name. Raises InputError with file and place."""
     file = find_scene(path)
     folder = file.absolute().parent
-    content = _content(file, "a Mitsuba scene (XML)", MOST_XML)
-    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-        raise InputError(file, "a Mitsuba scene (XML) without a DOCTYPE", "one with")
-    try:
-        root = ET.fromstring(content)
-    except (ET.ParseError, ValueError, LookupError) as error:
-        raise InputError(file, "a Mitsuba scene (XML)", error) from None
+    reading, folders = _Reading(file), [folder]
+    root = reading.element(file, folders, 0, 0)
     if root.tag != "scene":
-        raise InputError(file, "a Mitsuba scene, whose outermost element is <scene>", f"<{root.tag}>")
-    _Walk(file, len(content)).through(root, 0)
-    found: dict[Path, str] = {}
+        raise InputError(file, OUTERMOST, f"<{root.tag}>")
+    found = reading.found
     for element in root.iter():
         for key in _files_of(element):
-            if not _names_file(element, key, folder):
+            if not _names_file(element, key, folders):
                 continue
-            inside = _found(f"{file}: {element.get('name') or element.tag}", element.get(key, ""), folder)
+            inside = _found(f"{file}: {element.get('name') or element.tag}", element.get(key, ""), folders, folder)
             if inside not in found:
                 found[inside] = hashlib.sha256(_content(inside, "a file")).hexdigest()
             element.set(key, os.path.relpath(inside, folder))
     named = {os.path.relpath(one, folder): digest for one, digest in sorted(found.items())}
+    named.pop(file.name, None)  # what is in it, is in the text
     shapes = [e for e in root.iter("shape") if e.get("type") != "shapegroup"]
     for number, shape in enumerate(shapes):
         shape.set("id", shape.get("id") or f"{shape.get('type')}-{number}")
@@ -80,26 +80,66 @@ def read_mitsuba(path: str | os.PathLike) -> MitsubaScene:
     return MitsubaScene(name, str(file.absolute()), text, str(folder), _image_size(file, root), names, named)
 
 
-class _Walk:
-    """A walk through the elements in the order of their text: parameters are put in, and types checked."""
+class _Reading:
+    """One walk through a scene's files in the order of their text, as Mitsuba's parser walks."""
 
-    def __init__(self, file: Path, characters: int) -> None:
-        self.file, self._spent = file, characters
+    def __init__(self, file: Path) -> None:
+        self.file, self.own = file, file.absolute().parent
+        self.found: dict[Path, str] = {}  # every XML file with its SHA-256
         self._parameters: dict[str, str] = {}
+        self._spent = self._includes = 0
 
-    def through(self, element: ET.Element, level: int) -> None:
-        where = f"{self.file}: <{element.tag}>"
+    def element(self, file: Path, folders: list[Path], depth: int, level: int) -> ET.Element:
+        """The file's outermost element, without includes, parameters and search folders: these go to `folders`."""
+        content = _content(file, "a Mitsuba scene (XML)", MOST_XML)
+        self._spend(len(content))
+        self.found[file.absolute()] = hashlib.sha256(content).hexdigest()
+        if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
+            raise InputError(file, "a Mitsuba scene (XML) without a DOCTYPE", "one with")
+        try:
+            root = ET.fromstring(content)
+        except (ET.ParseError, ValueError, LookupError) as error:
+            raise InputError(file, "a Mitsuba scene (XML)", error) from None
+        if root.tag in ("default", "include", "path"):
+            raise InputError(file, OUTERMOST, f"<{root.tag}>")
+        return self._expanded(root, file, folders, depth, level)[0]
+
+    def _expanded(
+        self, element: ET.Element, file: Path, folders: list[Path], depth: int, level: int
+    ) -> list[ET.Element]:
+        """What stands in the element's place: nothing, itself with all in it expanded, or what it includes."""
+        where = f"{file}: <{element.tag}>"
         if level > DEEPEST_ELEMENT:
             raise InputError(where, f"elements at most {DEEPEST_ELEMENT} deep", "more")
-        if element.tag in ("include", "path"):
-            raise InputError(where, "one XML file, with paths from its own folder", f"<{element.tag}>")
         self._put_in_parameters(where, element)
         if element.tag == "default":
             self._parameters.setdefault(element.get("name", ""), element.get("value", ""))
+            return []
+        if element.tag == "path":
+            folders.insert(0, _found(where, element.get("value", ""), folders, self.own, is_folder=True))
+            return []
+        if element.tag == "include":
+            return self._included(element, where, folders, depth + 1, level)
         _check_type(where, element.get("type"))
-        for child in element:
-            self.through(child, level + 1)
-        element[:] = [child for child in element if child.tag != "default"]
+        if element.get("filename"):  # Mitsuba looks for it here, and for a <string>'s with the outermost file's folders
+            element.set("filename", str(_found(where, element.get("filename", ""), folders, self.own)))
+        element[:] = [e for child in element for e in self._expanded(child, file, folders, depth, level + 1)]
+        return [element]
+
+    def _included(
+        self, include: ET.Element, where: str, folders: list[Path], depth: int, level: int
+    ) -> list[ET.Element]:
+        self._includes += 1
+        if depth > DEEPEST_INCLUDE or self._includes > MOST_INCLUDES:
+            raise InputError(where, f"at most {MOST_INCLUDES} includes, {DEEPEST_INCLUDE} deep", "more")
+        inner = _found(where, include.get("filename", ""), folders, self.own)
+        root = self.element(inner, [inner.parent, *folders], depth, level)
+        if root.tag == "scene":
+            return list(root)
+        root.attrib.pop("version", None)
+        root.attrib.pop("name", None)
+        root.attrib.update({"name": include.get("name", "")} if include.get("name") else {})
+        return [root]
 
     def _put_in_parameters(self, where: str, element: ET.Element) -> None:
         """Put each parameter's value in the place of its $name, the longest name first, as Mitsuba does."""
@@ -117,7 +157,8 @@ class _Walk:
     def _spend(self, characters: int) -> None:
         self._spent += characters
         if self._spent > MOST_XML:
-            raise InputError(self.file, f"at most {MOST_XML >> 20} MB of XML with all parameters put in", "more")
+            expected = f"at most {MOST_XML >> 20} MB of XML with all includes and parameters put in"
+            raise InputError(self.file, expected, "more")
 
 
 @cache
@@ -158,11 +199,11 @@ def _files_of(element: ET.Element) -> Iterator[str]:
         yield "value"
 
 
-def _names_file(element: ET.Element, key: str, folder: Path) -> bool:
+def _names_file(element: ET.Element, key: str, folders: list[Path]) -> bool:
     """Whether it names a file: called `filename`, or a text that looks like a path and leads to something. Others, such
     as the `aovs` of an integrator, may have slashes too."""
     called = key == "filename" or element.get("name") == "filename"
-    return called or os.path.exists(folder / element.get(key, ""))  # noqa: PTH110 long texts
+    return called or any(os.path.exists(folder / element.get(key, "")) for folder in folders)  # noqa: PTH110 long texts
 
 
 def as_loaded(scene: MitsubaScene) -> ET.Element:
@@ -172,19 +213,22 @@ def as_loaded(scene: MitsubaScene) -> ET.Element:
         element.set("value", COLOURS.get(element.get("value", "").lower(), element.get("value", "")))
     for element in root.iter():
         for key in _files_of(element):
-            if _names_file(element, key, Path(scene.folder)):
+            if _names_file(element, key, [Path(scene.folder)]):
                 element.set(key, str(Path(scene.folder) / element.get(key, "")))
     return root
 
 
-def _found(where: str, value: str, folder: Path) -> Path:
-    """The file that the text names, where it lies in the scene's `folder`, links followed, or is allowed by name."""
-    path = Path(os.path.normpath(folder / value))
+def _found(where: str, value: str, folders: list[Path], own: Path, is_folder: bool = False) -> Path:
+    """The file that the text names, in the first folder that has it, where it lies in the scene's `own` folder, links
+    followed, or is allowed by name."""
+    tried = [Path(os.path.normpath(folder / value)) for folder in folders]
+    there = [path for path in tried if (path.is_dir() if is_folder else path.is_file())]
+    path = (there or tried)[0]
     real, names = path.resolve(), [Path(name).resolve() for name in allowed()]
-    if not any(real.is_relative_to(name) for name in (folder.resolve(), *names)):
+    if not real.is_relative_to(own.resolve()) and not any(real.is_relative_to(name) for name in names):
         raise InputError(where, f"a file in the scene's folder, or one that --allow names ({ALLOW})", value)
-    if not path.is_file():
-        raise InputError(where, "a file", f"{value}: none there")
+    if not there:
+        raise InputError(where, "a folder" if is_folder else "a file", f"{value}: none there")
     return path
 
 

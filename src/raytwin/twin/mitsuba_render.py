@@ -52,10 +52,13 @@ def _pooled(scene: MitsubaScene, samples: int, seed: int, batches: int, progress
         means.append(_rendered(scene, loaded, each, (seed, k)).reshape(height, width, 3))
     progress("twin", batches, batches)
     mean = np.mean(means, axis=0, dtype=float).astype(np.float32)
-    variance = None
+    variance = third = None
     if batches > 1:
         variance = (np.var(means, axis=0, ddof=1, dtype=float) / batches).astype(np.float32)
-    return Image(mean, variance, each * batches, _surface(scene, loaded), batches)
+    if batches > 2:
+        cubes = ((x - mean.astype(float)) ** 3 for x in means)
+        third = (sum(cubes) / (batches * (batches - 1) * (batches - 2))).astype(np.float32)  # see ImagePool
+    return Image(mean, variance, each * batches, _surface(scene, loaded), batches, third=third)
 
 
 def mitsuba_provenance(

@@ -47,7 +47,9 @@ def load(key: str) -> Image | None:
         os.utime(path)
     batches = int(found["batches"]) if "batches" in found else None
     surface = Surface(found["ids"], found["depth"], found["normal"])
-    return Image(found["mean"], found.get("variance"), int(found["samples"]), surface, batches)
+    return Image(
+        found["mean"], found.get("variance"), int(found["samples"]), surface, batches, third=found.get("third")
+    )
 
 
 def store(key: str, image: Image) -> None:
@@ -55,6 +57,7 @@ def store(key: str, image: Image) -> None:
     path, surface = path_of(key), image.surface
     assert surface is not None  # the twin always has one
     parts = {"mean": image.mean, "samples": image.samples, "variance": image.variance, "batches": image.batches}
+    parts["third"] = image.third
     parts |= {"ids": surface.ids, "depth": surface.depth, "normal": surface.normal}
     arrays = {name: np.asarray(part) for name, part in parts.items() if part is not None}
     if not _is_plain(path):
