@@ -1,4 +1,4 @@
-"""How near `raytwin light` comes to the true light, and whether its standard deviations are true.
+"""How near `raytwin photo light` comes to the true light, and whether its standard deviations are true.
 
     python -m measure.light_accuracy photos FOLDER --first 300        # two photos under each of 30 random lights
     python -m measure.light_accuracy judge FOLDER --first 300 --record

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from raytwin.contract.composed_tracer import NEEDED
 from raytwin.contract.loading import arrays_of
-from raytwin.contract.repair_function import PROOF, further_probes, probes, repair_here, right_ones
+from raytwin.contract.repair_function import PROOF, further_probes, probes, repair_here, right_ones, words_of
 from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant
 from raytwin.contract.stage_result import CaseResult, StageResult
 from raytwin.diagnose.explanation import Explanation
@@ -43,7 +43,7 @@ def repair_function(stage: Stage, function: Function, seed: int = 0, source: str
 
     cases, further = probes(stage, stage.cases(seed), is_wrong), partial(further_probes, stage, seed)
     right = right_ones(stage, cases, is_wrong)
-    return repair_here(function, cases, partial(is_repaired, stage), source, further, right=right)
+    return repair_here(function, cases, partial(is_repaired, stage), source, further, (), right, words_of(stage.name))
 
 
 def is_right(stage: Stage, case: Case, got: Outcome) -> bool:

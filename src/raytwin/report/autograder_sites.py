@@ -122,7 +122,7 @@ def _lines(e: Marked, unshown: Collection[str] = ()) -> list[str]:
 
     `unshown`: scenes whose names a visible exercise keeps to itself.
     """
-    lines = [_without(unshown, text) for text in e.sentences] if e.visibility == "visible" else [*e.sentences]
+    lines = [_without(unshown, text) for text in e.said] if e.visibility == "visible" else [*e.said]
     if lines and e.sureness:
         lines[0] += f" ({SURENESS[e.sureness]})"
     if e.status != "pass":

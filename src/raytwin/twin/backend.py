@@ -32,7 +32,7 @@ OWN_CHOICE = "Dr.Jit's own choice"
 PROBE = Path(__file__).with_name("probe.py")
 PROBE_SECONDS = 120
 """Seconds until a probe without a picture is given up; the first kernel compiles for several."""
-PACKAGES = ("raytwin", "mitsuba", "drjit", "numpy", "opencv-contrib-python-headless")
+PACKAGES = ("raytwin", "mitsuba", "drjit", "numpy", "opencv-contrib-python-headless", "pupil-apriltags")
 
 
 class Tried(msgspec.Struct, frozen=True):

@@ -35,7 +35,7 @@ APART = 4.0
 
 @dataclass(frozen=True, eq=False)
 class LightEstimate:
-    """All that `raytwin light` found; its page and its text are views of it. `given`: the balls as the user gave them.
+    """All that `photo light` found; its page and its text are views of it. `given`: the balls as the user gave them.
 
     `light` is None where the photos were refused; `refusal` says why.
     """

@@ -1,4 +1,4 @@
-"""`raytwin augment` on photos of the synthetic photographer, against photos with the spheres really there."""
+"""`raytwin photo draw` on photos of the synthetic photographer, against photos with the spheres really there."""
 
 import io
 import json

@@ -1,4 +1,4 @@
-"""`raytwin light` on the shipped photos, rendered by Mitsuba under a known light, and what it says without one."""
+"""`photo light` on the shipped photos, rendered by Mitsuba under a known light, and what it says without one."""
 
 import html
 

@@ -197,7 +197,7 @@ def _inliers(
     """
     moved, errors = [], []
     shaped = _shaped(board, result)
-    for view, (R, t) in zip(views, result.poses, strict=True):
+    for view, R, t in zip(views, result.R, result.t, strict=True):
         tags = unbiased(view.tags, shaped, R, t, result.K, result.dist)
         points, pixels = matched(tags, shaped)
         moved.append(tags)
@@ -231,10 +231,10 @@ def _calibration(
     rms = np.sqrt((result.residuals**2).sum(axis=(1, 2)) / there.sum(axis=1)).tolist()
     shown = tuple(
         View(view.photo, len(view.tags), rms[i], pose.rotation(R), tuple(t.tolist()), influence[i])
-        for i, (view, (R, t)) in enumerate(zip(views, result.poses, strict=True))
+        for i, (view, R, t) in enumerate(zip(views, result.R, result.t, strict=True))
     )
     middle = np.append(np.mean(list(board.centers().values()), axis=0), 0.0)
-    away = [np.linalg.norm(R @ middle + t) for R, t in result.poses]
+    away = [np.linalg.norm(R @ middle + t) for R, t in zip(result.R, result.t, strict=True)]
     seen = result.observations.pixels[there]
     evidence = Evidence(
         coverage=coverage(seen, image_size),

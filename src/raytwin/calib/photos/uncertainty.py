@@ -38,12 +38,10 @@ def leave_one_out(found: Fit) -> tuple[np.ndarray, np.ndarray]:
     """By photo: how the shared numbers move without it (n, m), and the rms distance of its own tags then (n,),
     pixels."""
     moves, errors = [], []
-    for i, residuals in enumerate(found.residuals):
-        move = solve_scaled(found.without(i), found.g[i])
-        # Its pose follows as well as it can.
-        by = found.along(i, move) + found.of_pose[i] @ (found.follow[i] @ move)
+    for A, r, seen in zip(found.A, found.r, found.observations.seen, strict=True):
+        move = solve_scaled(found.total - A.T @ A, A.T @ r)
         moves.append(move)
-        errors.append(math.sqrt(((residuals + by) ** 2).sum() / found.observations.seen[i].sum()))
+        errors.append(math.sqrt(((r + A @ move) ** 2).sum() / seen.sum()))
     return np.array(moves), np.array(errors)
 
 
@@ -81,7 +79,7 @@ def with_poses(found: Fit, known: FitUncertainty) -> np.ndarray:
     k, m, v = len(found.form.names), len(found.shared), len(found.R)
     T = np.concatenate([np.eye(k, m), found.follow.mean(axis=0)])
     covariance = T @ known.covariance @ T.T
-    covariance[k:, k:] += known.noise_px**2 * found.local.sum(axis=0) / v**2
+    covariance[k:, k:] += known.noise_px**2 * np.einsum("vir,vjr->ij", found.inverse_B, found.inverse_B) / v**2
     return covariance
 
 
