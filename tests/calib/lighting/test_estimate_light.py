@@ -20,7 +20,7 @@ from raytwin.scene import Camera, Environment, Sky, Sun
 from raytwin.workflows import estimate_light as estimate_module
 from raytwin.workflows.estimate_light import LightRefused, estimate_light
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 MIRROR, ORANGE = (-0.075, 0.05, 0.028, 0.03), (-0.065, 0.15, 0.018, 0.02)
 
