@@ -4,7 +4,7 @@
 
 A room is a folder of src/raytwin, or `.` for the files beside them. Run it in a clone of its own: the source is changed
 in place, and put back. Each change is a line of JSON: whether `default` tests noticed it, `nightly` ones, or `nothing`.
-The tests of the files that name the changed function or its module come first, then the room's, then others that name them.
+Tests of files that name the changed function or its module come first, then the room's, then others that name them.
 Each file runs unchanged first: one that fails is left out.
 """
 
