@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from raytwin import files, tracer
+from raytwin.calib.denoise import non_local_means
 from raytwin.contract.subject import find_subject, method
 from raytwin.errors import InputError
 from raytwin.image import Image
@@ -162,3 +163,14 @@ def test_only_a_renderer_in_place_leaves_what_lies_outside_the_objects_boxes(in_
     assert bool((other == 7.0).any()) == in_place
     assert not (other == 7.0).all()
     assert np.shares_memory(one, other) == in_place
+
+
+def test_non_local_means_smooth_guesses_and_keep_what_is_even_and_where_edges_are(overlap):
+    rng, even = np.random.default_rng(3), np.full((40, 48, 3), 0.5, np.float32)
+    even[:, 24:] = 2.0
+    np.testing.assert_allclose(non_local_means(even), even, atol=2 / 65535)
+    noisy = (even + 0.02 * rng.normal(size=even.shape)).astype(np.float32)
+    assert np.abs(non_local_means(noisy) - even).max() < 0.02
+    small = overlap.with_(size=(160, 120))
+    guessed, smooth = (RENDERERS[f"numpy32-shadow-paper4{end}"](small, 0) for end in ("", "-nlm"))
+    np.testing.assert_array_equal(smooth.mean, non_local_means(guessed.mean))

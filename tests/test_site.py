@@ -14,7 +14,7 @@ from PIL import Image as Picture
 
 import raytwin
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "docs" / "build.py"

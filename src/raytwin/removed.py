@@ -64,9 +64,6 @@ SCALAR = "removed in 0.2.0. Use llvm_ad_rgb: pip install 'raytwin[llvm]' brings 
 RENDERERS: dict[str, str] = {
     "twin-scalar-": "Use the same name with llvm.",
     "mitsuba-scalar-": "Use the same name with llvm.",
-    "numpy32-shadow-paper2-nlm": "Use numpy32-shadow-careful2, which errs less.",
-    "numpy32-shadow-paper4-nlm": "Use numpy32-shadow-careful4, which errs less.",
-    "numpy32-shadow-paper8-nlm": "Use numpy32-shadow-careful8, which errs less.",
 }
 """How the names of removed renderers begin -> what to use instead, a sentence."""
 

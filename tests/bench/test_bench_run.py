@@ -22,7 +22,7 @@ from raytwin.progress import silent
 from raytwin.renderers.python_loop import loop
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.renderer_table import RENDERERS, choose
-from raytwin.renderers.subject_renderers import Filled, Speculated
+from raytwin.renderers.subject_renderers import Filled, SmoothedSpeculation, Speculated
 from raytwin.renderers.twin_renderers import Plain, Twin
 from raytwin.speed import trace
 
@@ -57,7 +57,7 @@ def test_a_family_is_the_name_without_what_varies():
     families = {
         "fill": "fill", "loop-shadow-conic": "loop-shadow", "drjit32-shadow-conic": "drjit32-shadow",
         "drjit32-shadow-inplace": "drjit32-shadow-inplace", "drjit32-shadow-16spp": "drjit32-shadow-spp",
-        "drjit32-path-16": "drjit32-path", "numpy32-shadow-paper4": "numpy32-shadow-paper",
+        "drjit32-path-16": "drjit32-path", "numpy32-shadow-paper4-nlm": "numpy32-shadow-paper-nlm",
         "twin-llvm-shadow": "twin-llvm-shadow", "mitsuba-llvm-direct-4": "mitsuba-llvm-direct",
     }  # fmt: skip
     assert {name: RENDERERS[name].family for name in families} == families
@@ -97,7 +97,7 @@ def test_every_kind_of_method_gives_an_image_near_its_truth(view, truth, kind):
         image = call(1).mean
         assert image.shape == (36, 48, 3)
         assert image.dtype == np.float32
-        bound = {Filled: 1.0, Plain: 0.3, Speculated: 0.2, Twin: 0.1}
+        bound = {Filled: 1.0, Plain: 0.3, Speculated: 0.2, SmoothedSpeculation: 0.2, Twin: 0.1}
         assert METRICS["rmse"].function(image, truth(reference_of(method))) < bound.get(kind, 0.03), method.name
 
 

@@ -326,8 +326,9 @@ def test_pixels_that_are_wrong_by_chance_are_speckled_and_regions_are_not(share)
     assert mixed(disc | (rng.random(disc.shape) < 0.05)) > SPECKLED
 
 
-def test_acne_that_darkens_most_of_a_table_is_named():
+def test_acne_that_darkens_most_of_a_table_is_named_and_nothing_is_searched(monkeypatch):
     """Points in single precision, tested for shadows at t > 0: nearly all of the table, and half of the spheres."""
+    monkeypatch.delattr("raytwin.diagnose.diagnosis.Search")
     scene = small("distorted")
     right = trace(scene, "shadow").mean
     dark = planted(ACNE.ways[1], scene)

@@ -289,6 +289,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "whole": _opt("Treat the folder as one submission.", None, "--whole"),
         "gradescope": _opt("Write Gradescope's results.json.", "FILE"),
         "junit": _opt("Write JUnit XML.", "FILE"),
+        "for_students": _opt("Also write a page per student to hand out, to for-students/.", None, "--for-students"),
         "force": _opt("Overwrite an existing file.", None, "--force"),
         "stage": _opt("Function to include; repeatable (default: the six)."),
         "wheel": _opt("Install this wheel of raytwin instead of the released version.", "FILE"),

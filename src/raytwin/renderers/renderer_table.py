@@ -10,6 +10,7 @@ from raytwin.renderers.subject_renderers import (
     Filled,
     PathTraced,
     PythonLoop,
+    SmoothedSpeculation,
     Speculated,
     Supersampled,
     Traced,
@@ -38,6 +39,7 @@ RENDERERS: dict[str, Renderer] = {
         *(PathTraced(rung, engine, n) for engine in ("drjit32", "cuda32") for rung in ("sky", "path") for n in COUNTS),
         # The paper's speculation, and ours.
         *(Speculated(engine="numpy32", way=way, n=n) for way in ("paper", "careful") for n in (1, 2, 4, 8, 16)),
+        *(SmoothedSpeculation(engine="numpy32", n=n) for n in (2, 4, 8)),
         # The twin, as `raytwin compare` renders it.
         *(Twin("shadow", variant) for variant in VARIANTS),
         *(Twin(rung, variant, n) for variant in VARIANTS for rung in ("sky", "path") for n in COUNTS),

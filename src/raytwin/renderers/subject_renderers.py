@@ -160,6 +160,23 @@ class Speculated(_ByEngine):
 
 
 @dataclass(frozen=True)
+class SmoothedSpeculation(Speculated):
+    """The paper's speculation, whose guesses are then smoothed by non-local means."""
+
+    way: str = "paper"
+
+    @property
+    def name(self) -> str:
+        return f"{super().name}-nlm"
+
+    def prepare(self, scene: Scene) -> Call:
+        from raytwin.calib.denoise import non_local_means  # with OpenCV
+
+        guess = super().prepare(scene)
+        return lambda seed: Image(non_local_means(guess(seed).mean))
+
+
+@dataclass(frozen=True)
 class PythonLoop(Renderer):
     """The paper's way: a Python loop over the pixels."""
 
