@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 from measure import light_photos, record
 from photo_helpers import a_camera
+from scene_of import scene_of
 
 from raytwin import files
 from raytwin.calib import synthetic_photos
@@ -29,7 +30,7 @@ from raytwin.calib.lighting import light_models as models
 from raytwin.calib.lighting.linear_photo import value_of_one
 from raytwin.errors import InputError
 from raytwin.lights.envmap_tables import REC_709
-from raytwin.scene import Camera, Environment, Lambert, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Environment, Lambert, Sky, Sphere, Sun
 from raytwin.workflows.estimate_light import estimate_light
 
 MIRROR = Sphere((-0.075, 0.05, 0.028), 0.03, Lambert((0.9, 0.9, 0.9)))
@@ -160,7 +161,7 @@ def drawn(found, folder: Path, to_light: np.ndarray, E: np.ndarray, Ls: np.ndarr
         direction = found.light.to_light if sun is found.light.E else to_light
         constant = Sky(tuple(sky))
         shown = constant if map_ is None else Environment(map_.shape[1::-1], map_.astype("<f4").tobytes())
-        scene = Scene("drawn", photo.camera, (ORANGE,), (Sun(tuple(direction), tuple(sun)), shown))
+        scene = scene_of("drawn", photo.camera, (ORANGE,), (Sun(tuple(direction), tuple(sun)), shown))
         result = augment(photo.pixels, scene, shadows=False, exposure=value_of_one(photo, found.paper), ground=True)
         inside = result.coverage == 1
         pixels.append(result.pixels[inside].astype(float))

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from planted_renderers import Planted
+from scene_of import changed
 from typer.testing import CliRunner
 
 from raytwin import files
@@ -76,7 +77,7 @@ def test_the_small_scene_has_the_light_that_is_asked_for(scenes, tmp_path):
 def test_a_planted_mistake_is_shown_by_two_objects_at_most(scenes, tmp_path, fault, left):
     subject = Planted("shadow", fault)
     found = shrink(scenes / "overlap", subject=subject, size=SMALL)
-    assert len(found.after.scene.objects) <= 2
+    assert len(found.after.objects) <= 2
     assert found.evaluations == len(subject.calls)
     assert len(set(subject.calls)) == len(subject.calls)  # a seed of its own each time
     assert left <= set(found.kept)
@@ -108,10 +109,10 @@ def test_a_map_becomes_even_and_a_highlight_matt(scenes):
     gloss = matt = files.read_scene(scenes / "gloss")
     for name, leave_out in parts_of(gloss).items():
         matt = leave_out(matt) if "highlight" in name else matt
-    assert gloss.scene.glossy
-    assert not any(isinstance(thing.material, Phong) for thing in matt.scene.objects)
+    assert gloss.glossy
+    assert not any(isinstance(thing.material, Phong) for thing in matt.objects)
     bent = files.read_scene(scenes / "distorted")
-    assert not any(parts_of(bent)["the lens's distortion"](bent).scene.camera.coefficients)
+    assert not any(parts_of(bent)["the lens's distortion"](bent).camera.coefficients)
 
 
 def test_a_mitsuba_file_is_refused(scenes):
@@ -129,11 +130,11 @@ def test_a_bug_that_one_sphere_shows_ends_with_that_sphere(scenes):
             return trace(scene).mean
         larger = msgspec.structs.replace(green, radius=1.2 * green.radius)
         objects = tuple(larger if thing is green else thing for thing in scene.objects)
-        return trace(msgspec.structs.replace(scene, objects=objects)).mean
+        return trace(changed(scene, objects=objects)).mean
 
     found = shrink(scenes / "overlap", subject=UserRenderer("shadow", "one sphere", render), size=SMALL)
     assert len(found.after.spheres) == 1
-    assert len(found.after.scene.objects) == 1
+    assert len(found.after.objects) == 1
 
 
 @pytest.mark.parametrize(
@@ -189,5 +190,5 @@ def test_addresses_times_and_paths_in_a_message_are_no_other_failure(scenes):
         raise ValueError(f"{kept[-1]} at 12:{len(kept):02}.5 in /tmp/run{len(kept)}x/scene.json")
 
     found = shrink(scenes / "overlap", subject=UserRenderer("shadow", "verbose", broken), size=(48, 36))
-    assert not found.after.scene.objects
+    assert not found.after.objects
     assert not found.kept

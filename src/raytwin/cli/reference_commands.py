@@ -19,10 +19,10 @@ from raytwin.workflows.settings import ReferenceSettings
 
 if TYPE_CHECKING:
     from raytwin.parallel import Workers
-    from raytwin.scene import MitsubaScene, SceneFile
+    from raytwin.scene import MitsubaScene, Scene
     from raytwin.workflows.make_reference import Change
 
-    Case = tuple[Path, str, SceneFile | MitsubaScene]
+    Case = tuple[Path, str, Scene | MitsubaScene]
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -213,7 +213,7 @@ def _name(scene: Path) -> str:
     from raytwin import files
 
     if scene.is_file():
-        return (files.read_mitsuba if files.is_mitsuba(scene) else files.read_scene)(scene).name
+        return files.read_mitsuba(scene).name if files.is_mitsuba(scene) else files.scene_name(scene)
     return scene.resolve().name
 
 

@@ -91,7 +91,7 @@ def _parts(bench: Predictor, sight: PixelSample, given: Mapping[str, Halves]) ->
     with np.errstate(all="ignore"):
         seen, scene = bench.seen(), bench.scene
     sun = seen.albedo / pi * np.array(scene.sun.irradiance) * np.maximum(seen.cos, 0)[:, None]
-    dark, sky = (seen.visible & (seen.cos > 0))[:, None] - 1.0, seen.albedo * np.array(scene.sky.radiance)
+    dark, sky = (seen.visible & (seen.cos > 0))[:, None] - 1.0, seen.albedo * np.array(scene.sky_radiance)
     own = {"sun": sun, "shadow": sun * dark, "sky": sky}
     made = {name: (part, part) for name, part in own.items()}
     for name, (one, other) in given.items():

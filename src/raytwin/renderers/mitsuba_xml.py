@@ -51,8 +51,8 @@ def mitsuba_xml(scene: Scene, rung: str = "path") -> str:
     if any(scene.sun.irradiance):
         direction = _vector("direction", -np.array(scene.sun.to_light))
         lines.append(f'  <emitter type="directional">{direction}{_rgb("irradiance", scene.sun.irradiance)}</emitter>')
-    if any(scene.sky.radiance):
-        lines.append(f'  <emitter type="constant">{_rgb("radiance", scene.sky.radiance)}</emitter>')
+    if any(scene.sky_radiance):
+        lines.append(f'  <emitter type="constant">{_rgb("radiance", scene.sky_radiance)}</emitter>')
     return "\n".join((*lines, "</scene>", ""))
 
 

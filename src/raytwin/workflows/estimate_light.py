@@ -19,7 +19,7 @@ from raytwin.calib.lighting.mirror_map import mirrored
 from raytwin.calib.lighting.stand_shadow import LOWEST, THIN, find_shadow
 from raytwin.errors import InputError
 from raytwin.progress import Progress, silent
-from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Rectangle, Scene, Sphere, Sun
 from raytwin.scene.scene import NO_SUN
 
 POSE_PX = 3.0
@@ -162,12 +162,11 @@ def _drawn(found: LightEstimate, light: models.Light) -> np.ndarray:
     photo, (x, y) = found.photos[0], middle_of(found.board)
     mirrors = found.evidence.mirrors
     radius = mirrors[0].ball.radius if mirrors else 1.5 * found.board.tag_edge
-    ball = Sphere((x, y, radius), radius, Lambert((0.5, 0.5, 0.5)))
+    ball = Sphere((x, y, radius), radius, (0.5, 0.5, 0.5))
     reach = 20 * radius + float(np.ptp(list(found.board.centers().values()), axis=0).max())
     ground = Rectangle((x, y, 0.0), (reach, 0.0, 0.0), (0.0, reach, 0.0), in_photo=True)
     sun = Sun(tuple(light.to_light.tolist()), tuple(light.E.tolist())) if light.to_light is not None else NO_SUN
-    sky = light.environment or Sky(tuple(light.Ls.tolist()))
-    scene = Scene("light", photo.camera, (ball, ground), (sun, sky))
+    scene = Scene("light", photo.camera, (ball,), (ground,), sun, light.sky)
     return augment(photo.pixels, scene, exposure=value_of_one(photo, found.paper), ground=True).pixels
 
 

@@ -24,7 +24,7 @@ from raytwin.progress import Progress, silent
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.rungs import RUNGS
-from raytwin.scene import SceneFile
+from raytwin.scene import Scene
 from raytwin.workflows.compare_scene import stage_causes
 from raytwin.workflows.delta_debugging import minimized
 from raytwin.workflows.make_reference import find_scene
@@ -54,8 +54,8 @@ class Shrunk:
     `cause`: what the smallest scene says of it, empty where nothing.
     """
 
-    before: SceneFile
-    after: SceneFile
+    before: Scene
+    after: Scene
     rung: str
     failure: Failure
     cause: str
@@ -83,8 +83,8 @@ class Shrunk:
         return {
             "kind": self.failure.kind, "reason": self.failure.reason, "cause": self.cause or None,
             "removed": self.removed, "kept": self.kept, "simpler": self.simpler,
-            "objects": {when: len(scene.scene.objects) for when, scene in both.items()},
-            "image_size": {when: scene.scene.camera.image_size for when, scene in both.items()},
+            "objects": {when: len(scene.objects) for when, scene in both.items()},
+            "image_size": {when: scene.camera.image_size for when, scene in both.items()},
             "evaluations": self.evaluations, "seconds": self.seconds, "stopped": self.stopped,
         }  # fmt: skip
 
@@ -105,7 +105,7 @@ def shrink(
     if files.is_mitsuba(path):
         raise InputError("`shrink` of a Mitsuba file", "was removed in 0.2.0. Delete shapes from a copy by hand.")
     found = find_scene(path, progress)
-    assert isinstance(found, SceneFile)
+    assert isinstance(found, Scene)
     subject = find_subject(chosen.subject, chosen.rung)
     if isinstance(subject, UserRenderer) and isinstance(subject.render, Shown):
         raise InputError("--subject", "a renderer, since an image shows one scene alone", subject.name)
@@ -113,7 +113,7 @@ def shrink(
         from raytwin.calib.lighting.light_file import read_light  # with OpenCV
 
         found = read_light(chosen.light).on(found)
-    camera = found.scene.camera
+    camera = found.camera
     scene = found.with_camera(camera.resized(*(chosen.size or camera.image_size)))
     return _Search(subject, chosen, time.perf_counter() + time_limit, progress).shrunk(scene)
 
@@ -125,7 +125,7 @@ class _Search:
         self.subject, self.chosen, self.until, self.progress = subject, chosen, until, progress
         self.count, self.stopped, self.failure = 0, False, Failure("", "")
 
-    def shrunk(self, scene: SceneFile) -> Shrunk:
+    def shrunk(self, scene: Scene) -> Shrunk:
         """Take the steps one after the other, from the one that saves most."""
         began, first = time.perf_counter(), self._look(scene)
         if first is None:
@@ -137,7 +137,7 @@ class _Search:
             raise InputError("--subject", "a renderer that fails alike each time", got)
         self.failure, parts = first, parts_of(scene)
 
-        def only(kept: Iterable[str], small: SceneFile) -> SceneFile:
+        def only(kept: Iterable[str], small: Scene) -> Scene:
             for name in (name for name in parts if name not in kept):
                 small = parts[name](small)
             return small
@@ -154,11 +154,11 @@ class _Search:
                     simpler.append(f"every light level above {rung}")
                     break
                 self.subject = own
-        sizes = [s.scene.camera.image_size for s in (small, scene)]
+        sizes = [s.camera.image_size for s in (small, scene)]
         if sizes[0] != sizes[1]:
             simpler.append("most of the picture ({} x {} of {} x {} pixels remain)".format(*sizes[0], *sizes[1]))
         images = self.failure.images
-        causes = stage_causes(self.subject) or (explain(*images, small.scene, self.subject.rung) if images else ())
+        causes = stage_causes(self.subject) or (explain(*images, small, self.subject.rung) if images else ())
         cause = causes[0].text if causes and causes[0].names_a_cause else ""
         removed = tuple(name for name in parts if name not in kept)
         return Shrunk(
@@ -166,7 +166,7 @@ class _Search:
             time.perf_counter() - began, self.stopped,
         )  # fmt: skip
 
-    def _fails(self, scene: SceneFile) -> bool:
+    def _fails(self, scene: Scene) -> bool:
         """Whether the subject fails on it as on the whole scene; the last failure is remembered."""
         if time.perf_counter() > self.until:
             self.stopped = True
@@ -177,14 +177,14 @@ class _Search:
         self.failure = found
         return True
 
-    def _cropped(self, scene: SceneFile) -> SceneFile:
+    def _cropped(self, scene: Scene) -> Scene:
         """Take a half of the picture while one fails, along its longer side first, the one with more of the error."""
         while (found := next(filter(self._fails, self._halves(scene)), None)) is not None:
             scene = found
         return scene
 
-    def _halves(self, scene: SceneFile) -> Iterable[SceneFile]:
-        camera, off = scene.scene.camera, self._error()
+    def _halves(self, scene: Scene) -> Iterable[Scene]:
+        camera, off = scene.camera, self._error()
         width, height = camera.image_size
         for across, length in sorted(((True, width), (False, height)), key=lambda side: -side[1]):
             half, starts = -(-length // 2), [0, length // 2]
@@ -202,22 +202,22 @@ class _Search:
             return None
         return np.asarray(np.nan_to_num(np.abs(images[0].mean - images[1].mean), nan=0, posinf=0).sum(axis=2))
 
-    def _look(self, scene: SceneFile) -> Failure | None:
+    def _look(self, scene: Scene) -> Failure | None:
         """How it fails beyond doubt."""
         self.progress("shrink", self.count, self.count + 1)
         self.count += 1
         seed, samples, subject = self.chosen.seed + self.count, self.chosen.samples or MANY, self.subject
         try:
-            made = subject.prepare(scene.scene)(seed)
+            made = subject.prepare(scene)(seed)
         except InputError as broken:
             if isinstance(broken, MachineError) or (self.count == 1 and broken.where.startswith("--")):
                 raise
             return Failure("error", str(broken))
         try:
             reference = twin.render(
-                scene.scene, subject.rung, sampling=subject.sampling, samples=samples, seed=seed, cache=False
+                scene, subject.rung, sampling=subject.sampling, samples=samples, seed=seed, cache=False
             )
-            found = compare_with_twin(made, reference, scene.scene, scene.tolerance, false_alarm_rate=RATE)
+            found = compare_with_twin(made, reference, scene, scene.tolerance, false_alarm_rate=RATE)
         except InputError:  # the twin cannot render such a scene
             if self.count == 1:
                 raise

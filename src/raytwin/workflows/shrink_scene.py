@@ -7,17 +7,16 @@ import msgspec
 import numpy as np
 from msgspec import UNSET
 
-from raytwin.scene import SceneFile, WrittenSky, WrittenSun
+from raytwin.scene import Scene, Sky
+from raytwin.scene.scene import NO_SUN
 
-Edit = Callable[[SceneFile], SceneFile]
-NO_SUN = WrittenSun((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+Edit = Callable[[Scene], Scene]
 
 
-def parts_of(scene: SceneFile) -> dict[str, Edit]:
+def parts_of(scene: Scene) -> dict[str, Edit]:
     """Name -> what leaves the part out of this scene, in the order in which they can be left out together."""
-    things: tuple[Any, ...] = (*scene.spheres, *scene.planes)
-    shown = scene.scene
-    labels = shown.names if len(set(shown.names)) == len(things) else shown.numbers
+    things = scene.objects
+    labels = scene.names if len(set(scene.names)) == len(things) else scene.numbers
     found: dict[str, Edit] = {name: _with(thing) for name, thing in zip(labels, things, strict=True)}
     for name, thing in zip(labels, things, strict=True):
         if thing.specular is not UNSET:
@@ -26,20 +25,18 @@ def parts_of(scene: SceneFile) -> dict[str, Edit]:
     if any(scene.sun.irradiance):
         found["the sun"] = lambda scene: msgspec.structs.replace(scene, sun=NO_SUN)
     if scene.sky.texels is not UNSET:
-        found["the sky's map"] = lambda scene: msgspec.structs.replace(scene, sky=WrittenSky(mean_radiance(scene.sky)))
+        found["the sky's map"] = lambda scene: msgspec.structs.replace(scene, sky=Sky(mean_radiance(scene.sky)))
     if scene.sky.texels is not UNSET or any(scene.sky.radiance):
-        found["the sky"] = lambda scene: msgspec.structs.replace(scene, sky=WrittenSky())
-    if any(shown.camera.dist):
-        found["the lens's distortion"] = lambda scene: scene.with_camera(
-            msgspec.structs.replace(scene.scene.camera, dist=())
-        )
+        found["the sky"] = lambda scene: msgspec.structs.replace(scene, sky=Sky())
+    if any(scene.camera.dist):
+        found["the lens's distortion"] = lambda scene: scene.with_camera(msgspec.structs.replace(scene.camera, dist=()))
     return found
 
 
 def _with(thing: Any, *instead: Any) -> Edit:
     """Return what puts others in the place of a sphere or plane."""
 
-    def edit(scene: SceneFile) -> SceneFile:
+    def edit(scene: Scene) -> Scene:
         spheres, planes = (
             tuple(new for t in kind for new in (instead if t is thing else (t,)))
             for kind in (scene.spheres, scene.planes)
@@ -49,10 +46,10 @@ def _with(thing: Any, *instead: Any) -> Edit:
     return edit
 
 
-def mean_radiance(sky: WrittenSky) -> tuple[float, float, float]:
+def mean_radiance(sky: Sky) -> tuple[float, float, float]:
     """The mean of a sky's map over all directions: its rows count by the solid angle that they see."""
-    texels = sky.light.radiance
-    assert isinstance(texels, np.ndarray)  # a map's, not a constant sky's
+    assert sky.environment is not None
+    texels = sky.environment.radiance
     rows = np.sin((np.arange(len(texels)) + 0.5) / len(texels) * np.pi)
     r, g, b = np.average(texels.mean(axis=1), axis=0, weights=rows).tolist()
     return r, g, b

@@ -1,8 +1,8 @@
 """Spheres drawn into photos: coverage against areas, shadow ratios against closed forms, and nothing else touched."""
 
-import msgspec
 import numpy as np
 import pytest
+from scene_of import changed, scene_of
 
 from raytwin import files
 from raytwin.calib.augment import augment, errors_by_region, objects, regions_of
@@ -18,7 +18,7 @@ FLOOR = Rectangle((0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.5, 0.0), in_photo=Tr
 
 
 def stage(to_light=(1.0, 0.0, 1.0), sun=2.0, sky=0.2, center=(-0.03, 0.0, 0.05), radius=0.02) -> Scene:
-    return Scene("stage", CAMERA, (Sphere(center, radius), FLOOR), (Sun(to_light, (sun,) * 3), Sky((sky,) * 3)))
+    return scene_of("stage", CAMERA, (Sphere(center, radius), FLOOR), (Sun(to_light, (sun,) * 3), Sky((sky,) * 3)))
 
 
 def grey(value: int = 180) -> np.ndarray:
@@ -49,8 +49,8 @@ def test_the_shadows_core_gets_the_skys_share_of_the_light():
 
 def test_a_shadow_that_the_photo_shows_already_is_not_cast_twice():
     sheet = Rectangle((0.05, 0.0, 0.03), (0.02, 0.0, 0.0), (0.0, 0.02, 0.0), in_photo=True)
-    scene = msgspec.structs.replace(stage(), objects=(*stage().spheres, FLOOR, sheet))
-    before = augment(grey(), msgspec.structs.replace(scene, objects=scene.rectangles))
+    scene = changed(stage(), objects=(*stage().spheres, FLOOR, sheet))
+    before = augment(grey(), changed(scene, objects=scene.planes))
     assert (before.ratio == 1).all()
     assert np.array_equal(before.pixels, grey())
 
@@ -128,7 +128,7 @@ def test_a_sphere_in_a_photographed_walls_shade_takes_no_sun_a_second_time(first
     wall = Rectangle((0.1, 0.0, 0.1), (0.0, 0.5, 0.0), (0.0, 0.0, 0.1), in_photo=True)
     scene = stage(center=(0.03, 0.0, 0.03), radius=0.02)
     both = (wall, *scene.objects) if first else (*scene.objects, wall)
-    shaded = augment(grey(), msgspec.structs.replace(scene, objects=both))
+    shaded = augment(grey(), changed(scene, objects=both))
     alone = augment(grey(), scene)
     core = (alone.ratio[..., 0] < 0.4) & (alone.coverage == 0)
     assert core.sum() > 100

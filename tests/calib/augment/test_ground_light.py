@@ -4,11 +4,12 @@ from functools import partial
 
 import numpy as np
 import pytest
+from scene_of import scene_of
 
 from raytwin import files
 from raytwin.calib.augment import augment
 from raytwin.lights import sphere_share
-from raytwin.scene import Camera, Environment, Lambert, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Environment, Lambert, Sky, Sphere, Sun
 
 SIZE, FOCAL, HEIGHT = (161, 121), 120.0, 0.5
 CAMERA = Camera(
@@ -28,7 +29,7 @@ as_photo = partial(np.full, (SIZE[1], SIZE[0], 3), dtype=np.uint8)
 
 def drawn(sky, *, sun=DARK, ball=BALL, shadows=False) -> tuple[np.ndarray, np.ndarray]:
     """(m, 3) linear values and (m, 3) normals of the pixels that the ball covers."""
-    scene = Scene("ball", CAMERA, (ball,), (sun, sky))
+    scene = scene_of("ball", CAMERA, (ball,), (sun, sky))
     result = augment(as_photo(GROUND), scene, shadows=shadows, subsamples=1, ground=True)
     v, u = np.nonzero(result.coverage)
     R, eye = np.array(CAMERA.R_cam_board), np.array(CAMERA.eye)
@@ -98,7 +99,7 @@ def test_a_ball_on_the_floor_sees_its_own_shadow_there():
 def test_without_any_ground_in_the_photo_the_sky_stays_all_around():
     """A small ball high up, seen along a level axis: the ground about it lies below the frame."""
     level = Camera(SIZE, CAMERA.K, ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)), (0.0, HEIGHT, 0.2))
-    scene = Scene("level", level, (Sphere((0.0, 0.1, HEIGHT), 0.005),), (DARK, Sky(SKY)))
+    scene = scene_of("level", level, (Sphere((0.0, 0.1, HEIGHT), 0.005),), (DARK, Sky(SKY)))
     plain, asked = (augment(as_photo(GROUND), scene, ground=g).pixels for g in (False, True))
     assert (plain != GROUND).any()
     assert np.array_equal(plain, asked)

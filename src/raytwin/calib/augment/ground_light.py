@@ -48,7 +48,7 @@ def ground_for_sky(scene: Scene, sphere: Sphere, look: Look) -> np.ndarray:
 def _sky_below(scene: Scene, n: np.ndarray) -> np.ndarray:
     """(m, 3): E/π at normals (m, 3) of that part of the sky that lies below the horizon."""
     if scene.environment is None:
-        return (1 - n[:, 2:]) / 2 * np.array(scene.sky.radiance)
+        return (1 - n[:, 2:]) / 2 * np.array(scene.sky_radiance)
     around = scene.environment
     finer = -(-SHARP_ROWS // around.size[1])
     light = around.radiance.repeat(finer, axis=0).repeat(finer, axis=1)

@@ -213,7 +213,7 @@ def _shade(
 
 def _lit_without(scene: Scene, u: np.ndarray, v: np.ndarray, engine: str) -> np.ndarray:
     """(m,) bool: the sun reaches the photographed planes there, were nothing drawn."""
-    bare = msgspec.structs.replace(scene, objects=tuple(thing for thing in scene.objects if _shown(thing)))
+    bare = msgspec.structs.replace(scene, spheres=(), planes=tuple(p for p in scene.planes if p.in_photo))
     if len(bare.objects) < 2 or not len(u):
         return np.ones(len(u), bool)
     return trace_points(bare, u, v, "shadow", engine).lit
@@ -296,10 +296,10 @@ def _affected(scene: Scene, camera: Camera, shadows: bool) -> np.ndarray:
     """(H, W) bool: the pixels that an object may cover, or its shadow on a photographed plane may reach."""
     area = np.zeros((camera.height, camera.width), bool)
     boxes = [trim_box(t, camera) for t in scene.objects if not _shown(t)]
-    for plane in scene.rectangles if shadows else ():
+    for plane in scene.planes if shadows else ():
         if not plane.in_photo:
             continue
-        if any(not p.in_photo for p in scene.rectangles):
+        if any(not p.in_photo for p in scene.planes):
             boxes.append(trim_box(plane, camera))  # a rectangle's shadow: anywhere on the plane
             continue
         for sphere in scene.spheres:
