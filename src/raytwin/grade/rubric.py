@@ -16,7 +16,7 @@
 import hashlib
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 
@@ -84,8 +84,8 @@ class Exercise(Record, frozen=True):
 class Speed(Record, frozen=True):
     """Speed against accuracy, of the drawn scenes of the exercise `of`: a leaderboard, and a bonus if wanted.
 
-    The whole `bonus` at `fast` seconds a picture or fewer, none at `slow`, in between by the logarithm; only where the
-    exercise is passed.
+    The whole `bonus` at `fast` seconds a picture or fewer, none at `slow`, in between by the logarithm; only where
+    every exercise is passed.
     """
 
     of: str
@@ -121,7 +121,7 @@ class Rubric(Record, frozen=True):
     standard library, NumPy and SciPy, in words for pip, which installs them on Gradescope. `folder`: where the rubric
     lies, with a `reference` of its own if any. `hints`: of a slip that one change of the submission's text undoes, a
     student reads the line (1), what is wrong there (2), what to write (3); 0: nothing is tried. `follow_through`: the
-    share of its points that a picture keeps if it is right once the functions that failed on their own are replaced.
+    share of its points that an exercise keeps if it is wrong only by a mistake that another one pays for.
     """
 
     title: str
@@ -149,6 +149,12 @@ class Rubric(Record, frozen=True):
     def functions(self) -> tuple[str, ...]:
         """What is looked for in a submission: the stages, and what a picture can be made of where one is missing."""
         return tuple(dict.fromkeys([*self.stages, *(part for s in self.stages for part in NEEDED.get(s, ()))]))
+
+    @property
+    def questions(self) -> tuple[Any, ...]:
+        """What decides the answers and what is found of them: all other keys are arithmetic with stored results."""
+        exercises = [(e.stage, e.scenes, e.drawn, e.rung, e.tolerance) for e in self.exercises]
+        return exercises, self.limits, self.file, self.command, self.packages, self.hints > 0
 
     def seed_of(self, content: bytes) -> int:
         """Return a submission's seed, which nobody without the rubric's own can compute."""

@@ -72,7 +72,7 @@ class Scene(Record, frozen=True):
 
     @property
     def scene(self) -> Self:
-        """Return itself: what `read_scene(path)` was in 0.1."""
+        """Return itself: what `read_scene(path).scene` was in 0.1."""
         return self
 
     @property
