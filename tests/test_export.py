@@ -1,4 +1,4 @@
-"""raytwin export: what other renderers are told is the scene, and they render the same picture from it."""
+"""raytwin scenes export: what other renderers are told is the scene, and they render the same picture from it."""
 
 import json
 import os
@@ -10,9 +10,9 @@ from truths import view_of
 
 from raytwin import files, image_input, twin
 from raytwin.compare import compare
-from raytwin.renderers.mitsuba_xml import mitsuba_xml, moved_by
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.scene import Camera, Rectangle, Scene, Shape, Sky, Sphere, Sun
+from raytwin.twin.mitsuba_xml import mitsuba_xml, moved_by
 
 
 def test_json_says_the_scene_to_the_last_bit_and_a_look_at_camera_too(tmp_path, overlap):

@@ -22,7 +22,7 @@ import raytwin
 from raytwin import files
 from raytwin.image import Image
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 ROOT = Path(__file__).resolve().parent.parent
 MOST_BYTES = 13e6

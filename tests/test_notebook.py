@@ -17,10 +17,11 @@ from raytwin.errors import InputError
 from raytwin.viewer import widget
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = ROOT / "docs" / "tutorials" / "notebook.md"
+PAGE = ROOT / "docs" / "python.md"
 LESS = "repeats=3", "repeats=3, truth_samples=16"
 """What a test changes in the snippets: fewer samples of what errors are measured against."""
-CELLS = re.findall(r"^```python\n(.*?)^```$", PAGE.read_text("utf-8").replace(*LESS), re.DOTALL | re.MULTILINE)
+NOTEBOOK = PAGE.read_text("utf-8").partition("\n## Rays")[0].replace(*LESS)
+CELLS = re.findall(r"^```python\n(.*?)^```$", NOTEBOOK, re.DOTALL | re.MULTILINE)
 
 
 @pytest.fixture(scope="module")

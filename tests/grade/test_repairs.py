@@ -51,8 +51,6 @@ COPIED += "\n\ndef own_rays" + OWN_RAYS
 )
 def test_a_change_that_makes_a_function_right_explains_the_pictures(tmp_path, monkeypatch, text, of, line, told):
     """No cause of the pictures is looked for; the function is its own again after pictures with a right one."""
-    for seconds in ("SECONDS", "UNNAMED", "IN_ALL"):
-        monkeypatch.setattr(f"raytwin.grade.sandboxed_repair.{seconds}", 60.0)
     monkeypatch.setattr("raytwin.grade.marks.diagnose", lambda *_, **__: pytest.fail("looked at"))
     (tmp_path / "r.toml").write_text(f'title = "t"\nhints = 3\n{of}{POINTS}')
     (tmp_path / "a.py").write_text(text)
@@ -99,8 +97,9 @@ def test_a_change_helps_what_runs_it_where_a_case_becomes_right(runs_it, answers
     cases = stage.cases(1)[:2]
     made = {"right": cases[1].expected, "wrong": tuple(2 * a for a in cases[1].expected), None: None}
     left = iter([[made[answer]] for answer in answers])
-    trials = SimpleNamespace(places=lambda *_: frozenset({0} if runs_it else ()), run=lambda *_: next(left))
-    assert _helps(None, trials, (), [(stage, case) for case in cases]) == helps
+    trials = SimpleNamespace(lines=lambda *_: {}, run=lambda *_: next(left))
+    change = SimpleNamespace(runs_in=lambda lines: runs_it)
+    assert _helps(change, trials, (), [(stage, case) for case in cases]) == helps
 
 
 @pytest.mark.parametrize("other", [True, False])

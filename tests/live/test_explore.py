@@ -34,7 +34,7 @@ from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.scene import Scene, SceneFile
 from raytwin.speed import trace
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 SIZE = 96, 72
 LONG = PATIENCE / 1000

@@ -1,6 +1,6 @@
 """Samples until a verdict is certain, against the size of the fault: ours beside other tools.
 
-`python -m measure.certainty [REPEATS] [SAMPLES] [SCENE ...]`, in tests/, prints a table of docs/measured/verdict.md (9
+`python -m measure.certainty [REPEATS] [SAMPLES] [SCENE ...]`, in tests/, prints a table of docs/measured.md (9
 runs of 128 samples per pixel); with `--record` it draws docs/images/verdict.svg, too.
 
 Every scene is path traced in blocks of BLOCK samples, the test's and the reference's apart. A fault changes the test's

@@ -1,4 +1,4 @@
-"""Photos for `raytwin light` under a known light: a mirror ball, a matt ball and a pin stand beside a board.
+"""Photos for `raytwin photo light` under a known light: a mirror ball, a matt ball and a pin stand beside a board.
 
 Mitsuba's own path tracer renders them. It sees no sun in a mirror, since that is a direction: `sun_glint` adds its
 image. The sunlight that the mirror throws on what surrounds it is left out.

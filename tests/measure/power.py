@@ -1,6 +1,6 @@
 """What a verdict sees: faults put into correct renders and how often each tool finds them; alarms where there is none.
 
-`python -m measure.power [faults noise samples] [COUNT]` prints the tables of docs/measured/verdict.md; COUNT pairs of
+`python -m measure.power [faults noise samples] [COUNT]` prints the tables of docs/measured.md; COUNT pairs of
 each kind of noise (500). The tools, each at a setting its users take:
 
 - raytwin: `compare` at a false-alarm rate of 1e-3;

@@ -11,7 +11,6 @@ from browser import opened
 
 from raytwin import files
 from raytwin.calib import boards, photos
-from raytwin.calib.find_camera import TruthRow
 from raytwin.calib.photos import Calibration, Pose, PoseReport
 from raytwin.calib.photos.calibration_result import CalibrationWarning, View
 from raytwin.compare import Report, compare
@@ -84,11 +83,6 @@ def photographed(result: Result) -> Result:
     )  # fmt: skip
     far = tuple(x + 0.0011 for x in t)
     pose = PoseReport("photo_03.jpg", 35, Pose(R, far, 0.52), Pose(R, t, 0.118), 0.084, 0.0019, 7.3, (12,))
-    truth = (
-        TruthRow("fx", camera.fx - 0.31, camera.fx, 0.42, "px"),
-        TruthRow("cx", camera.cx + 0.2, camera.cx, 0.31, "px"),
-        TruthRow("rotation off by", 0.0, 0.0123, None, "degrees"),
-    )
     seen = result.subject.surface.ids
     drawn = (seen >= 0) & (seen < len(scene.spheres))
     augmented = np.where(drawn[..., None], files.to_bytes(result.subject.mean), photo)
@@ -99,7 +93,6 @@ def photographed(result: Result) -> Result:
         augmented=augmented,
         calibration=calibration,
         pose=pose,
-        truth=truth,
     )
 
 

@@ -45,7 +45,7 @@ from raytwin.scene import Camera
 from raytwin.workflows.diff_files import compare as compare_files
 from raytwin.workflows.estimate_light import LightEstimate
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 EVIL = "<img src=x onerror=alert(1)>\"'&_with_sixty_or_more_characters_and_no_blank_in_them"
 SIZE = 24, 36

@@ -13,7 +13,7 @@ from program import raytwin, refused
 from raytwin import files, references
 from raytwin.compare import METRICS
 from raytwin.compare.finding import Finding, notes
-from raytwin.diagnose.explanation import Cause, Diagnosis
+from raytwin.diagnose.explanation import Cause, Explanation
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.report.terminal_text import diff_summary
@@ -313,8 +313,8 @@ def test_predictions_are_clipped_and_rounded_as_the_files_are(tmp_path, of_test,
 
 def test_a_share_below_0_is_not_said():
     cause = Cause("x", "output", "x is wrong")
-    assert Diagnosis(False, cause, (), -7.6, None, "likely").findings == (Finding("likely", "x is wrong"),)
-    assert Diagnosis(False, cause, (), -7.6, None, "likely", "here").findings[1:] == notes(["here"])
+    made = Explanation("likely", (cause,), ("x is wrong",), "here", -7.6)
+    assert made.findings == (Finding("likely", "x is wrong"), *notes(["here"]))
 
 
 def test_a_scene_that_is_named_names_the_cause_and_a_wrong_name_is_refused(tmp_path):

@@ -30,7 +30,6 @@ from raytwin.renderers.renderer import Call, Renderer
 from raytwin.renderers.renderer_table import RENDERERS, choose
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, SceneFile, Tolerance
-from raytwin.workflows.versions import versions
 
 ERRORS = ("rmse", "relmse", "p999_abs")
 """The metrics that a row carries: rows of compare.METRICS."""
@@ -113,7 +112,7 @@ def bench_scenes(
             rows, errors, left = rows + own, errors + whole, missing | left
         made.append(
             Bench(
-                scene=scene.name, machine=machine(), versions=versions(), budget=deadline - began,
+                scene=scene.name, machine=machine(), versions=twin.versions(), budget=deadline - began,
                 seconds=clock() - began, sizes=tuple(camera.image_size for camera in cameras), rows=tuple(rows),
                 errors=tuple(errors), left_out=left, subjects=subjects,
             )

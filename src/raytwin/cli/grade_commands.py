@@ -1,4 +1,4 @@
-"""raytwin grade SUBMISSIONS --rubric R | starter | gradescope-zip, and walk: students' tracers, graded."""
+"""raytwin grade SUBMISSIONS --rubric R | starter | zip, and walk: students' tracers, graded."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -21,7 +21,7 @@ FEW = 20
 """Most results that are listed although they were there already."""
 
 
-app = group("class", folder=True)
+app = group("class")
 
 
 def class_command(
@@ -118,7 +118,7 @@ def starter_command(
     say(f"{out}: to check what is written, run it: python {out}")
 
 
-def gradescope_zip_command(rubric: Path, out: Path = Path("autograder.zip"), wheel: Path | None = None) -> None:
+def zip_command(rubric: Path, out: Path = Path("autograder.zip"), wheel: Path | None = None) -> None:
     """Make the autograder zip for Gradescope."""
     from raytwin.grade.gradescope import write_zip
 
@@ -143,6 +143,6 @@ def walk_command(notebook: bool = False, out: Path = Path(), solved: bool = Fals
 COMMANDS: dict[str, Callable[..., None]] = {
     "class": class_command,
     "starter": starter_command,
-    "gradescope-zip": gradescope_zip_command,
+    "zip": zip_command,
 }
 register(app, COMMANDS, within="grade")

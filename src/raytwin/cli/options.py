@@ -107,6 +107,7 @@ COMMON: dict[str, dict[str, Any]] = {
         "size": _opt("Render at another size than the camera's.", "WxH", callback=_size, kind=str | None),
         "jobs": _opt("Number of local processes.", "N", "--jobs", "-j"),
         "dask": _opt("Dask scheduler (extra `cluster`); its workers share the disk.", "ADDRESS"),
+        "verbose": _opt("Print the seconds of every stage.", None, "--verbose", "-v"),
     },
     CERTAINTY: {
         "budget": _opt(
@@ -210,32 +211,32 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "out": _opt("Folder to write to.", "DIR", *OUT),
         "solved": _opt("Fill in every function.", None, "--solved"),
     },
-    "export": {
+    "scenes.export": {
         "json": _opt("Write JSON, as programs of --subject read it.", None, "--json"),
         "mitsuba_xml": _opt("Write a Mitsuba 3 scene.", None, "--mitsuba-xml"),
         "rung": _opt("Light level: in JSON (shadow) or of the XML, sky or path (path).", among=LEVELS),
         "out": _opt("File to write (standard output).", "FILE", *OUT),
     },
-    "scenes": {
+    "scenes.copy": {
         "scene": _arg("Name or folder of the scene.", among=_scenes),
         "out": _arg("Folder to write (./NAME).", "[DIR]"),
     },
-    "calibrate": {
+    "photo.calibrate": {
         "photos": _arg("Photos of the board, or their folder.", "PHOTOS..."),
         "board": _opt("TOML file of the board (board.toml beside the photos).", "BOARD"),
         "model": _opt("Lens model: auto, none, k1k2 or full5.", among=MODELS),
         "photo": _opt("Photo whose pose is written (the first).", "NAME"),
         "out": _opt("Write the camera, as TOML, and a page beside it.", "FILE", *OUT),
     },
-    "light": {
+    "photo.light": {
         "photos": _arg("Photos of one board under one light, or their folder.", "PHOTO..."),
         "board": _opt("TOML file of the board (board.toml beside the photos).", "BOARD", kind=Path | None),
-        "camera": _opt("camera.toml, as `raytwin calibrate -o` writes it.", "FILE"),
+        "camera": _opt("camera.toml, as `raytwin photo calibrate -o` writes it.", "FILE"),
         "out": _opt("light.toml to write; a map and a page go beside it.", "FILE", *OUT),
         "ball": _opt("A mirror ball's rough center and its radius, metres or 20mm. Repeatable.", "X,Y,Z,R"),
         "stand": _opt("Foot and height of a pin or pen that stands upright, metres or 20mm.", "X,Y,H"),
     },
-    "augment": {
+    "photo.draw": {
         "photos": _arg("Photos that show the board, or their folder.", "PHOTO..."),
         "scene": _opt("Scene whose objects are drawn.", "SCENE", among=_scenes),
         "out": _opt("Folder for the drawn photos.", "DIR", *OUT),
@@ -248,7 +249,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
             "The photo's linear value of radiance 1 (1; with --light, from its paper).", min=0.0, kind=float | None
         ),
     },
-    "photograph": {
+    "photo.simulate": {
         "out": _opt("Folder for the photos and truth.toml.", "DIR", *OUT),
         "board": _opt("TOML file of the board.", "BOARD"),
         "scene": _opt("Scene that gives sun, sky and table (its planes).", among=_scenes),
@@ -259,9 +260,9 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "samples": _opt("Light paths per pixel.", min=1),
         "seed": _opt("Seed of poses, light paths and sensor noise."),
         "bend": _opt("Bend the sheet by this much, as 3mm.", "LENGTH"),
-        "with_objects": _opt("Put the scene's objects there, too (for augment --against).", None, "--with-objects"),
+        "with_objects": _opt("Put the scene's objects there, too (for draw --against).", None, "--with-objects"),
     },
-    "board": {
+    "photo.board": {
         "out": _opt("PDF to write, with a TOML beside it.", "FILE", *OUT),
         "tag": _opt("Edge of a tag's black square, with its unit.", "LENGTH"),
         "columns": _opt("Tags in a row.", "N"),
@@ -284,7 +285,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "again": _opt("Render even what is up to date.", None, "--again"),
         "yes": _opt("Replace old references without asking.", None, "--yes", "-y"),
         "whole": _opt("Print everything known of each.", None, "--all"),
-        "against": _opt("Another folder of references.", "DIR"),
     },
     "reference.check": {
         "budget": _opt("Most samples per pixel, or time (30s), per reference.", "N|TIME", "--budget", "--samples"),
@@ -310,7 +310,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "out": _opt("File to write (tracer.py or rubric.toml).", "FILE", *OUT),
         "rubric": _opt("Write a complete rubric instead, to edit.", None, "--rubric"),
     },
-    "grade.gradescope-zip": {"rubric": _arg("The rubric, TOML."), "out": _opt("Zip to write.", "FILE", *OUT)},
+    "grade.zip": {"rubric": _arg("The rubric, TOML."), "out": _opt("Zip to write.", "FILE", *OUT)},
     "bench": {
         "methods": _opt("Patterns of method names, which `raytwin bench list` prints.", "GLOB,...", "--methods"),
         "scenes": _arg("Scenes: folders, scene.toml or names.", "SCENE", among=_scenes, callback=_known_scenes),
@@ -367,20 +367,35 @@ def with_options(command: Callable[..., None], name: str) -> Callable[..., None]
     return run
 
 
-def group(default: str, folder: bool = False) -> typer.Typer:
-    """Return a group of commands; words that begin with no command's name go to the command `default`.
+def group(default: str, alone: bool = False) -> typer.Typer:
+    """Return a group of commands; words that begin with no command's name go to `default`, which has no name itself.
 
-    `folder`: so does its own name, if no words follow and there is a folder of that name, as in `raytwin grade class`.
+    So a folder may have any name but a listed command's, and `--help` shows what the group does by itself first.
+    `alone`: the default needs no words. Without it no words at all show the help.
     """
 
     class OrDefault(TyperGroup):
         def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-            help_asked = args[1:2] and args[1] in ctx.help_option_names
-            alone = not help_asked and all(word.startswith("-") for word in args[1:2])
-            its_name = folder and args[:1] == [default] and alone and Path(default).is_dir()
-            if args and (its_name or args[0] not in (*self.commands, *ctx.help_option_names)):
-                args = [default, *args]
-            return super().parse_args(ctx, args)
+            named = {*self.listed(), *ctx.help_option_names}
+            by_itself = args[0] not in named if args else alone
+            return super().parse_args(ctx, [default, *args] if by_itself else args)
+
+        def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+            name, command, rest = super().resolve_command(ctx, args)
+            return name if name in self.listed() else None, command, rest
+
+        def listed(self) -> list[str]:
+            return [name for name in self.commands if name != default or alone]
+
+        def format_help(self, ctx: Any, formatter: Any) -> None:
+            command: Any = self.commands[default]
+            own = command.context_class(command, info_name=ctx.info_name, parent=ctx.parent)
+            command.format_usage(own, formatter)
+            command.format_help_text(own, formatter)
+            command.format_options(own, formatter)
+            with formatter.section("Commands"):
+                formatter.write_dl([(name, self.commands[name].get_short_help_str(80)) for name in self.listed()])
+            command.format_epilog(own, formatter)
 
     return typer.Typer(cls=OrDefault, no_args_is_help=True)
 

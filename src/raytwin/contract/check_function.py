@@ -17,10 +17,10 @@ from msgspec.structs import replace
 
 from raytwin.contract.composed_tracer import NEEDED
 from raytwin.contract.loading import arrays_of
-from raytwin.contract.repair_function import PROOF, further_probes, probes, repair_here, right_ones
+from raytwin.contract.repair_function import PROOF, further_probes, probes, repair_here, right_ones, words_of
 from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant
 from raytwin.contract.stage_result import CaseResult, StageResult
-from raytwin.diagnose.explanation import Diagnosis
+from raytwin.diagnose.explanation import Explanation
 from raytwin.diagnose.repair import Repair
 
 Outcome = Arrays | str
@@ -47,7 +47,7 @@ def repair_function(stage: Stage, function: Function, seed: int = 0, source: str
     cases = probes(stage, stage.cases(seed), is_wrong) or probes(stage, stage.last(seed), is_wrong)
     further = partial(further_probes, stage, seed)
     right = right_ones(stage, cases, is_wrong)
-    return repair_here(function, cases, partial(is_repaired, stage), source, further, right=right)
+    return repair_here(function, cases, partial(is_repaired, stage), source, further, (), right, words_of(stage.name))
 
 
 def is_right(stage: Stage, case: Case, got: Outcome) -> bool:
@@ -161,21 +161,15 @@ def _diagnosed(base: StageResult, stage: Stage, cases: Sequence[Case], got: Sequ
     found = diagnose(views)
     faults = ((found.cause.name, found.cause.sentence),) if found.cause else ()
     said, causes = "; ".join(student_words(found)), tuple(name for name, _ in faults)
-    return replace(base, sentence=said, causes=causes, faults=faults, exact=found.sureness == "proved")
+    return replace(base, sentence=said, causes=causes, faults=faults, exact=found.certainty == "proved")
 
 
-def student_words(found: Diagnosis) -> tuple[str, ...]:
-    """The diagnosis in sentences for a student: the mistake, what may be meant as well, what is wrong beside it."""
-    first, more, _ = found.where.partition("something else is wrong")
-    where = first.partition(";")[0]
+def student_words(found: Explanation) -> tuple[str, ...]:
+    """The explanation in sentences for a student, without the names of scenes."""
+    where = f"your pictures are {found.where.partition(';')[0]}"
     if found.cause is None:
-        near = found.nearest if found.explained >= 0.5 else None
-        unknown = (f"no single common mistake fits: your pictures are {where}",)
-        return (*unknown, f"closest to it, but not all of it: {near.sentence}") if near else unknown
-    others = (f"or, with the same effect in these pictures: {o.sentence}" for o in found.alternatives)
-    said = [found.cause.sentence, *others]
-    said += [f"your pictures are {where}"] if where else []
-    return (*said, "something else is wrong, too") if more else tuple(said)
+        return (f"no single common mistake fits: {where}", *found.sentences)
+    return (*found.sentences, where) if found.where else found.sentences
 
 
 def _checked(stage: Stage, case: Case, outcome: Outcome) -> Outcome:

@@ -217,7 +217,7 @@ def _no_rotation(R: np.ndarray) -> str:
 
 
 def read_camera(path: str | os.PathLike) -> Camera:
-    """A camera.toml, as `raytwin calibrate -o` writes it; the boards' shapes in it are passed over."""
+    """A camera.toml, as `raytwin photo calibrate -o` writes it; the boards' shapes in it are passed over."""
     data = read_toml(path)
     data.pop("boards", None)
     camera = to_record(path, data, Camera)

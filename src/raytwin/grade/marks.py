@@ -1,6 +1,5 @@
 """What is found of the answers: of each exercise which parts are right, and the cause of what is not; no points."""
 
-import time
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -11,7 +10,8 @@ import numpy as np
 from raytwin.contract.check_function import judge, student_words
 from raytwin.contract.stage_result import says_why
 from raytwin.contract.stage_table import LESSONS
-from raytwin.diagnose.diagnosis import Diagnosis, diagnose
+from raytwin.diagnose.diagnosis import diagnose
+from raytwin.diagnose.explanation import Explanation
 from raytwin.grade.check_picture import CheckedPicture, check_picture
 from raytwin.grade.fingerprint import fingerprint
 from raytwin.grade.follow_through import Rerun, ask_again, with_again
@@ -22,8 +22,8 @@ from raytwin.grade.sandboxed_repair import SecondLook
 from raytwin.grade.wrong_picture import wrong_picture
 from raytwin.sandbox.sandbox import Code
 
-SECONDS, AT_MOST = 9.0, 3.0
-"""CPU seconds for the causes of all pictures of a submission, and for those of some: what is named is named sooner."""
+SEARCHES = 4
+"""Searches for the causes of a submission's pictures, at most: of all of them, and of those of single exercises."""
 FURTHER = 1.25
 """Multiple of the wrong pixels: if right functions leave more, they do not fit the submission's own ways."""
 MOST_VIEWS = 3
@@ -171,18 +171,18 @@ class _Causes:
     ) -> None:  # fmt: skip
         self.checked, self.helped, self.failed, self.seed = checked, helped, failed, seed
         self.mended, checked = mended, {k: c for k, c in checked.items() if k not in mended}
-        self.seconds, self.functions = SECONDS, " and ".join(f"`{name}`" for name in helped.names)
+        self.searches, self.functions = SEARCHES, " and ".join(f"`{name}`" for name in helped.names)
         known = bool(failed) and all(m.faults or m.repair for m in failed)
         left = [k for k, (_, again) in helped.again.items() if not (again.part.passed or k in mended)]
         fixed_by = bool(helped.again) and not left
         self.beside = any(_is_nearer(checked[k], helped.again[k][1]) for k in left)
-        self.together: Diagnosis | None = None
+        self.together: Explanation | None = None
         if not (known and self.beside):
             explained = helped.again if known and fixed_by else {}
             self.together = self._diagnosed([c for k, c in checked.items() if k not in explained])
         named = self.together is not None and self.together.cause is not None
         self.theirs = fixed_by and (known or not named)
-        self.rest: Diagnosis | None = None
+        self.rest: Explanation | None = None
         if self.beside and not named:
             found = self._diagnosed([helped.again[k][1] if k in helped.again else c for k, c in checked.items()])
             if found is not None and found.cause is not None:
@@ -190,15 +190,13 @@ class _Causes:
             else:
                 self.together = self.together or self._diagnosed(list(checked.values()))
 
-    def _diagnosed(self, checked: Sequence[CheckedPicture]) -> Diagnosis | None:
-        """None if nothing is wrong, there are no numbers, or no time is left."""
+    def _diagnosed(self, checked: Sequence[CheckedPicture]) -> Explanation | None:
+        """None if nothing is wrong, there are no numbers, or no search is left."""
         views = [c.view for c in checked if c.view is not None]
-        if self.seconds <= 0 or not _has_wrong_numbers(checked):
+        if self.searches == 0 or not _has_wrong_numbers(checked):
             return None
-        began = time.thread_time()
-        found = diagnose(views, self.seed, seconds=min(self.seconds, AT_MOST))
-        self.seconds -= time.thread_time() - began
-        return found
+        self.searches -= 1
+        return diagnose(views, self.seed)
 
     def of(self, asked: Sequence[Question]) -> _Found:
         """Return what is said of one exercise."""
@@ -217,15 +215,15 @@ class _Causes:
         if found is not None and found.cause is None and others:
             found = self._diagnosed(mine) or found
             # What other pictures speak against is not proved.
-            found = replace(found, sureness="likely" if found.cause else "unknown")
+            found = replace(found, certainty="likely" if found.cause else "unknown")
         if found is None:
             return _Found()
         faults = ((found.cause.name, found.cause.sentence),) if found.cause else ()
         makes = "makes" if len(self.helped.names) == 1 else "make"
         beside = (f"{self.functions} {makes} it wrong, too",) if self.rest is not None else ()
         said = (*student_words(found), *beside)
-        alone = self.rest is None and says_why(found.sureness, faults)
-        return _Found(said, faults, found.sureness if faults else "", (), tuple(n for n, _ in faults) if alone else ())
+        alone = self.rest is None and says_why(found.certainty, faults)
+        return _Found(said, faults, found.certainty if faults else "", (), tuple(n for n, _ in faults) if alone else ())
 
 
 def _has_wrong_numbers(checked: Sequence[CheckedPicture]) -> bool:

@@ -69,7 +69,7 @@ class Camera(Record, frozen=True):
         x, y, z = (-np.asarray(self.R_cam_board).T @ np.asarray(self.t_cam_board)).tolist()
         return x, y, z
 
-    def grid(self, x: float = 0, y: float = 0, step: int = 1, size: tuple[int, int] | None = None) -> "Camera":
+    def grid(self, x: float = 0, y: float = 0, step: float = 1, size: tuple[int, int] | None = None) -> "Camera":
         """Return the camera whose pixel (u, v) sees what this one's (x + step u, y + step v) sees.
 
         `size` is (width, height), by default this camera's.

@@ -52,10 +52,13 @@ def _pooled(scene: MitsubaScene, samples: int, seed: int, batches: int, progress
         means.append(_rendered(scene, loaded, each, (seed, k)).reshape(height, width, 3))
     progress("twin", batches, batches)
     mean = np.mean(means, axis=0, dtype=float).astype(np.float32)
-    variance = None
+    variance = third = None
     if batches > 1:
         variance = (np.var(means, axis=0, ddof=1, dtype=float) / batches).astype(np.float32)
-    return Image(mean, variance, each * batches, _surface(scene, loaded), batches)
+    if batches > 2:
+        cubes = ((x - mean.astype(float)) ** 3 for x in means)
+        third = (sum(cubes) / (batches * (batches - 1) * (batches - 2))).astype(np.float32)  # see ImagePool
+    return Image(mean, variance, each * batches, _surface(scene, loaded), batches, third=third)
 
 
 def mitsuba_provenance(
@@ -64,25 +67,6 @@ def mitsuba_provenance(
     """Everything that decides the pixels of `render_mitsuba`, as text: for an EXR's header."""
     about = made_with(f"file {VERSION}", activate(variant).variant) | {"scene": scene.digest}
     return about | {"samples": str(samples), "seed": str(seed), "batches": str(batches)}
-
-
-def mitsuba_surface(scene: MitsubaScene) -> Surface:
-    """What the center of each pixel sees."""
-    activate()
-    return _surface(scene, _loaded(scene))
-
-
-def mitsuba_reach(scene: MitsubaScene) -> tuple[np.ndarray, np.ndarray]:
-    """The first sensor's `to_world` (4, 4), and how far each shape's box reaches in front of it; negative: behind."""
-    activate()
-    loaded = _loaded(scene)
-    pose = np.array(loaded.sensors()[0].world_transform().matrix, np.float64).reshape(4, 4)
-    forward = np.linalg.inv(pose)[2]
-    reach = []
-    for shape in loaded.shapes():
-        low, high = (np.array(corner, np.float64).ravel() for corner in (shape.bbox().min, shape.bbox().max))
-        reach.append(forward[3] + np.maximum(forward[:3] * low, forward[:3] * high).sum())
-    return pose, np.array(reach)
 
 
 def _loaded(scene: MitsubaScene) -> Any:

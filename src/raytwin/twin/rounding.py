@@ -47,7 +47,7 @@ def settle(test: Image, reference: Image, scene: Scene) -> tuple[Image, np.ndarr
         count = int(np.count_nonzero(undecided))
         where = f"{count} pixel{'s' * (count > 1)} on an outline or at a shadow's edge"
         said.append(f"{where}, where single precision cannot tell, {'were' if count > 1 else 'was'} not compared")
-    extreme = _extreme(scene)
+    extreme = extreme_spheres(scene)
     granted = _highlights(scene, surface) if scene.glossy else None
     pixels = np.flatnonzero(np.isin(surface.ids.ravel(), list(extreme)))
     if pixels.size:
@@ -74,7 +74,7 @@ def _reaches(scene: Scene) -> list[float]:
     return [float(max(both)) for both in zip(ways, rays, strict=True)]
 
 
-def _extreme(scene: Scene) -> dict[int, float]:
+def extreme_spheres(scene: Scene) -> dict[int, float]:
     """The spheres whose surface float32 holds badly: id -> δ in metres."""
     eye, found = np.asarray(scene.camera.eye), {}
     for i, (thing, reach) in enumerate(zip(scene.objects, _reaches(scene), strict=True)):

@@ -9,7 +9,15 @@ import numpy as np
 
 from raytwin import files, twin
 from raytwin.calib import boards, photos
-from raytwin.calib.augment import augment, draw_boxes, draw_pyramid, errors_by_region, of_three_channels, to_rec709
+from raytwin.calib.augment import (
+    augment,
+    draw_boxes,
+    draw_pyramid,
+    errors_by_region,
+    of_three_channels,
+    printed,
+    to_rec709,
+)
 from raytwin.calib.find_camera import find_camera
 from raytwin.calib.lighting.light_file import photo_exposure, read_light
 from raytwin.errors import InputError
@@ -75,15 +83,8 @@ def augment_photos(
             exposure: float | np.ndarray = 1.0 if chosen.exposure is None else chosen.exposure
             if light is not None and chosen.exposure is None:
                 exposure = photo_exposure(path, stand, definition, light)
-            result = augment(
-                pixels,
-                here,
-                engine=engine,
-                shadows=chosen.shadows,
-                exposure=exposure,
-                space=space,
-                ground=light is not None,
-            )
+            options = {"engine": engine, "shadows": chosen.shadows, "exposure": exposure, "space": space}
+            result = augment(pixels, printed(here, definition), **options)
             drawn = result.pixels
             for pyramid in scene.pyramids:
                 drawn = draw_pyramid(drawn, stand, pyramid, space)

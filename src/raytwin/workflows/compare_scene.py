@@ -13,7 +13,7 @@ from raytwin.analysis.beside_twin import compare_with_twin
 from raytwin.analysis.ledger import LEFT_OUT, Ledger, make_ledger
 from raytwin.analysis.light_parts import sampled_parts
 from raytwin.analysis.rounding_cause import rounding_cause
-from raytwin.calib.find_camera import TruthRow, compare_truth, find_camera
+from raytwin.calib.find_camera import find_camera
 from raytwin.compare import Comparison, Report
 from raytwin.compare.finding import Finding, notes
 from raytwin.contract.check_function import judge_function
@@ -33,7 +33,6 @@ from raytwin.workflows.compared import Compared
 from raytwin.workflows.nothing_in_view import judged_in_view
 from raytwin.workflows.rounds import render_sides
 from raytwin.workflows.settings import CompareSettings
-from raytwin.workflows.versions import versions
 
 if TYPE_CHECKING:
     from raytwin.calib import photos  # with OpenCV, which a scene whose camera is given needs not
@@ -80,7 +79,6 @@ class _Job:
     photo: Path | None = None
     calibration: "photos.Calibration | None" = None
     pose: "photos.PoseReport | None" = None
-    truth: tuple[TruthRow, ...] = ()
 
     @property
     def engine(self) -> str:
@@ -144,14 +142,9 @@ def _prepared(path: str | Path | Scene | SceneFile, chosen: CompareSettings, sta
         scene, photo, calibration, pose = find_camera(written, chosen.photo, stages)
     with stages.stage("backend"):
         backend = twin.activate()
-    truth: tuple[TruthRow, ...] = ()
-    if photo is not None and calibration is not None and (truth_file := photo.parent / "truth.toml").exists():
-        from raytwin.calib import synthetic_photos
-
-        truth = compare_truth(synthetic_photos.read_truth(truth_file), calibration, scene.camera, photo.name, pose)
     if chosen.size is not None:
         scene = scene.with_camera(scene.camera.resized(*chosen.size))
-    return _Job(subject, chosen, stages, written, scene, backend, light, photo, calibration, pose, truth)
+    return _Job(subject, chosen, stages, written, scene, backend, light, photo, calibration, pose)
 
 
 def _result(job: _Job, made: Image, reference: Image, comparison: Comparison, ledger: Ledger | None) -> Result:
@@ -178,7 +171,6 @@ def _result(job: _Job, made: Image, reference: Image, comparison: Comparison, le
         augmented=augmented,
         calibration=job.calibration,
         pose=job.pose,
-        truth=job.truth,
         settings={
             "subject": subject.name,
             "rung of the tracer": subject.rung,
@@ -189,7 +181,7 @@ def _result(job: _Job, made: Image, reference: Image, comparison: Comparison, le
             "twin's samples per pixel": str(reference.samples),
             "trim boxes": chosen.trim,
         },
-        versions=versions(),
+        versions=twin.versions(),
         ledger=ledger,
     )
 

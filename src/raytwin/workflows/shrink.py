@@ -5,12 +5,13 @@ silhouettes, depth, normals, NaN, an error. Nothing else is known of it.
 """
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
-import numpy as np
+from msgspec import structs
 
 from raytwin import files, twin
 from raytwin.analysis.beside_twin import compare_with_twin
@@ -23,13 +24,10 @@ from raytwin.image import Image
 from raytwin.progress import Progress, silent
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.user_renderers import UserRenderer
-from raytwin.rungs import RUNGS
-from raytwin.scene import SceneFile
+from raytwin.scene import SceneFile, WrittenSky, WrittenSun
 from raytwin.workflows.compare_scene import stage_causes
-from raytwin.workflows.delta_debugging import minimized
 from raytwin.workflows.make_reference import find_scene
 from raytwin.workflows.settings import MANY, CompareSettings
-from raytwin.workflows.shrink_scene import parts_of
 
 RATE = 1e-6
 """Probability that a step is kept because of noise alone, in a renderer that is right."""
@@ -37,6 +35,7 @@ SECONDS_IN_ALL = 300.0
 """Seconds after which no further step is tried."""
 SMALLEST = 24
 """Pixels of a side below which the picture is not cropped: less shows nobody anything."""
+T = TypeVar("T")
 
 
 class Failure(NamedTuple):
@@ -145,25 +144,15 @@ class _Search:
         whole = self._cropped(scene)
         kept = minimized(list(parts), lambda kept: self._fails(only(kept, whole)))
         small = self._cropped(only(kept, whole))
-        simpler: list[str] = []
-        if isinstance(self.subject, UserRenderer):  # a method has a level of its own
-            own = self.subject
-            for rung in list(RUNGS)[1 : list(RUNGS).index(own.rung)]:
-                self.subject = replace(own, rung=rung)
-                if self._fails(small):
-                    simpler.append(f"every light level above {rung}")
-                    break
-                self.subject = own
         sizes = [s.scene.camera.image_size for s in (small, scene)]
-        if sizes[0] != sizes[1]:
-            simpler.append("most of the picture ({} x {} of {} x {} pixels remain)".format(*sizes[0], *sizes[1]))
+        cropped = "most of the picture ({} x {} of {} x {} pixels remain)".format(*sizes[0], *sizes[1])
         images = self.failure.images
         causes = stage_causes(self.subject) or (explain(*images, small.scene, self.subject.rung) if images else ())
         cause = causes[0].text if causes and causes[0].names_a_cause else ""
         removed = tuple(name for name in parts if name not in kept)
         return Shrunk(
-            scene, small, self.subject.rung, self.failure, cause, removed, tuple(kept), tuple(simpler), self.count,
-            time.perf_counter() - began, self.stopped,
+            scene, small, self.subject.rung, self.failure, cause, removed, tuple(kept),
+            (cropped,) if sizes[0] != sizes[1] else (), self.count, time.perf_counter() - began, self.stopped,
         )  # fmt: skip
 
     def _fails(self, scene: SceneFile) -> bool:
@@ -178,29 +167,10 @@ class _Search:
         return True
 
     def _cropped(self, scene: SceneFile) -> SceneFile:
-        """Take a half of the picture while one fails, along its longer side first, the one with more of the error."""
-        while (found := next(filter(self._fails, self._halves(scene)), None)) is not None:
+        """Take a half of the picture while one fails, along its longer side first."""
+        while (found := next(filter(self._fails, _halves(scene)), None)) is not None:
             scene = found
         return scene
-
-    def _halves(self, scene: SceneFile) -> Iterable[SceneFile]:
-        camera, off = scene.scene.camera, self._error()
-        width, height = camera.image_size
-        for across, length in sorted(((True, width), (False, height)), key=lambda side: -side[1]):
-            half, starts = -(-length // 2), [0, length // 2]
-            if off is not None and off.shape == (height, width):
-                sums = off.sum(axis=0 if across else 1)
-                starts.sort(key=lambda first: -float(sums[first : first + half].sum()))
-            for first in starts if length >= 2 * SMALLEST else ():
-                size = (half, height) if across else (width, half)
-                yield scene.with_camera(camera.grid(first * across, first * (not across), size=size))
-
-    def _error(self) -> np.ndarray | None:
-        """|t - r| of the last failure, (H, W); None where there is none to see."""
-        images = self.failure.images
-        if images is None or images[0].shape != images[1].shape:
-            return None
-        return np.asarray(np.nan_to_num(np.abs(images[0].mean - images[1].mean), nan=0, posinf=0).sum(axis=2))
 
     def _look(self, scene: SceneFile) -> Failure | None:
         """How it fails beyond doubt."""
@@ -225,3 +195,67 @@ class _Search:
         if found.verdict != "fail":
             return None
         return Failure(KINDS[found.findings[0].kind].failure, found.reasons[0], (made, reference))
+
+
+def _halves(scene: SceneFile) -> Iterable[SceneFile]:
+    """The scene seen in each half of its picture, where a half is not too small."""
+    camera = scene.scene.camera
+    width, height = camera.image_size
+    for across, length in sorted(((True, width), (False, height)), key=lambda side: -side[1]):
+        size = (-(-length // 2), height) if across else (width, -(-length // 2))
+        for first in (0, length // 2) if length >= 2 * SMALLEST else ():
+            yield scene.with_camera(camera.grid(first * across, first * (not across), size=size))
+
+
+def parts_of(scene: SceneFile) -> dict[str, Callable[[SceneFile], SceneFile]]:
+    """Name -> what leaves the part out of this scene; the parts can be left out together."""
+    shown, things = scene.scene, (*scene.spheres, *scene.planes)
+    labels = shown.names if len(set(shown.names)) == len(things) else shown.numbers
+    found = {name: _without(thing) for name, thing in zip(labels, things, strict=True)}
+    if any(scene.sun.irradiance):
+        found["the sun"] = lambda scene: structs.replace(scene, sun=WrittenSun((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)))
+    if scene.sky != WrittenSky():
+        found["the sky"] = lambda scene: structs.replace(scene, sky=WrittenSky())
+    if any(shown.camera.dist):
+        found["the lens's distortion"] = lambda scene: scene.with_camera(structs.replace(scene.scene.camera, dist=()))
+    return found
+
+
+def _without(gone: Any) -> Callable[[SceneFile], SceneFile]:
+    def edit(scene: SceneFile) -> SceneFile:
+        spheres, planes = (
+            tuple(thing for thing in kind if thing is not gone) for kind in (scene.spheres, scene.planes)
+        )
+        return structs.replace(scene, spheres=spheres, planes=planes, pyramids=())
+
+    return edit
+
+
+def minimized(parts: Sequence[T], fails: Callable[[list[T]], bool]) -> list[T]:
+    """Return parts, in their order, that still fail together, and of which no single one can be left out.
+
+    Delta debugging (Zeller and Hildebrandt, "Simplifying and isolating failure-inducing input", 2002). `fails(parts)`
+    must hold of all. With n parts of which k must stay it is asked some k log n times at best and n² at worst.
+
+    >>> minimized(range(8), lambda kept: {2, 5} <= set(kept))
+    [2, 5]
+    """
+    kept = list(parts)
+    if kept and fails([]):
+        return []
+    pieces = 2
+    while len(kept) > 1:
+        pieces = min(pieces, len(kept))
+        ends = [round(i * len(kept) / pieces) for i in range(pieces + 1)]
+        spans = list(pairwise(ends))
+        alone = [kept[a:b] for a, b in spans]
+        rest = [kept[:a] + kept[b:] for a, b in spans] if pieces > 2 else []
+        if (found := next(filter(fails, alone), None)) is not None:
+            kept, pieces = found, 2
+        elif (found := next(filter(fails, rest), None)) is not None:
+            kept, pieces = found, pieces - 1
+        elif pieces == len(kept):
+            break
+        else:
+            pieces = 2 * pieces
+    return kept

@@ -1,4 +1,4 @@
-"""The photos that `raytwin light` is measured by: their mirror ball shows the sky along reflected rays, and the sun's
+"""The photos that `photo light` is measured by: their mirror ball shows the sky along reflected rays, and the sun's
 image in it holds a distant ball's flux."""
 
 import numpy as np

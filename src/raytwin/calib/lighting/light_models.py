@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from raytwin.calib.boards.board import PAPER
-from raytwin.calib.ground_rings import fibonacci
 from raytwin.calib.lighting.mirror_ball import Ball
 from raytwin.calib.lighting.mirror_map import Mirrored, fit_map
 from raytwin.calib.lighting.stand_shadow import Shadow
@@ -47,8 +46,10 @@ LEAST_PIXELS = 50
 PATCH = 8
 """Pixels across a patch of those that are held out of a single photo."""
 
-NORMALS = fibonacci(200)[:100]
-"""Normals of a sphere at which its shading is compared: those that look up."""
+_K = np.arange(100)
+_Z = 1 - (2 * _K + 1) / 200
+NORMALS = np.stack([*(np.sqrt(1 - _Z * _Z) * f(2.399963 * _K) for f in (np.cos, np.sin)), _Z], axis=1)
+"""Normals that look up, spread evenly over a sphere along a spiral, at which its shading is compared."""
 
 BLUR_DEGREES = 20.0
 """By how much both shadings are blurred first: a terminator's place counts by what it changes over so much of it."""
