@@ -40,6 +40,13 @@ def draw_scene(
             return scene
 
 
+def around_eye(scene: SceneDict) -> SceneDict:
+    """The scene within one more sphere, which holds the eye and what is near."""
+    eye = -np.transpose(scene["R_cam_board"]) @ scene["t_cam_board"]
+    sphere = {"center": 0.5 * eye, "radius": 0.9 * float(np.linalg.norm(eye)), "albedo": np.array([0.7, 0.55, 0.8])}
+    return scene | {"spheres": [*scene["spheres"], sphere]}
+
+
 def _scene(rng: np.random.Generator, spheres: tuple[Place, ...], planes: int, lens: tuple[float, ...]) -> Scene:
     camera = _camera(rng, lens)
 
