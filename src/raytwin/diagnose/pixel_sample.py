@@ -20,7 +20,7 @@ from raytwin.tracer import RADIANCE, trace
 
 WRONG, CORRECT, EDGES = 700, 500, 250
 """Pixels that are looked at: of those that are wrong, those that are correct, and those of them beside an outline."""
-MET = 4_000_000
+MET = 500_000
 """Most pixels times objects; a scene with more objects is sampled at fewer pixels."""
 CLOSE = 3e-4
 """Share of the scale: the largest error of a prediction that counts as a match."""
