@@ -6,7 +6,7 @@ import numpy as np
 
 from raytwin.diagnose.pixel_sample import PixelSample
 from raytwin.diagnose.predict import Array, Predictor, Seen
-from raytwin.scene import Scene, Sphere
+from raytwin.scene import Scene
 
 MUCH, LITTLE = 0.05, 0.005
 """A region is wrong where more of its pixels are, and correct where fewer are."""
@@ -51,7 +51,7 @@ def points_of_misses(samples: Sequence[PixelSample]) -> str:
 
 def _regions(scene: Scene, seen: Seen) -> tuple[Array, Array]:
     """For each pixel the index of its row in KINDS and in LIGHTS."""
-    spheres = np.array([isinstance(x, Sphere) for x in scene.objects] + [False])
+    spheres = np.arange(len(scene.objects) + 1) < len(scene.spheres)
     kind = np.where(seen.ids < 0, 2, np.where(spheres[seen.ids], 0, 1))
     light = np.where(seen.cos <= 0, 1, np.where(seen.visible, 0, 2))
     return kind, np.where(kind == 2, 0, light)
@@ -88,9 +88,9 @@ def _region(kind: int, wrong: Array, there: Array) -> str:
 def _wrong_spheres(s: PixelSample, scene: Scene, seen: Seen, bad: Array) -> list[str]:
     """`sphere 1 of desk`, where some of a scene's spheres are wrong and others are not."""
     rates = {}
-    for k, (name, thing) in enumerate(zip(scene.names, scene.objects, strict=True)):
+    for k, name in enumerate(scene.names[: len(scene.spheres)]):
         weight = s.weight * ((seen.ids == k) & ~s.edge)
-        if isinstance(thing, Sphere) and weight.sum() > 1e-3:
+        if weight.sum() > 1e-3:
             rates[name] = float((weight * bad).sum() / weight.sum())
     wrong = [name for name, rate in rates.items() if rate > MUCH]
     return [f"{_listed(wrong)} of {scene.name}"] if wrong and min(rates.values()) < LITTLE else []

@@ -28,7 +28,7 @@ from raytwin.diagnose.changes import (
 )
 from raytwin.diagnose.pixel_sample import PixelSample
 from raytwin.diagnose.predict import Array, Pipeline, slip
-from raytwin.scene import Scene, Sphere
+from raytwin.scene import Scene
 
 NAMED = (
     (pi, "π"), (1 / pi, "1/π"), (2.0, "2"), (0.5, "1/2"), (2 * pi, "2π"), (1 / (2 * pi), "1/(2π)"), (4.0, "4"),
@@ -175,10 +175,8 @@ def radii_of(scene: Scene) -> tuple[ParametricFault, ...]:
     """A family for the radius of each sphere, where there are others."""
     if len(scene.objects) > MANY or len(scene.spheres) == 1:
         return ()
-    things = enumerate(zip(scene.names, scene.numbers, scene.objects, strict=True))
-    return tuple(
-        _radius_of(k, name, number, thing.radius) for k, (name, number, thing) in things if isinstance(thing, Sphere)
-    )
+    balls = enumerate(zip(scene.names, scene.numbers, scene.spheres, strict=False))
+    return tuple(_radius_of(k, name, number, ball.radius) for k, (name, number, ball) in balls)
 
 
 def _radius_of(k: int, name: str, number: str, r: float) -> ParametricFault:

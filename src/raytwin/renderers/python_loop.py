@@ -94,10 +94,9 @@ def distance(o: Vector, d: Vector, thing: Shape) -> float:
 
 
 def normal(p: Vector, thing: Shape) -> Vector:
-    if not isinstance(thing, Sphere):
-        return thing.normal
-    c, r = thing.center, thing.radius
-    return (p[0] - c[0]) / r, (p[1] - c[1]) / r, (p[2] - c[2]) / r
+    (x, y, z), k = thing.facing
+    c = thing.center
+    return x + k * (p[0] - c[0]), y + k * (p[1] - c[1]), z + k * (p[2] - c[2])
 
 
 def shaded(p: Vector, to_light: Vector, things: Sequence[Shape], own: int, n: Vector) -> bool:
@@ -105,7 +104,7 @@ def shaded(p: Vector, to_light: Vector, things: Sequence[Shape], own: int, n: Ve
     for i, thing in enumerate(things):
         if i != own and distance(p, to_light, thing) < inf:
             return True
-        if i == own and isinstance(thing, Sphere):
+        if i == own and thing.facing[1]:
             out = normal(p, thing)
             if out[0] * n[0] + out[1] * n[1] + out[2] * n[2] < 0:
                 return True

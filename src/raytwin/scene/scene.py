@@ -130,9 +130,9 @@ class Scene(Record, frozen=True):
         ((32, 24), 1, (1.0, 1.0, 1.0))
         """
         if "objects" in changes:
-            things = list(changes.pop("objects"))
-            changes["planes"] = [thing for thing in things if isinstance(thing, Rectangle)]
-            changes["spheres"] = [thing for thing in things if not isinstance(thing, Rectangle)]
+            changes |= {"spheres": [], "planes": []}
+            for thing in changes.pop("objects"):
+                changes["planes" if isinstance(thing, Rectangle) else "spheres"].append(thing)
         if isinstance(sky := changes.get("sky"), Environment):
             changes["sky"] = Sky(texels=sky)
         none = {"sun": NO_SUN, "sky": Sky()}

@@ -52,6 +52,7 @@ class Sphere(Record, Painted, frozen=True):
     """[[spheres]]: |p - center| = radius, metres. `name`: what people call it."""
 
     kind: ClassVar[str] = "sphere"
+    in_photo: ClassVar[bool] = False
     center: Vector
     radius: Positive
     albedo: Albedo = (0.8, 0.8, 0.8)

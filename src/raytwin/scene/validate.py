@@ -34,22 +34,23 @@ def check_lengths(local: Scene, precision: str) -> None:
 
 def check_places(local: Scene, precision: str) -> None:
     """Raise InputError where rounding decides what is seen or shaded: rectangles in one place, an eye in one."""
-    ids = [i for i, thing in enumerate(local.objects) if isinstance(thing, Rectangle)]
-    flat, rounding = local.planes, ROUNDING[precision]
+    flat, first, rounding = local.planes, len(local.spheres), ROUNDING[precision]
     center, normal = (np.array(a).reshape(-1, 3) for a in ([t.center for t in flat], [t.normal for t in flat]))
     far = rounding * np.array([math.hypot(*t.center) + math.hypot(*t.half_u) + math.hypot(*t.half_v) for t in flat])
     for k in np.flatnonzero(np.abs((normal * center).sum(axis=1)) <= far).tolist():
         if all(abs(np.dot(flat[k].center, half)) <= np.dot(half, half) for half in (flat[k].half_u, flat[k].half_v)):
             raise InputError(
-                f"camera of scene {local.name}", "an eye off every surface", f"one within objects[{ids[k]}]"
+                f"camera of scene {local.name}", "an eye off every surface", f"one within objects[{first + k}]"
             )
     for k in range(1, len(flat)):
         level = np.abs((center[:k] - center[k]) @ normal[k]) <= np.maximum(far[:k], far[k])
         level &= np.linalg.norm(np.cross(normal[:k], normal[k]), axis=1) <= rounding
         for other in np.flatnonzero(level).tolist():
             if _overlap(flat[k], flat[other]):
-                found = f"one in the place of objects[{ids[other]}] (raise one of them a little)"
-                raise InputError(f"objects[{ids[k]}] of scene {local.name}", "a surface apart from all others", found)
+                found = f"one in the place of objects[{first + other}] (raise one of them a little)"
+                raise InputError(
+                    f"objects[{first + k}] of scene {local.name}", "a surface apart from all others", found
+                )
 
 
 def _overlap(a: Rectangle, b: Rectangle) -> bool:

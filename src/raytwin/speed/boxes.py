@@ -14,7 +14,7 @@ from math import ceil, floor, inf, pi
 import numpy as np
 
 from raytwin.array_types import Int
-from raytwin.scene import Camera, Rectangle, Shape, Sphere
+from raytwin.scene import Camera, Shape, Sphere
 from raytwin.scene.lens import LEAST, determinant, distort, undone
 from raytwin.speed.newton_steps import newton_steps
 from raytwin.tracer.pixel_to_ray import undistort
@@ -85,11 +85,10 @@ def _extents(things: Sequence[Shape], camera: Camera) -> tuple[np.ndarray, np.nd
     """The least and the greatest normalised (x, y) (n, 2) of each object; nothing to be seen: (inf, -inf)."""
     low, high = np.full((2, len(things), 2), [[[np.inf]], [[-np.inf]]])
     spheres = [i for i, thing in enumerate(things) if isinstance(thing, Sphere)]
-    center = np.array([things[i].center for i in spheres]).reshape(-1, 3)
-    radius = np.array([thing.radius for thing in things if isinstance(thing, Sphere)])
-    low[spheres], high[spheres] = _ball_extents(center, radius, camera)
-    for i, thing in enumerate(things):
-        if isinstance(thing, Rectangle) and (extent := _plane_extent(thing, camera)):
+    center, radius = (np.array([getattr(things[i], name) for i in spheres]) for name in ("center", "radius"))
+    low[spheres], high[spheres] = _ball_extents(center.reshape(-1, 3), radius, camera)
+    for i in {*range(len(things))}.difference(spheres):
+        if extent := _plane_extent(things[i], camera):
             low[i], high[i] = np.transpose(extent)
     return low, high
 
@@ -112,7 +111,7 @@ def _tangents(a: np.ndarray, z: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, 
     return np.where(behind, np.inf, start), np.where(behind, -np.inf, end)
 
 
-def _plane_extent(plane: Rectangle, camera: Camera) -> tuple[tuple[float, float], tuple[float, float]] | None:
+def _plane_extent(plane: Shape, camera: Camera) -> tuple[tuple[float, float], tuple[float, float]] | None:
     x, y, z = _corners(plane, camera)
     if z.max() <= 0:
         return None

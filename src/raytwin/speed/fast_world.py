@@ -44,7 +44,7 @@ class Table:
     """
 
     def __init__(self, scene: Scene, engine: Engine) -> None:
-        self.objects, self.glossy = scene.objects, scene.glossy
+        self.objects, self.spheres, self.glossy = scene.objects, len(scene.spheres), scene.glossy
         self.few = not engine.is_numpy and 0 < len(scene.objects) <= FEW
         # Two rows of nothing: Dr.Jit cannot look up in an empty array, and treats one of one number as that number.
         numbers: Iterator[Any] = iter(np.array([*map(_row, scene.objects), *[(0.0,) * sum(FIELDS.values())] * 2]).T)
@@ -59,7 +59,8 @@ class Table:
 
     def of_kind(self, kind: type) -> np.ndarray:
         """(n,) bool: the objects of this kind."""
-        return np.array([isinstance(thing, kind) for thing in self.objects], bool)
+        among: np.ndarray = np.arange(len(self.objects)) < self.spheres
+        return among if kind is Sphere else ~among
 
     def look_up(self, field: str, ids: Any, where: Any = True) -> Any:
         """The field's number, or tuple of numbers, for each of `ids`; anything where `where` is false."""

@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from raytwin.rungs import Rung
-from raytwin.scene import Scene, Sphere
+from raytwin.scene import Scene
 from raytwin.twin.rays import Lens, directions, lens_of
 from raytwin.twin.twin_scene import SHADOW_OFFSET, SPHERE_OFFSET, load, number_of, place_of, translate
 
@@ -49,8 +49,8 @@ class TwinLight:
         self.lens = Lens(fx, fy, cx, cy, coefficients, lens.steps)
         self.width, self.start = scene.camera.width, self._number(self.place.start)
         self.eye, self.R = self._number(self.place.eye), self._number(np.asarray(scene.camera.R_cam_board).T)
-        radii = [thing.radius for thing in scene.objects if isinstance(thing, Sphere)]
-        self.offset = dr.opaque(mi.Float, SPHERE_OFFSET * self.place.unit * max(radii, default=0.0))
+        largest = max((ball.radius for ball in scene.spheres), default=0.0)
+        self.offset = dr.opaque(mi.Float, SPHERE_OFFSET * self.place.unit * largest)
         self.irradiance: Any = None
         if depth is None:
             self.irradiance = open_sky(self.sky) if scene.environment else lambda n: mi.Color3f(*scene.sky.radiance)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.scene import Environment, Rectangle, Scene
+from raytwin.scene import Environment, Scene
 from raytwin.twin import phong
 
 SIZE = 1024
@@ -80,18 +80,15 @@ def place_of(scene: Scene) -> Place:
 
 def _nearest(scene: Scene, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """From the eye to the nearest point of each object (n, 3), and how far each reaches from its middle (n,)."""
-    away, extent = [], []
-    for thing in scene.objects:
-        middle = np.asarray(thing.center) - eye
-        if isinstance(thing, Rectangle):
-            edges = np.stack([thing.half_u, thing.half_v])
-            along = np.clip(-(edges @ middle) / np.square(edges).sum(axis=1), -1, 1)
-            away.append(middle + along @ edges)
-            extent.append(float(np.linalg.norm(edges)))
-        else:
-            distance = float(np.linalg.norm(middle)) or 1.0
-            away.append(middle * (1 - thing.radius / distance))
-            extent.append(thing.radius)
+    away, extent = [], [ball.radius for ball in scene.spheres]
+    for ball in scene.spheres:
+        middle = np.asarray(ball.center) - eye
+        away.append(middle * (1 - ball.radius / (float(np.linalg.norm(middle)) or 1.0)))
+    for flat in scene.planes:
+        middle, edges = np.asarray(flat.center) - eye, np.stack([flat.half_u, flat.half_v])
+        along = np.clip(-(edges @ middle) / np.square(edges).sum(axis=1), -1, 1)
+        away.append(middle + along @ edges)
+        extent.append(float(np.linalg.norm(edges)))
     return np.array(away), np.array(extent)
 
 
@@ -116,12 +113,14 @@ def translate(scene: Scene, place: Place, textures: Mapping[int, np.ndarray]) ->
     if scene.glossy:
         phong.register()
     world: dict[str, Any] = {"type": "scene"}
-    for i, thing in enumerate(scene.objects):
-        bsdf = {"type": "twosided", "bsdf": phong.bsdf(thing, _albedo(thing, textures.get(i)))}
-        if not isinstance(thing, Rectangle):
-            center, radius = place.at(thing.center).tolist(), thing.radius * place.unit
-            world[f"object-{i}"] = {"type": "sphere", "center": center, "radius": radius, "bsdf": bsdf}
-            continue
+    bsdfs = [
+        {"type": "twosided", "bsdf": phong.bsdf(thing, _albedo(thing, textures.get(i)))}
+        for i, thing in enumerate(scene.objects)
+    ]
+    for i, ball in enumerate(scene.spheres):
+        center, radius = place.at(ball.center).tolist(), ball.radius * place.unit
+        world[f"object-{i}"] = {"type": "sphere", "center": center, "radius": radius, "bsdf": bsdfs[i]}
+    for i, thing in enumerate(scene.planes, len(scene.spheres)):
         half = [float(np.linalg.norm(edge)) for edge in (thing.half_u, thing.half_v)]
         axes = np.stack([np.divide(thing.half_u, half[0]), np.divide(thing.half_v, half[1]), thing.normal], axis=1)
         whole = np.array((-1, 1)) * np.array(half)[:, None]
@@ -133,7 +132,7 @@ def translate(scene: Scene, place: Place, textures: Mapping[int, np.ndarray]) ->
             turn[:3, 3] = place.at(thing.center + axes[:, :2] @ np.array([sides_u.mean(), sides_v.mean()]))
             scale = [float(np.ptp(side)) / 2 * place.unit for side in (sides_u, sides_v)]
             to_world = mi.ScalarTransform4f(turn) @ mi.ScalarTransform4f().scale([*scale, 1.0])
-            world[f"object-{i}-{k}"] = {"type": "rectangle", "to_world": to_world, "bsdf": bsdf}
+            world[f"object-{i}-{k}"] = {"type": "rectangle", "to_world": to_world, "bsdf": bsdfs[i]}
     if any(scene.sun.irradiance):
         direction = [-x for x in scene.sun.to_light]
         world["sun"] = {"type": "directional", "direction": direction, "irradiance": rgb(scene.sun.irradiance)}
@@ -201,7 +200,7 @@ def _albedo(thing: Any, texture: np.ndarray | None) -> dict[str, Any]:
 
 def check_textures(scene: Scene, textures: Mapping[int, np.ndarray] | None) -> dict[int, np.ndarray]:
     """The textures as float32 (h, w, 1 or 3) by object id; InputError where one does not fit."""
-    checked, flat = {}, [i for i, thing in enumerate(scene.objects) if isinstance(thing, Rectangle)]
+    checked, flat = {}, list(range(len(scene.spheres), len(scene.objects)))
     for i, texture in sorted((textures or {}).items()):
         where = f"textures[{i}]"
         if i not in flat:

@@ -1,7 +1,5 @@
 """A camera that sees no object: whatever a comparison found, it found of the sky alone."""
 
-from typing import Any
-
 import msgspec
 import numpy as np
 
@@ -10,7 +8,7 @@ from raytwin.compare import Comparison
 from raytwin.compare.finding import notes
 from raytwin.errors import InputError
 from raytwin.image import Image
-from raytwin.scene import MitsubaScene, Rectangle, Scene
+from raytwin.scene import MitsubaScene, Scene, Shape
 
 LONGER_SIDE = 64
 """Pixels of the pictures in which other poses are tried."""
@@ -42,11 +40,10 @@ def judged_in_view(comparison: Comparison, reference: Image, scene: Scene | Mits
 
 def _where(scene: Scene) -> str:
     """How many objects are behind the camera, and how many beside what it sees."""
-    forward, depth = np.asarray(scene.camera.R_cam_board)[2], scene.camera.t_cam_board[2]
+    axes, depth = np.asarray(scene.camera.R_cam_board), scene.camera.t_cam_board[2]
 
-    def reach(thing: Any) -> float:
-        sides = (thing.half_u, thing.half_v) if isinstance(thing, Rectangle) else (thing.radius * forward,)
-        return float(forward @ thing.center + depth + sum(abs(forward @ side) for side in sides))
+    def reach(thing: Shape) -> float:
+        return float(axes[2] @ thing.center + depth + thing.extent(axes)[2])
 
     behind = sum(reach(thing) <= 0 for thing in scene.objects)
     parts = [(behind, "behind it"), (len(scene.objects) - behind, "outside the frame")]

@@ -101,7 +101,7 @@ def printed(scene: Scene, board: Board) -> Scene:
     def inked(thing: Shape) -> Shape:
         half = np.array(thing.extent(np.eye(3)))
         holds = np.abs(middle - thing.center) <= half + 1e-3
-        if not (_shown(thing) and holds.all() and (half <= (x1 - x0, y1 - y0, 1e-3)).all()):
+        if not (thing.in_photo and holds.all() and (half <= (x1 - x0, y1 - y0, 1e-3)).all()):
             return thing
         r, g, b = (share * a for a in thing.albedo)
         return msgspec.structs.replace(thing, albedo=(r, g, b))
@@ -118,7 +118,7 @@ def regions_of(result: Augmented, scene: Scene) -> dict[str, np.ndarray]:
     draw(scene, background(scene), "surface", "numpy32", surface=surface)
     spheres = result.coverage > 0
     shadows = ~spheres & (result.ratio < 0.9).any(axis=-1)
-    boards = [i for i, thing in enumerate(scene.objects) if _shown(thing)][:1]
+    boards = [i for i, thing in enumerate(scene.objects) if thing.in_photo][:1]
     board = ~spheres & ~shadows & np.isin(surface.ids, boards)
     return {"spheres": spheres, "shadows": shadows, "board": board, "rest": ~(spheres | shadows | board)}
 
@@ -156,7 +156,7 @@ def _light(
     pixels = scene.camera.grid(x0, y0, 1, (w, h))
     places = scene.camera.grid(x0 + first, y0 + first, 1 / n, (n * w, n * h))
     side = (max(1, round(BLUR / math.sqrt(paths))),) * 2
-    ours = np.array([*(not _shown(thing) for thing in scene.objects), False])  # the last: the background's, of id -1
+    ours = np.array([*(not thing.in_photo for thing in scene.objects), False])  # the last: the background's, of id -1
 
     def sunlit(of: Scene, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
         image = trace(of.with_(camera=camera, sky=None), "shadow", engine)
@@ -182,20 +182,15 @@ def _light(
     drawn = ours[ids]
     (over, after), ratio = lit(scene, sun), np.ones((h, w, 3), np.float32)
     if shadows and (after > 0).any():
-        bare = scene.with_(objects=tuple(filter(_shown, scene.objects)))
+        bare = scene.with_(objects=[thing for thing in scene.objects if thing.in_photo])
         before = lit(bare, sunlit(bare, places)[0])[1]
         ratio = np.divide(after, before, out=ratio, where=before > 0)
     return over, pooled(drawn)[..., 0], ratio
 
 
-def _shown(thing: Shape) -> bool:
-    """The photo shows it already."""
-    return isinstance(thing, Rectangle) and thing.in_photo
-
-
 def _touched(scene: Scene, shadows: bool) -> tuple[int, int, int, int]:
     """x0, y0, x1, y1: the pixels that an object may cover, or its shadow on a photographed plane may reach."""
-    drawn = [thing for thing in scene.objects if not _shown(thing)]
+    drawn = [thing for thing in scene.objects if not thing.in_photo]
     planes = [plane for plane in scene.planes if shadows and plane.in_photo]
     things = [*drawn, *(part for thing in drawn for plane in planes for part in _reach(thing, plane, scene))]
     boxes = np.array([trim_box(part, scene.camera) for part in things] or [(0, 0, 0, 0)])
