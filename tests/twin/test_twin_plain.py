@@ -17,7 +17,7 @@ def llvm():
 
 
 def scene_of(scenes, name: str):
-    scene = files.read_scene(scenes / name).scene
+    scene = files.read_scene(scenes / name)
     return scene.with_camera(scene.camera.resized(64, 48))
 
 
