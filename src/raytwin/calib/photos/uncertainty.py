@@ -31,7 +31,7 @@ UNDONE_PX = 1e-3
 """A pixel whose undistorted ray does not come back to within this has none."""
 
 CELL = 16
-"""The map has one value for each CELL x CELL pixels."""
+"""Pixels: the side of a cell of the map."""
 
 
 def leave_one_out(found: Fit) -> tuple[np.ndarray, np.ndarray]:
@@ -101,18 +101,12 @@ def deviations(calibration, pixels: np.ndarray, distance: float) -> np.ndarray:
     return found
 
 
-def cell_middles(image_size: tuple[int, int]) -> tuple[np.ndarray, tuple[int, int]]:
-    """(h w, 2): the middles of h x w equal cells of the image, about CELL pixels wide; and (h, w)."""
-    width, height = image_size
+def uncertainty_map(calibration) -> np.ndarray:
+    """(h, w): `deviations` at the middles of h x w equal cells, CELL pixels wide or so, as far off as the board was."""
+    width, height = calibration.image_size
     w, h = max(2, round(width / CELL)), max(2, round(height / CELL))
     u, v = np.meshgrid((np.arange(w) + 0.5) * width / w - 0.5, (np.arange(h) + 0.5) * height / h - 0.5)
-    return np.stack([u.ravel(), v.ravel()], axis=-1), (h, w)
-
-
-def uncertainty_map(calibration) -> np.ndarray:
-    """(h, w): `deviations` at `cell_middles`, as far off as the board was."""
-    pixels, shape = cell_middles(calibration.image_size)
-    return deviations(calibration, pixels, calibration.basis.distance).reshape(shape)
+    return deviations(calibration, np.c_[u.ravel(), v.ravel()], calibration.basis.distance).reshape(h, w)
 
 
 def pose_deviation(calibration, points: np.ndarray, R: np.ndarray, t: np.ndarray) -> tuple[float, float]:
