@@ -136,7 +136,7 @@ def read_board(path: str | os.PathLike) -> Board:
 def refuse_heights(table: Mapping[str, Any], where: object) -> None:
     """Raise InputError for the polynomial that was the shape of a board before 0.2.0."""
     if "heights" in table:
-        raise InputError(where, "offsets, as `raytwin calibrate -o` writes them now", "heights, removed in 0.2.0")
+        raise InputError(where, "offsets, as `raytwin photo calibrate -o` writes them now", "heights, removed in 0.2.0")
 
 
 def write_board(path: str | os.PathLike, board: Board, comment: str = "") -> None:

@@ -4,7 +4,7 @@ Six photos from one side fit anything. The evidence is how well the views determ
 square pixels, a principal point near the middle, board normals that spread, and a covered frame; and whether one photo,
 or the board, is at odds with all the rest.
 
-Every warning's code is stable: tools may test for it. docs/explanation/calibration.md lists what each says.
+Every warning's code is stable: tools may test for it. docs/photos.md lists what each says.
 """
 
 import math
