@@ -2,8 +2,10 @@
 
 import ast
 import marshal
+import time
 import types
-import warnings
+from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,18 +15,15 @@ from raytwin.contract.check_function import is_repaired, is_right, judge_functio
 from raytwin.contract.repair_function import _bounded_memory, further_probes, repair_here
 from raytwin.contract.stage import Case
 from raytwin.contract.stage_table import CONTRACT
-from raytwin.diagnose.attempt import attempt
+from raytwin.diagnose.attempt import attempt, lines_run
 from raytwin.diagnose.operators import edits
-from raytwin.diagnose.repair import Repair, Runner, candidates, repair
-from raytwin.diagnose.schemata import SWITCH, schemata
+from raytwin.diagnose.repair import AT_ONCE, LINES_A_TRY, Repair, Runner, Work, candidates, repair
 from raytwin.diagnose.textbook import TEXT
 
 
-def tried(space, chosen, argument, seconds=1.0):
-    loaded = {code: marshal.loads(code) for code in {code for c in chosen for code in c.codes}}
-    settings = [c.setting for c in chosen]
-    codes = [[loaded[code] for code in c.codes] for c in chosen]
-    return attempt(space, "f", codes, [("f",)] * len(chosen), settings, (argument,), seconds)
+def tried(space, chosen, argument, seconds=1.0, changed=False):
+    codes = [marshal.loads(c.code) for c in chosen]
+    return attempt(space, "f", codes, [("f",)] * len(chosen), (argument,), seconds, changed)
 
 
 QUICK = [s for s in SLIPS if s.label in (
@@ -95,44 +94,7 @@ def test_every_edit_changes_one_place_and_leaves_the_tree_as_it_was(text):
         assert ast.dump(statement) == whole
 
 
-def test_one_text_with_a_switch_does_what_each_change_does_alone():
-    """Each change of a function, by itself compiled and by the switch, gives the same values, or raises the same."""
-    text = (
-        "def f(x, y, rows=[]):\n    a, b = x * x + y, [y, x, 3][:2]\n    for k in range(3):\n        if a > k and y:\n"
-        "            a += b[0] / (k + 1)\n            continue\n        a -= x\n    rows.append(a)\n"
-        "    return sum(rows), (-a if a < 9 else b[1])\n"
-    )
-    (statement,) = ast.parse(text).body
-    some = edits(statement)
-    ((left, schema),) = schemata(statement, some, 5)
-    assert left == some != []
-
-    def said(code, switch):
-        space = {SWITCH: switch}
-        try:
-            exec(code, space)
-            return [space["f"](2.0, 3.0) for _ in range(2)]
-        except Exception as error:
-            return type(error)
-
-    for edit in some:
-        changed = edit.applied(statement)
-        tree = ast.Module(changed if isinstance(changed, list) else [changed], [])
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # `(1, 2)[:, 0]` and its like
-            alone = compile(ast.fix_missing_locations(tree), "", "exec")
-        assert said(marshal.loads(schema.code), dict(schema.settings[id(edit)])) == said(alone, {}), edit.after
-    assert said(marshal.loads(schema.code), {}) == said(compile(text, "", "exec"), {})
-
-
-def test_a_text_that_a_switch_alters_is_changed_without_one():
-    """This one counts its own names, of which the switch is one."""
-    text = "def f(x):\n    return x + len(f.__code__.co_names) - 2\n"
-    exec(text, space := {})
-    assert space["f"](1) == 1 + 4 - 2
-    cases = [Case("", (x,), (np.array(x - 4 - 2),)) for x in (1.0, -3.0)]
-    found = repair_here(space["f"], cases, lambda case, got: np.allclose(case.expected[0], got[0]), text)
-    assert found.after == "return x - len(f.__code__.co_names) - 2"
+def test_a_function_that_is_wrapped_behind_its_definition_is_not_changed():
     wrapped = "def f(x):\n    return x + 1\ndef twice(g):\n    return lambda x: 2 * g(x)\nf = twice(f)\n"
     exec(wrapped, space := {})
     space["f"].__name__ = "f"
@@ -196,52 +158,6 @@ def test_a_name_that_nothing_reads_is_missing_before_one_that_is_read():
     assert places[0] < min(200, places[1])
 
 
-SLOW = """
-import time
-CALLS = []
-
-def lens(x):
-    CALLS.append(len(CALLS))
-    time.sleep(0.002)
-    return x + power()
-
-def power():
-    return 2
-
-class Ball:
-    def size(self):
-        return 1
-
-def measured(ball, x):
-    time.sleep(0.002)
-    return ball.size() * x
-
-def f(x):
-    return lens(x) * measured(Ball(), x=3) - 1
-"""
-
-
-def test_slow_functions_are_called_once_but_where_a_change_reaches_them():
-    space: dict = {}
-    exec(SLOW, space)
-    chosen = list(candidates([("", SLOW)], "f"))
-    ours = [c for c in chosen if c.names == ("f",)][:30]
-
-    def run(some):
-        loaded = [[marshal.loads(code) for code in c.codes] for c in some]
-        return attempt(space, "f", loaded, [c.names for c in some], [c.setting for c in some], (3,), 1.0)
-
-    run(ours)
-    assert len(space["CALLS"]) < len(ours) / 2
-    for names, change, expected in (
-        (("power",), lambda e: e.after == "3", 6 * 3 - 1),
-        (("Ball",), lambda e: e.after == "2", 5 * 2 * 3 - 1),
-        (("f",), lambda e: e.before == "1" and e.after == "0", 15.0),
-    ):
-        ((got,),) = run([next(c for c in chosen if c.names == names and change(c.edit))])
-        assert got == expected, names
-
-
 def test_what_does_not_run_in_right_cases_is_changed_first():
     line = "y = x * 2 + 1 - x / 3 + x * x * 5 - 7 * x"
     text = f"def f(x):\n    {line}\n    if x < 0:\n        y = y + 2 * x\n    return y\n"
@@ -277,12 +193,14 @@ def test_a_change_that_is_right_by_chance_in_the_first_cases_is_no_proof():
     text, space = "import numpy as np\ndef f(x):\n    return -x\n", {"np": np}
     exec(text, space)
 
-    runner = Runner(lambda chosen, arguments, changed: tried(space, chosen, *arguments), lambda *_: None)
+    runner = Runner(
+        lambda chosen, arguments, changed: tried(space, chosen, *arguments, changed=changed), lambda _: None
+    )
 
     def repaired(**more):
         cases = [Case("", (np.array([1.0, 2.0]),), ())]
         right = lambda case, got: np.array_equal(got[0], np.abs(case.args[0]))  # noqa: E731
-        return repair([("", text)], "f", cases, right, runner, lambda: True, **more)
+        return repair([("", text)], "f", cases, right, runner, **more)
 
     meant = ("return np.abs(x)", "return np.abs(-x)")
     assert repaired().after == "return x"
@@ -292,6 +210,48 @@ def test_a_change_that_is_right_by_chance_in_the_first_cases_is_no_proof():
     assert (found.after in meant, found.sure) == (True, True)
     unsure = repaired(helps=lambda candidate: candidate.edit.after == "nothing")
     assert (unsure.after, unsure.sure) == ("return x", False)
+
+
+def test_a_change_that_brings_in_what_the_correct_form_does_not_use_is_no_repair():
+    text, space = "import numpy as np\ndef f(x):\n    return -x\n", {"np": np}
+    exec(text, space)
+    cases = [Case("", (np.array([sign * 1.0, -2.0]),), ()) for sign in (1, -1)]
+    right = lambda case, got: np.array_equal(got[0], np.abs(case.args[0]))  # noqa: E731
+    without, found = (repair_here(space["f"], cases, right, text, words=words) for words in ({"x"}, {"abs"}))
+    assert without is None
+    assert "np.abs" in found.after
+
+
+def test_a_search_ends_after_a_fixed_amount_of_work_however_long_it_takes():
+    text = "def f(x):\n    y = x + 1\n    return y * 7 - x\n"
+    cases = [Case("", (x,), (np.array(x + 100.5),)) for x in (1.5, -0.7)]
+    tried_in = []
+    for seconds in (0, 0.001):
+        run = []
+        work = Work(60 * LINES_A_TRY)
+
+        def attempted(chosen, arguments, changed, run=run, seconds=seconds):
+            run += chosen
+            time.sleep(seconds)
+            return [None] * len(chosen)
+
+        runner = Runner(attempted, lambda arguments: Counter({("f", 2): 1, ("f", 3): 1}), work=work)
+        assert repair([("", text)], "f", cases, lambda case, got: False, runner) is None
+        tried_in.append([c.edit.after for c in run])
+        assert not work.stopped
+    assert tried_in[0] == tried_in[1]
+    assert len(tried_in[0]) < 60 + 2 * AT_ONCE
+    late = Work(1e9, in_time=lambda: False)
+    assert repair([("", text)], "f", cases, lambda *_: False, replace(runner, work=late)) is None
+    assert late.stopped
+
+
+def test_the_lines_that_a_call_runs_are_counted():
+    own = "class Ball:\n    def size(self):\n        return 1\n\n"
+    text = own + "def f(n):\n    for _ in range(n):\n        Ball().size()\n    if n < 0:\n        n = 3\n    return\n"
+    exec(text, space := {})
+    found = lines_run(space, "f", (2,), 1.0)
+    assert found == {("f", 6): 3, ("f", 7): 2, ("Ball", 3): 2, ("f", 8): 1, ("f", 10): 1}
 
 
 @pytest.mark.parametrize(("text", "wanted", "sure"), [
@@ -384,9 +344,7 @@ def test_what_repairs_a_random_slip_is_right_in_cases_that_nobody_tried():
         found = repair_function(stage, wrong, source=source)
         if found is not None:
             space = module(source).__dict__
-            space[SWITCH] = dict(found.candidate.setting)
-            for code in found.candidate.codes:
-                exec(marshal.loads(code), space)
+            exec(marshal.loads(found.candidate.code), space)
             assert all(judge_function(stage, space[name], seed).passed for seed in (50, 51, 52)), found
             proved += 1
     assert proved >= 1
@@ -424,16 +382,14 @@ def repaired(text, name, cases):
     exec(text, space)
 
     def run(chosen, arguments, changed):
-        codes = [[marshal.loads(code) for code in c.codes] for c in chosen]
-        settings = [c.setting for c in chosen]
-        return attempt(space, name, codes, [c.names for c in chosen], settings, arguments, 1.0, changed)
+        codes, names = [marshal.loads(c.code) for c in chosen], [c.names for c in chosen]
+        return attempt(space, name, codes, names, arguments, 1.0, changed)
 
     def is_right(case, got):
         return len(got) == 2 and all(map(np.array_equal, case.expected, got))
 
     wrong_first = sorted(cases, key=lambda case: is_right(case, plain(text, name)(*case.args)))
-    runner = Runner(run, lambda chosen, arguments: None)
-    return repair([("", text)], name, wrong_first, is_right, runner, lambda: True)
+    return repair([("", text)], name, wrong_first, is_right, Runner(run, lambda arguments: None))
 
 
 @pytest.mark.parametrize(("wrong", "right"), [
@@ -469,9 +425,13 @@ def test_no_change_binds_a_name_of_the_function_around():
     text = f"def f(a):\n    k = 3\n{inner}    return g(a) + k\n"
     (statement,) = ast.parse(text).body
     some = [*edits(statement), *edits(statement, rare=True)]
-    for _, schema in schemata(statement, some, 0):
-        exec(marshal.loads(schema.code), space := {SWITCH: {}})
-        assert space["f"](1) == 11
+    for edit in some:
+        edit.locate()
+        made = edit.applied(statement)
+        tree = ast.Module(made if isinstance(made, list) else [made], [])
+        inner = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef) and n.name == "g"]
+        assert not [n for one in inner for n in ast.walk(one) if isinstance(n, ast.Name) and n.id == "k"
+                    and isinstance(n.ctx, ast.Store)]  # fmt: skip
 
 
 def test_no_change_binds_a_name_that_the_function_only_reads():

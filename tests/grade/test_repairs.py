@@ -47,12 +47,10 @@ COPIED += "\n\ndef own_rays" + OWN_RAYS
 
 @pytest.mark.parametrize(
     ("text", "of", "line", "told"),
-    [(SOURCE, SPHERES, "line 39", "follows from your intersect_sphere"), (COPIED, RAYS, "line 12", "line 12")],
+    [(SOURCE, SPHERES, "line 39", "Caused by `intersect_sphere`"), (COPIED, RAYS, "line 12", "line 12")],
 )
 def test_a_change_that_makes_a_function_right_explains_the_pictures(tmp_path, monkeypatch, text, of, line, told):
     """No cause of the pictures is looked for; the function is its own again after pictures with a right one."""
-    for seconds in ("SECONDS", "UNNAMED", "IN_ALL"):
-        monkeypatch.setattr(f"raytwin.grade.sandboxed_repair.{seconds}", 60.0)
     monkeypatch.setattr("raytwin.grade.marks.diagnose", lambda *_, **__: pytest.fail("looked at"))
     (tmp_path / "r.toml").write_text(f'title = "t"\nhints = 3\n{of}{POINTS}')
     (tmp_path / "a.py").write_text(text)
@@ -99,8 +97,9 @@ def test_a_change_helps_what_runs_it_where_a_case_becomes_right(runs_it, answers
     cases = stage.cases(1)[:2]
     made = {"right": cases[1].expected, "wrong": tuple(2 * a for a in cases[1].expected), None: None}
     left = iter([[made[answer]] for answer in answers])
-    trials = SimpleNamespace(places=lambda *_: frozenset({0} if runs_it else ()), run=lambda *_: next(left))
-    assert _helps(None, trials, (), [(stage, case) for case in cases]) == helps
+    trials = SimpleNamespace(lines=lambda *_: {}, run=lambda *_: next(left))
+    change = SimpleNamespace(runs_in=lambda lines: runs_it)
+    assert _helps(change, trials, (), [(stage, case) for case in cases]) == helps
 
 
 @pytest.mark.parametrize("other", [True, False])
@@ -116,7 +115,7 @@ def test_a_picture_is_repaired_for_sure_where_no_other_picture_stays_wrong(monke
 
 
 def test_what_follows_from_another_function_is_looked_at_last():
-    follows = msgspec.structs.replace(wrong_image(), status="error", sentences=("follows from your shade: ...",))
+    follows = msgspec.structs.replace(wrong_image(), status="error", because=("shade",))
     result = Result("a", "", "", (follows, wrong_image("no-clamp")))
     assert result.first_problem == "the cause"
 

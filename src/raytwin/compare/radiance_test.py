@@ -7,7 +7,7 @@ import numpy as np
 
 from raytwin.compare.blocks import Pixels
 from raytwin.compare.comparison import Statistics
-from raytwin.compare.decision import TESTS, Decision, Rounding, decide
+from raytwin.compare.decision import ENOUGH_SAMPLES, TESTS, Decision, Rounding, decide
 from raytwin.compare.exact import NoiseFree, count_noise_free
 from raytwin.compare.finding import Finding, Place, notes
 from raytwin.compare.messages import agreement, noise_findings, percent, what_could_be_seen
@@ -45,6 +45,11 @@ FEW_BATCHES = (
 FEW_SAMPLES = (
     "undecided: too few random samples to know any noise: take at least 4 samples per pixel, and another image for "
     "each seed"
+)
+
+UNSAMPLED = (
+    "undecided: the image has so few samples that all of them may have missed events that are rare and bright: take at "
+    "least {} samples per pixel"
 )
 
 MOSTLY_RARE = 0.25
@@ -119,11 +124,9 @@ class RadianceTest:
         a, b = self.test, self.reference
         if a.samples > 1 and b.samples > 1:
             if a.variance is None and b.variance is not None:
-                filled = b.variance * np.float32(b.samples / a.samples)
-                return replace(self, test=replace(a, variance=filled, batches=b.batches))
+                return replace(self, test=_with_noise_of(a, b))
             if b.variance is None and a.variance is not None:
-                filled = a.variance * np.float32(a.samples / b.samples)
-                return replace(self, reference=replace(b, variance=filled, batches=a.batches))
+                return replace(self, reference=_with_noise_of(b, a))
         return self
 
     def _rounding(self) -> tuple[Rounding | None, "RadianceTest"]:
@@ -228,6 +231,8 @@ class RadianceTest:
         )
         seen_by = what_could_be_seen(made.image.detectable, made.tile.detectable, made.inflation, self.rate)
         doubts: tuple[str, ...] = ()
+        if findings and made.excusable and all(f.kind in ("image", "tile", "value") for f in findings):
+            doubts = (UNSAMPLED.format(ENOUGH_SAMPLES // self.pixels + 1),)
         of = (seen, "the whole image's mean"), (made.tile.detectable, "24 x 24 pixels")
         missed = [
             f"{percent(found)} of {what} (a pass needs {percent(limit)})"
@@ -255,6 +260,14 @@ class RadianceTest:
         if outcome.doubts:
             return outcome._replace(doubts=(*outcome.doubts, f"{which}: {ESTIMATED}: {GIVE}"))
         return outcome._replace(notes=(*outcome.notes, *notes([f"{which}: {ESTIMATED}"])))
+
+
+def _with_noise_of(image: Image, other: Image) -> Image:
+    """The image with the other's noise, as its own samples make it."""
+    assert other.variance is not None
+    more = np.float32(other.samples / image.samples)
+    third = np.zeros_like(other.variance) if other.third is None else other.third * more**2
+    return replace(image, variance=other.variance * more, batches=other.batches, third=third)
 
 
 def finite(x: float) -> float | None:

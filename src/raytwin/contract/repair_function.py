@@ -3,22 +3,25 @@
 import contextlib
 import inspect
 import marshal
-import time
-from collections.abc import Callable, Iterator, Sequence
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence, Set
 from contextvars import ContextVar
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from raytwin.contract.stage import Case, Function, Stage
-from raytwin.diagnose.attempt import attempt, local_values, places_reached
+from raytwin.contract.stage import PARTS_OF, Case, Function, Stage
+from raytwin.diagnose.attempt import attempt, lines_run
 from raytwin.diagnose.draw_scene import LARGER, draw_scene
-from raytwin.diagnose.repair import A_CALL, VALUES_SECONDS, Answers, Candidate, Cells, Repair, Rows, Runner, repair
+from raytwin.diagnose.repair import SECONDS_A_TRY, Answers, Candidate, Cells, Lines, Repair, Runner, Work, repair
+from raytwin.diagnose.textbook import FUNCTIONS
 from raytwin.renderers.scene_exchange import as_arrays
 
-SECONDS = 2.5
-"""Seconds of computing, after which no further change is tried."""
+WORK = 3e6
+"""What is done for one function, in lines that run."""
 MEMORY = 1 << 29
 """Bytes that a change may take."""
 _REPAIRING = ContextVar("_REPAIRING", default=False)
@@ -33,6 +36,7 @@ def repair_here(
     further: Callable[[], Sequence[Case]] = tuple,
     innocent: Sequence[str] = (),
     right: Sequence[Case] = (),
+    words: Set[str] | None = None,
 ) -> Repair | None:
     """The change that makes the function right in all `cases`, of which the first is wrong; None where none is found.
 
@@ -48,38 +52,23 @@ def repair_here(
         or not (cells := _cells(function, source))
     ):
         return None
-    began = time.process_time()
-
-    loaded: dict[bytes, Any] = {}
-
-    def prepared(chosen: Sequence[Candidate]) -> tuple[list[list[Any]], list[tuple[str, ...]]]:
-        for code in {code for c in chosen for code in c.codes} - set(loaded):
-            loaded[code] = marshal.loads(code)
-        return [[loaded[code] for code in c.codes] for c in chosen], [c.names for c in chosen]
 
     def run(chosen: Sequence[Candidate], arguments: Sequence[Any], changed: bool) -> Answers:
+        codes, names = [marshal.loads(c.code) for c in chosen], [c.names for c in chosen]
         with _bounded_memory():
-            settings = [c.setting for c in chosen]
-            made: Answers = attempt(space, name, *prepared(chosen), settings, arguments, A_CALL, changed, innocent)
+            made: Answers = attempt(space, name, codes, names, arguments, SECONDS_A_TRY, changed, innocent)
         return made
 
-    def places(chosen: Sequence[Candidate], arguments: Sequence[Any]) -> frozenset[int]:
-        one_each = list({c.codes: c for c in chosen}.values())
-        return frozenset(places_reached(space, name, *prepared(one_each), arguments, A_CALL))
+    def lines(arguments: Sequence[Any]) -> Counter[tuple[str, int]]:
+        return Counter(lines_run(space, name, arguments, 10 * SECONDS_A_TRY))
 
-    def values(chosen: Sequence[Candidate], arguments: Sequence[Any]) -> Rows:
-        settings = [c.setting for c in chosen]
-        rows: Rows = local_values(space, name, *prepared(chosen), settings, arguments, VALUES_SECONDS)
-        return rows
-
-    def reached_by_right(chosen: Sequence[Candidate]) -> frozenset[int]:
-        return frozenset().union(*(places(chosen, case.args) for case in right))
+    def correct_lines() -> Lines:
+        return frozenset().union(*(lines(case.args) for case in right))
 
     token = _REPAIRING.set(True)
     try:
-        more_time = lambda: time.process_time() - began < SECONDS  # noqa: E731
-        runner = Runner(run, places, reached_by_right, values)
-        return repair(cells, name, cases, is_right, runner, more_time, innocent, further=further)
+        runner = Runner(run, lines, correct_lines, Work(WORK))
+        return repair(cells, name, cases, is_right, runner, innocent, further=further, words=words)
     finally:
         _REPAIRING.reset(token)
 
@@ -113,6 +102,28 @@ def _cells(function: Function, source: str) -> Cells:
         return [("", "".join(inspect.findsource(function)[0]))]
     except (OSError, TypeError):
         return []
+
+
+WITHOUT_MEANING = {
+    "np", "axis", "keepdims", "dtype", "float", "None", "True", "False", "newaxis", "copy", "range", "len", "nan",
+    "inf", "full", "full_like",
+}  # fmt: skip
+"""Words that any function may have: layout, copies, kinds of numbers, marks of a miss."""
+ALIKE = [set(words.split()) for words in ("argmin min minimum", "sum dot einsum", "sqrt norm linalg", "T inv linalg")]
+"""Words for one thing: where a correct form has one of them, any will do."""
+
+
+@cache
+def words_of(function: str) -> frozenset[str] | None:
+    """The words of the function's correct form and of what that calls; None where the textbook has none."""
+    found, todo = {*WITHOUT_MEANING}, [*PARTS_OF.get(function, (function,))]
+    if not set(todo) <= set(FUNCTIONS):
+        return None
+    for name in todo:
+        words = set(re.findall(r"[A-Za-z_]\w*", FUNCTIONS[name]))
+        todo += [other for other in FUNCTIONS if other in words and other not in todo]
+        found |= words
+    return frozenset(found.union(*(some for some in ALIKE if found & some)))
 
 
 def probes(stage: Stage, cases: Sequence[Case], is_wrong: Callable[[Case], bool]) -> list[Case]:

@@ -2,7 +2,9 @@
 
 import ast
 import copy
+import marshal
 import re
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -93,6 +95,21 @@ def locate(tree: ast.AST, like: ast.AST) -> None:
             if "lineno" in node._attributes:
                 node.__dict__.update(place)
             todo += ast.iter_child_nodes(node)
+
+
+def code_of(statements: list[ast.stmt]) -> bytes:
+    """The compiled statements; empty where they are no Python."""
+    tree = ast.Module(statements, [])
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                code = compile(tree, "<repair>", "exec", dont_inherit=True)
+            except TypeError:  # a new node below an old one has no place
+                code = compile(ast.fix_missing_locations(tree), "<repair>", "exec", dont_inherit=True)
+            return marshal.dumps(code)
+    except (SyntaxError, ValueError, TypeError, RecursionError, AttributeError):
+        return b""
 
 
 # ------------------------------------------------------------------------------------------ new nodes

@@ -1,6 +1,7 @@
 """The statements of a text that a function is made of, and what the operators have to know of them."""
 
 import ast
+import re
 import warnings
 from collections.abc import Sequence
 
@@ -28,6 +29,7 @@ def file_of(cells: Cells, reached: Sequence[ast.stmt]) -> File:
         tuple(sorted(word for word in words if word.isidentifier())),
         {base: frozenset(some) for base, some in methods.items() if base not in libraries},
         arity,
+        frozenset(re.findall(r"[A-Za-z_]\w*", "\n".join(text for _, text in cells))),
     )
 
 

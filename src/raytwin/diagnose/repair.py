@@ -1,61 +1,71 @@
-"""A slip found in a student's own text: the change of one place that makes every value right, its line, and the way.
+"""A slip found in a student's own text: the change of one place that makes every value correct, its line, and the way.
 
-The same operators that make mistakes of the textbook make repairs of a text. Candidates are compiled here, run where
-the student's code may run (`attempt`, in the sandbox or in this process), and judged here again. One that makes every
-case right is a proof: it needs no catalogue.
+The operators that make mistakes of the textbook make repairs of a text. Each change is compiled here, run where the
+student's code may run (`attempt`, in the sandbox or in this process), and judged here. One that makes every case
+correct is a proof: it needs no catalogue. A search ends after a fixed amount of work, not of seconds: it finds the same
+on a busy machine.
 """
 
 import ast
 import itertools
 import math
 import re
-import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence, Set
 from dataclasses import dataclass, field, replace
-from functools import cache
-from typing import Any, NamedTuple
+from functools import cache, cached_property, partial
+from typing import Any
 
 import numpy as np
 
-from raytwin.diagnose.edit import Edit
+from raytwin.diagnose.edit import Edit, code_of
 from raytwin.diagnose.function_text import Cells, file_of, names_bound, statements_of
-from raytwin.diagnose.local_values import values_text
 from raytwin.diagnose.operators import edits, edits_of_right
 from raytwin.diagnose.rewritings import is_setting
-from raytwin.diagnose.schemata import Setting, schemata
 
 Answers = list[tuple[np.ndarray, ...] | None]
-Rows = Sequence[Sequence[int]]
+Lines = Set[tuple[str, int]]
+"""(name of the outermost function or class, line) of lines that run."""
 CLEARED = 0.6
-"""By so much more far-fetched is a change of a statement that runs in functions that are right, too."""
+"""Weight added to a change of a line that runs in functions that are correct, too."""
 SHARE = 0.3
-"""By so much more far-fetched is each of ten changes of one kind than a single one: they share the kind's chance."""
+"""Weight added per factor of ten in the number of changes of one kind: they share the kind's chance."""
+RIVALS_WITHIN = 0.3
+"""Weight by which another change may exceed the first that fits, and still leave open which of them is meant."""
+TRIED_FOR_RIVALS = 300
+"""Changes that are tried after the first that fits."""
 AT_ONCE = 48
-"""Candidates that are compiled together and tried in one call: a text with thousands of them runs many times slower."""
-ABOUT = 0.3
-"""By so much more far-fetched may be what makes doubtful which change is meant."""
-LOOK_ON = 0.5
-"""Seconds of computing, at most, for other changes once one fits."""
-FIRST = 96
-"""Changes that are tried at once; of the others it is asked first what they do where they stand."""
-ASKED_AT_ONCE = 480
-"""Changes of which this is asked in one run."""
-VALUES_SECONDS = 0.5
-"""Seconds of computing, for one such run."""
-MOST_SHOWN = 100
+"""Changes that are tried in one call of the sandbox."""
+LONGEST_SHOWN = 100
 """Characters of a line that a message shows."""
-A_CALL = 0.25
-"""Seconds of computing after which a candidate is given up; or so many times what the student's own function takes."""
+SECONDS_A_TRY = 0.25
+"""Upper limit of computing for one change, or a multiple of what the student's own function takes."""
+LINES_A_TRY = 400
+"""Work of a try beside the lines that it runs: to compile the change and to call the function."""
+
+
+@dataclass
+class Work:
+    """What a search may still do, in lines of Python that run: about a microsecond each, five for a line of NumPy."""
+
+    left: float
+    in_time: Callable[[], bool] = lambda: True
+    """The safety net, far beyond what the work takes."""
+    stopped: bool = False
+    """Whether the search ended by it."""
+
+    def goes_on(self) -> bool:
+        self.stopped |= not self.in_time()
+        return self.left > 0 and not self.stopped
 
 
 @dataclass(frozen=True)
 class Repair:
-    """`line` of `cell` has `before`; `after` in its place makes everything right. `operator`: what was wrong.
+    """`line` of `cell` has `before`; `after` in its place makes everything correct. `operator`: what was wrong.
 
     `beside`: the other place, where one change has two that no line shows together. `sure`: whether it helps all that
     fails and runs it, too, and no other line can be changed as well. `rivals`: changes of other lines that make
-    everything right, too.
+    everything correct, too.
     """
 
     cell: str
@@ -88,17 +98,27 @@ class Repair:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A change: `codes` bind `names` anew, with the change in them where the switch has this `setting`."""
+    """A top-level statement of `cell` with an edit in it."""
 
     cell: str
     statement: ast.stmt
     edit: Edit
-    codes: tuple[bytes, ...]
-    names: tuple[str, ...]
-    setting: Setting
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names that its code binds anew."""
+        return names_bound(self.statement)
 
-Values = Callable[[Sequence[Candidate]], Rows]
+    @cached_property
+    def code(self) -> bytes:
+        """Empty where it is no Python."""
+        self.edit.locate()
+        changed = self.edit.applied(self.statement)
+        return code_of(changed if isinstance(changed, list) else [changed])
+
+    def runs_in(self, lines: Lines) -> bool:
+        """Whether a line that it changes is among these."""
+        return any((name, getattr(old, "lineno", 0)) in lines for name in self.names for old, _ in self.edit.parts)
 
 
 @dataclass(frozen=True)
@@ -107,66 +127,51 @@ class Runner:
 
     `run(candidates, arguments, changed)`: what the function returns with each; None: it raised, it took too long, or,
     if `changed`, it returns what it does without.
-    `places(candidates, arguments)`: the places of their codes that a call reaches; None: unknown.
-    `right(candidates)`: those that calls of functions reach that are right; None: unknown.
-    `values(candidates, arguments)`: what `local_values` tells of their codes.
+    `lines(arguments)`: the lines that a call runs, each as often; None: unknown.
+    `correct_lines()`: those that correct functions and correct cases run.
+    `work`: what may be done.
     """
 
     run: Callable[[Sequence[Candidate], Sequence[Any], bool], Answers]
-    places: Callable[[Sequence[Candidate], Sequence[Any]], frozenset[int] | None]
-    right: Callable[[Sequence[Candidate]], frozenset[int] | None] = lambda candidates: None
-    values: Callable[[Sequence[Candidate], Sequence[Any]], Rows] = lambda candidates, arguments: ()
-
-    def places_in(self, case: Any) -> Callable[[Sequence[Candidate]], frozenset[int] | None]:
-        return lambda candidates: self.places(candidates, case.args)
-
-    def values_in(self, case: Any) -> Values:
-        return lambda candidates: self.values(candidates, case.args)
+    lines: Callable[[Sequence[Any]], Counter[tuple[str, int]] | None]
+    correct_lines: Callable[[], Lines] = frozenset
+    work: Work = field(default_factory=lambda: Work(math.inf))
 
 
 def repair(
     cells: Cells, function: str, cases: Sequence[Any], is_right: Callable[[Any, Any], bool], runner: Runner,
-    more_time: Callable[[], bool], innocent: Sequence[str] = (), known: Sequence["Candidate"] = (),
-    further: Callable[[], Sequence[Any]] = tuple,
+    innocent: Sequence[str] = (), known: Sequence[Candidate] = (), further: Callable[[], Sequence[Any]] = tuple,
     keeps: Callable[[Candidate], bool] = lambda candidate: True,
     helps: Callable[[Candidate], bool] = lambda candidate: True,
-    clock: Callable[[], float] = time.process_time,
+    words: Set[str] | None = None,
 ) -> Repair | None:  # fmt: skip
-    """The least far-fetched change of one place after which `function` is right in all cases; None where none is found.
+    """The least far-fetched change of one place after which `function` is correct in all cases; None: none is found.
 
-    `cases` have `args`; the first is one that is wrong. `is_right(case, arrays)`. `innocent`: functions that are right
-    by their own tests. `more_time()`: whether to go on; `clock()`: seconds. `known`: what has made other functions
-    right is tried first. Where one fits, others are looked for that are hardly more far-fetched: a change of another
-    line that does as well leaves open which of them is meant.
-    `further()`: cases that a change must make right as well before it counts as proved: by chance it may fit `cases`.
-    `keeps(candidate)`: whether what is right beside the function stays right. `helps(candidate)`: whether other
-    functions that fail and run the changed place become right in a case; a change that does not may fit by chance, and
-    others are tried before it.
+    `cases` have `args`; the first is one that is wrong. `is_right(case, arrays)`. `innocent`: functions that are
+    correct by their own tests. `known`: what has made other functions correct is tried first. Where one fits, others
+    are looked for that are hardly more far-fetched: a change of another line that does as well leaves open which of
+    them is meant. `further()`: cases that a change must make correct as well before it counts as proved: by chance it
+    may fit `cases`. `keeps(candidate)`: whether what is correct beside the function stays so. `helps(candidate)`:
+    whether other functions that fail and run the changed place become correct in a case; a change that does not may
+    fit by chance, and others are tried before it. `words`: those of the function's correct form. A change that brings
+    in others than these and the text's own keeps no meaning, and is none. None: any.
     """
-    first = cases[0]
+    search = _Search(cells, function, innocent, runner, cases[0], words)
 
     def passing(left: list[Candidate], some: Sequence[Any]) -> list[Candidate]:
-        for k, case in enumerate(some):
+        for case in some:
             if not left:
                 break
-            answers = runner.run(left, case.args, case is first)
+            runner.work.left -= len(left) * search.lines_a_try
+            answers = runner.run(left, case.args, case is cases[0])
             left = [c for c, got in zip(left, answers, strict=True) if got is not None and is_right(case, got)]
-            if k == 0:
-                search.passed(left)
         return left
 
-    reached, every = (statements_of(cells, function, names) for names in (innocent, ()))
-    known_lines = {(cell, statement.lineno) for cell, statement in reached}
-    aside = [(cell, statement) for cell, statement in every if (cell, statement.lineno) not in known_lines]
-    search = _Search(cells, reached, runner.places_in(first), runner.right, aside, more_time,
-                     lambda some: runner.run(some, first.args, False))  # fmt: skip
-    values = runner.values_in(first)
-
-    tried, fits = 0, _Fits(search.weight, clock)
+    tried, fits = 0, _Fits(search.weight)
     unsure: Repair | None = None
-    for source in ([list(known)], *(search.candidates(rare, values) for rare in (False, True))):
-        for chunk in source:
-            if not more_time() or fits.are_all(chunk):
+    for chunks in ([list(known)], search.candidates(rare=False), search.candidates(rare=True)):
+        for chunk in chunks:
+            if not runner.work.goes_on() or fits.are_all(chunk, tried):
                 return fits.best() or unsure
             tried += len(chunk)
             left = passing(chunk, cases)
@@ -181,22 +186,22 @@ def repair(
 
 
 class _Fits:
-    """The changes that make everything right: the least far-fetched one, and those that are hardly more so."""
+    """The changes that make everything correct: the least far-fetched one, and those that are hardly more so."""
 
-    def __init__(self, weight: Callable[[Candidate], float], clock: Callable[[], float]) -> None:
-        self.weight, self.clock = weight, clock
+    def __init__(self, weight: Callable[[Candidate], float]) -> None:
+        self.weight = weight
         self.some: list[Candidate] = []
-        self.tried, self.limit, self.until = 0, math.inf, math.inf
+        self.tried, self.limit = 0, math.inf
 
     def add(self, some: Sequence[Candidate], tried: int) -> None:
         if some and not self.some:
-            self.tried, self.limit, self.until = tried, self.weight(some[0]) + ABOUT, self.clock() + LOOK_ON
+            self.tried, self.limit = tried, self.weight(some[0]) + RIVALS_WITHIN
         self.some += [c for c in some if self.weight(c) <= self.limit]
 
-    def are_all(self, following: Sequence[Candidate]) -> bool:
-        """Whether what follows is more far-fetched, or it was looked for long enough."""
+    def are_all(self, following: Sequence[Candidate], tried: int) -> bool:
+        """Whether what follows is more far-fetched, or enough was tried since."""
         farther = bool(following) and self.weight(following[0]) > self.limit
-        return bool(self.some) and (farther or self.clock() > self.until)
+        return bool(self.some) and (farther or tried > self.tried + TRIED_FOR_RIVALS)
 
     def best(self) -> Repair | None:
         """The first; sure where no other stands on other lines, and it is no other size of a block, or the like."""
@@ -248,7 +253,7 @@ def _shown(tree: ast.AST, edit: Edit) -> ast.AST | None:
         if isinstance(one, ast.expr) or (isinstance(one, ast.stmt) and not hasattr(one, "body")):
             inside = set(map(id, ast.walk(one)))
             text = ast.unparse(one) if all(id(old) in inside for old, _ in edit.parts) else "\n"
-            if len(text) <= MOST_SHOWN and "\n" not in text:
+            if len(text) <= LONGEST_SHOWN and "\n" not in text:
                 return one
     return None
 
@@ -266,198 +271,77 @@ def kind_of(operator: str) -> str:
     return re.sub(r"`[^`]*`|(?<=factor )\w+|(?<=divisor )\w+|(?<=term )\w+", "...", operator)
 
 
-def candidates(
-    cells: Cells, function: str, innocent: Sequence[str] = (),
-    places: Callable[[Sequence[Candidate]], frozenset[int] | None] = lambda some: None,
-    right: Callable[[Sequence[Candidate]], frozenset[int] | None] = lambda some: None,
-) -> Iterator[Candidate]:  # fmt: skip
-    """Single changes of what `function` is made of, the least far-fetched first.
-
-    `places(candidates)`: those that a wrong case reaches. Statements that do not run there are left as they are.
-    `right(candidates)`: those that functions reach that are right: a mistake there is less likely.
-    """
-    search = _Search(cells, statements_of(cells, function, innocent), places, right)
-    for some in (*search.candidates(False), *search.candidates(True)):
-        yield from some
+def candidates(cells: Cells, function: str, innocent: Sequence[str] = ()) -> Iterator[Candidate]:
+    """All changes of what `function` is made of, the least far-fetched first."""
+    nothing = Runner(lambda some, *_: [None] * len(some), lambda arguments: None)
+    search = _Search(cells, function, innocent, nothing, None, None)
+    yield from itertools.chain.from_iterable([*search.candidates(rare=False), *search.candidates(rare=True)])
 
 
 class _Search:
-    """All changes of some statements.
-
-    `aside`: what is right alone, but may change arrays that are not its own. `more_time()`: whether to go on making
-    changes, of which a long text has so many that to make them takes minutes. `run(candidates)`: a wrong case's values.
-    """
+    """All changes of the statements that a function is made of. `wrong`: a case that it has wrong."""
 
     def __init__(
-        self, cells: Cells, reached: Sequence[tuple[str, ast.stmt]],
-        places: Callable[[Sequence[Candidate]], frozenset[int] | None],
-        right: Callable[[Sequence[Candidate]], frozenset[int] | None],
-        aside: Sequence[tuple[str, ast.stmt]] = (), more_time: Callable[[], bool] = lambda: True,
-        run: Callable[[Sequence[Candidate]], Answers] = lambda some: [None] * len(some),
-    ) -> None:  # fmt: skip
-        self.aside, self.more_time = aside, more_time
-        self.reached = reached
+        self, cells: Cells, function: str, innocent: Sequence[str], runner: Runner, wrong: Any, words: Set[str] | None
+    ) -> None:
+        reached, every = (statements_of(cells, function, names) for names in (innocent, ()))
+        ours = {id(statement) for _, statement in reached}
+        self.reached = self._without_what_differs(reached, runner, wrong)
+        lines_of = {(cell, s.lineno) for cell, s in reached}
+        self.aside = [(cell, s) for cell, s in every if id(s) not in ours and (cell, s.lineno) not in lines_of]
+        """What is correct alone, but may change arrays that are not its own."""
         self.file = file_of(cells, [statement for _, statement in reached])
-        self.end = 0
+        self.running = None if wrong is None else runner.lines(wrong.args)
+        self.lines_a_try = LINES_A_TRY + sum((self.running or {}).values())
+        self.cleared = runner.correct_lines()
+        self.words = None if words is None else words | self.file.own_words
         self.many: Counter[str] = Counter()
         """Kind -> changes among those that are tried now."""
-        self.compiled: dict[Edit, Candidate | None] = {}
-        self.alike: dict[Edit, list[_Change]] = {}
-        self.right: list[Edit] = []
-        self.alone: set[ast.stmt] = set()
-        marks = self._marks(reached)
-        self._without_what_differs(marks, run)
-        self.running = None if self.alone else _nodes(marks, places(marks))
-        self.cleared = {id(node) for one in _nodes(marks, right(marks)) or () for node in _own(one)}
 
-    def candidates(self, rare: bool, values: Values = lambda runs: ()) -> Iterator[list[Candidate]]:
-        """The usual ones, or the rare. `values(candidates)`: what `local_values` tells in a wrong case."""
-        found = [c for cell, statement in self.reached for c in self._changes(cell, statement, rare)]
+    def candidates(self, rare: bool) -> Iterator[list[Candidate]]:
+        """The usual ones, or the rare, AT_ONCE at a time, the least far-fetched first: those that are Python."""
+        found = [Candidate(cell, s, edit) for cell, s in self.reached
+                 for edit in edits(s, self.file, rare, partial(self._runs, s))]  # fmt: skip
         for cell, statement in () if rare else self.aside:
-            found += [_Change(cell, statement, edit) for edit in edits_of_right(statement)]
-        yield from self._compiled(found, values)
+            found += [Candidate(cell, statement, edit) for edit in edits_of_right(statement)]
+        self.many = Counter(kind_of(c.edit.operator) for c in found)
+        found.sort(key=self.weight)
+        for k in range(0, len(found), AT_ONCE):
+            yield [c for c in found[k : k + AT_ONCE] if self._keeps_meaning(c.edit) and c.code]
 
-    def weight(self, c: "Candidate | _Change") -> float:
+    def weight(self, c: Candidate) -> float:
         """How far-fetched it is."""
         shared = SHARE * math.log10(max(1, self.many[kind_of(c.edit.operator)]))
-        return c.edit.weight + shared + CLEARED * (id(c.edit.old) in self.cleared)
+        cleared = bool(self.cleared) and c.runs_in(self.cleared)
+        return c.edit.weight + shared + CLEARED * cleared
 
-    def _changes(self, cell: str, statement: ast.stmt, rare: bool) -> list["_Change"]:
-        def runs(one: ast.AST) -> bool:
-            return self.more_time() and (self.running is None or one in self.running)
+    def _runs(self, outermost: ast.stmt, one: ast.stmt) -> bool:
+        return self.running is None or _runs(outermost, one, self.running.keys())
 
-        return [_Change(cell, statement, edit) for edit in edits(statement, self.file, rare, runs=runs)]
+    def _keeps_meaning(self, edit: Edit) -> bool:
+        """Whether all that it brings in is a word of the text, or of the function's correct form."""
+        if self.words is None:
+            return True
+        some = [one for _, new in edit.parts for one in (new if isinstance(new, list) else [new])]
+        nodes = [n for one in some for n in ast.walk(one)]
+        return {n.id if isinstance(n, ast.Name) else n.attr for n in nodes
+                if isinstance(n, ast.Name | ast.Attribute)} <= self.words  # fmt: skip
 
-    def _compiled(self, some: Sequence["_Change"], values: Values) -> Iterator[list[Candidate]]:
-        """Those that leave Python, AT_ONCE at a time, the least far-fetched first; but for the first ones, those that
-        `values` does not dismiss."""
-        self.many = Counter(kind_of(c.edit.operator) for c in some)
-        ordered = sorted(some, key=self.weight)
-        for chunk in itertools.chain(_parts(ordered[:FIRST], AT_ONCE), self._not_dismissed(ordered[FIRST:], values)):
-            for (cell, statement), every in _by_statement(c for c in chunk if c.edit not in self.compiled):
-                self.compiled |= dict.fromkeys(every)
-                self.compiled |= {c.edit: c for c in self._candidates(cell, statement, every)}
-            yield [one for c in chunk if (one := self.compiled[c.edit]) is not None]
-
-    def _without_what_differs(self, marks: Sequence[Candidate], run: Callable[[Sequence[Candidate]], Answers]) -> None:
-        """Find the statements that a switch alters: their changes are compiled one by one.
-
-        Those of a text that differs even so, as it counts its calls or is wrapped behind its definition, are none.
-        """
-
-        def anew(some: Iterable[tuple[str, ast.stmt]]) -> list[Candidate]:
-            return [c for cell, one in some for c in self._candidates(cell, one, [Edit("", 0.0, one, [one])])]
-
-        marked = {c.statement for c in marks}
-        self.alone = _differing([*marks, *anew(one for one in self.reached if one[1] not in marked)], run)
-        gone = _differing(anew(one for one in self.reached if one[1] in self.alone), run)
-        self.reached = [one for one in self.reached if one[1] not in gone]
-
-    def _not_dismissed(self, ordered: Sequence["_Change"], values: Values) -> Iterator[Sequence["_Change"]]:
-        """AT_ONCE at a time; last come those that did as others, or nothing, each time that was looked at."""
-        later: list[_Change] = []
-        for some in _parts(ordered, ASKED_AT_ONCE):
-            dismissed = self._dismissed(some, values)
-            for change in some:
-                like, whole = dismissed.get(change.edit, (None, True))
-                if not whole:
-                    later.append(change)
-                elif like is not None:
-                    self.alike.setdefault(like, []).append(change)
-            for chunk in _parts([c for c in some if c.edit not in dismissed], AT_ONCE):
-                yield chunk
-                yield from _parts(self._taken(), AT_ONCE)
-        yield from _parts(later, AT_ONCE)
-
-    def passed(self, some: Iterable[Candidate]) -> None:
-        """These are right in the case that values were told of: so are those with the same values."""
-        self.right += [c.edit for c in some]
-
-    def _taken(self) -> list["_Change"]:
-        """What was dismissed since it does as a change that turned out to be right in that case."""
-        taken = [change for edit in self.right for change in self.alike.pop(edit, [])]
-        self.right = []
-        return taken
-
-    def _dismissed(self, some: Sequence["_Change"], values: Values) -> dict[Edit, tuple[Edit | None, bool]]:
-        """Those that raise, or do in their own statement as another change or nothing: the other, and whether each
-        time was looked at."""
-        runs: list[Candidate] = []
-        at: dict[tuple[int, int], Edit] = {}
-        for (cell, statement), every in _by_statement(some):
-            code, numbers = values_text(statement, every, len(at))
-            at |= {place: edit for edit, place in numbers.items()}
-            if code:
-                runs.append(Candidate(cell, statement, every[0], (code,), names_bound(statement), ()))
-        return {
-            at[place, number]: (at.get((place, group - 1)), group < 0 or bool(whole))
-            for place, number, group, whole in (values(runs) if runs else ())
-            if group != number + 1 and (place, number) in at
-        }
-
-    def _marks(self, reached: Sequence[tuple[str, ast.stmt]]) -> list[Candidate]:
-        """A candidate for each statement within the reached ones: its place tells whether it runs."""
-        marks: list[Candidate] = []
-        for cell, statement in reached:
-            inner = [n for n in ast.walk(statement) if isinstance(n, ast.stmt) and n is not statement]
-            marks += self._candidates(
-                cell, statement, [Edit("", 0.0, n, [ast.copy_location(ast.Pass(), n)]) for n in inner]
-            )
-        return marks
-
-    def _candidates(self, cell: str, statement: ast.stmt, every: Sequence[Edit]) -> Iterator[Candidate]:
-        names = names_bound(statement)
-        for some, schema in schemata(statement, every, self.end, statement not in self.alone):
-            self.end = schema.end
-            for edit in some:
-                yield Candidate(cell, statement, edit, (schema.code,), names, schema.settings[id(edit)])
+    @staticmethod
+    def _without_what_differs(
+        reached: list[tuple[str, ast.stmt]], runner: Runner, wrong: Any
+    ) -> list[tuple[str, ast.stmt]]:
+        """The statements but for those that do something else once they are compiled anew, though nothing is changed:
+        a function that is wrapped behind its definition, or that counts its calls."""
+        if wrong is None:
+            return reached
+        anew = [Candidate(cell, one, Edit("", 0.0, one, [one])) for cell, one in reached]
+        answers = runner.run(anew, wrong.args, True)
+        return [one for one, got in zip(reached, answers, strict=True) if got is None]
 
 
-def _differing(some: Sequence[Candidate], run: Callable[[Sequence[Candidate]], Answers]) -> set[ast.stmt]:
-    """The statements that do something else once they are compiled anew, though nothing is changed."""
-    each = list({c.statement: replace(c, setting=()) for c in some}.values())
-    if not each:
-        return set()
-    codes, names = [code for c in each for code in c.codes], [name for c in each for name in c.names]
-    nothing = replace(each[0], codes=(), names=())
-    as_it_is, made = run([nothing, replace(nothing, codes=tuple(codes), names=tuple(names))])
-    if _same(as_it_is, made):
-        return set()
-    return {c.statement for c, got in zip(each, run(each), strict=True) if not _same(as_it_is, got)}
-
-
-def _same(a: tuple[np.ndarray, ...] | None, b: tuple[np.ndarray, ...] | None) -> bool:
-    if a is None or b is None:
-        return a is b
-    return len(a) == len(b) and all(np.array_equal(x, y, equal_nan=True) for x, y in zip(a, b, strict=True))
-
-
-def _by_statement(some: Iterable["_Change"]) -> Iterable[tuple[tuple[str, ast.stmt], list[Edit]]]:
-    """The changes of each statement together."""
-    of: dict[tuple[str, ast.stmt], list[Edit]] = {}
-    for cell, statement, edit in some:
-        of.setdefault((cell, statement), []).append(edit)
-    return of.items()
-
-
-def _parts(every: Sequence["_Change"], most: int) -> Iterator[Sequence["_Change"]]:
-    return (every[k : k + most] for k in range(0, len(every), most))
-
-
-class _Change(NamedTuple):
-    cell: str
-    statement: ast.stmt
-    edit: Edit
-
-
-def _own(statement: ast.AST) -> Iterator[ast.AST]:
-    """The statement's nodes, without those of statements in it."""
-    yield statement
-    for child in ast.iter_child_nodes(statement):
-        if not isinstance(child, ast.stmt):
-            yield from _own(child)
-
-
-def _nodes(marks: Sequence[Candidate], asked: frozenset[int] | None) -> set[ast.AST] | None:
-    """The statements that run; None: unknown."""
-    return None if asked is None else {c.edit.old for c in marks if c.setting[0][0] in asked}
+def _runs(outermost: ast.stmt, one: ast.stmt, lines: Lines) -> bool:
+    """Whether one of the statement's own lines, without those of statements in it, is among the lines."""
+    last = min([one.end_lineno or one.lineno, *(s.lineno - 1 for s in getattr(one, "body", []))])
+    names = (*names_bound(outermost), "<lambda>")
+    return any((name, line) in lines for name in names for line in range(one.lineno, max(last, one.lineno) + 1))

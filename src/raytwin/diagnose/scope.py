@@ -28,6 +28,8 @@ class File:
     words: tuple[str, ...] = ()
     methods: Mapping[str, frozenset[str]] = field(default_factory=dict)
     arity: Mapping[str, int] = field(default_factory=dict)
+    own_words: frozenset[str] = frozenset()
+    """All words of the text."""
 
 
 MOST_LINES = 6

@@ -294,18 +294,6 @@ def _with_film(scene: MitsubaScene, integers: dict[str, int]) -> MitsubaScene:
     return _edited(scene, root)
 
 
-def with_pose(scene: MitsubaScene, to_world: list[float]) -> MitsubaScene:
-    """The scene whose first sensor has this matrix, 16 numbers by rows."""
-    root = ET.fromstring(scene.text)
-    sensor = root.find("sensor")
-    assert sensor is not None  # checked when it was read
-    for element in [e for e in sensor.findall("transform") if e.get("name") == "to_world"]:
-        sensor.remove(element)
-    transform = ET.SubElement(sensor, "transform", {"name": "to_world"})
-    ET.SubElement(transform, "matrix", {"value": " ".join(map(repr, to_world))})
-    return _edited(scene, root)
-
-
 def _edited(scene: MitsubaScene, root: ET.Element) -> MitsubaScene:
     """The scene with other elements, which name no further files."""
     named = {element.get(key, "") for element in root.iter() for key in _files_of(element)}

@@ -9,7 +9,8 @@ import dataclasses
 import inspect
 import itertools
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -18,20 +19,21 @@ import msgspec
 import numpy as np
 
 from raytwin.contract.check_function import is_repaired, is_right
-from raytwin.contract.repair_function import STEPS, further_probes, probes, right_ones, smaller
+from raytwin.contract.repair_function import STEPS, further_probes, probes, right_ones, smaller, words_of
 from raytwin.contract.stage import Case, Stage
 from raytwin.contract.stage_result import says_why, with_hint
 from raytwin.contract.stage_table import LESSONS
 from raytwin.diagnose import attempt
+from raytwin.diagnose.edit import Edit
 from raytwin.diagnose.repair import (
-    A_CALL,
-    VALUES_SECONDS,
+    SECONDS_A_TRY,
     Answers,
     Candidate,
     Cells,
+    Lines,
     Repair,
-    Rows,
     Runner,
+    Work,
     kind_of,
     repair,
 )
@@ -42,51 +44,44 @@ from raytwin.grade.result import Marked
 from raytwin.grade.rubric import Rubric
 from raytwin.sandbox.sandbox import Code, Sandbox
 
-SECONDS, UNNAMED, IN_ALL = 2.0, 5.0, 8.0
-"""Seconds of computing: for one function, for one of which no mistake is proved, and for a submission."""
+WORK, UNNAMED, IN_ALL = 1.2e6, 3e6, 6e6
+"""Lines that run: for one function, for one of which no mistake is proved, and for a submission."""
+MOST_SECONDS = 160.0
+"""Of computing: some twenty times what IN_ALL takes. A search that reaches it says so."""
 LONGEST = 100_000
 """Characters of a text that is repaired: to read one of megabytes takes the grader minutes."""
-CALLED, PLACES, VALUES = "raytwin_attempt", "raytwin_places", "raytwin_local_values"
+STOPPED = "the search for the line stopped early: this machine is too slow, or too busy"
+CALLED, LINES = "raytwin_attempt", "raytwin_lines"
 DRIVER = f"""
 {REPLACER}
 
 {inspect.getsource(attempt)}
 
-raytwin_codes = []
-
-def raytwin_chosen(codes, lengths, which):
+def {CALLED}(function, codes, lengths, names, arguments, seconds, changed, innocent):
     import marshal
     import numpy
     ends = numpy.cumsum(lengths).astype(int)
-    raytwin_codes.extend(marshal.loads(codes[end - n : end].tobytes()) for end, n in zip(ends, lengths))
-    return [[raytwin_codes[k] for k in some] for some in which]
-
-def {CALLED}(function, codes, lengths, which, names, settings, arguments, seconds, changed, innocent):
-    import numpy
-    chosen = raytwin_chosen(codes, lengths, which)
+    chosen = [marshal.loads(codes[end - n : end].tobytes()) for end, n in zip(ends, lengths)]
     shapes, numbers = [], []
-    for made in attempt(globals(), function, chosen, names, settings, arguments, seconds, changed, innocent):
+    for made in attempt(globals(), function, chosen, names, arguments, seconds, changed, innocent):
         shapes.append(-1 if made is None else len(made))
         for array in made or ():
             shapes += [array.ndim, *array.shape]
             numbers.append(array.ravel())
     return numpy.array(shapes, int), numpy.concatenate([numpy.zeros(0), *numbers])
 
-def {PLACES}(function, codes, lengths, which, names, arguments, seconds):
+def {LINES}(function, arguments, seconds):
     import numpy
-    chosen = raytwin_chosen(codes, lengths, which)
-    return numpy.array(places_reached(globals(), function, chosen, names, arguments, seconds), int)
-
-def {VALUES}(function, codes, lengths, which, names, settings, arguments, seconds):
-    import numpy
-    chosen = raytwin_chosen(codes, lengths, which)
-    return numpy.array(local_values(globals(), function, chosen, names, settings, arguments, seconds), int)
+    found = lines_run(globals(), function, arguments, seconds)
+    names = "\\n".join(name for name, _ in found)
+    lines = numpy.array([(line, times) for (_, line), times in found.items()], int)
+    return numpy.frombuffer(names.encode(), numpy.uint8), lines
 """
 """Runs in the sandbox, behind the submission's own text and in its module."""
 
 
 class SecondLook:
-    """Lines to look at in a submission, within IN_ALL seconds, as far as the rubric's `hints` go.
+    """Lines to look at in a submission, by work of IN_ALL at most, as far as the rubric's `hints` go.
 
     A text that is nested too deeply to be read is not repaired. `found`: by the name of the function. All that is asked
     for again once a submission was called is asked of one process, since to start one takes as long as many calls.
@@ -94,6 +89,8 @@ class SecondLook:
 
     def __init__(self, rubric: Rubric, code: Code | None) -> None:
         self.rubric, self.code, self.left = rubric, code if code and code.kind == "python" else None, IN_ALL
+        self.stopped = False
+        """Whether a search was ended by the clock."""
         self.found: dict[str, Repair] = {}
         self.cells: Cells = code.cells or (("", code.source),) if code else ()
         self.hints = rubric.hints if self.code and sum(len(text) for _, text in self.cells) <= LONGEST else 0
@@ -111,7 +108,7 @@ class SecondLook:
         assert self.code is not None
         if self.trials is None or self.trials.child.problem.problem:
             self.close()
-            asked = (*self.rubric.functions, CALLED, PLACES, VALUES, REPLACE)
+            asked = (*self.rubric.functions, CALLED, LINES, REPLACE)
             own = dataclasses.replace(self.code.followed_by(DRIVER), asked=asked)
             child = Sandbox(own, self.rubric.limits, (Path(self.rubric.folder), Path.cwd())).__enter__()
             self.trials, self.replaced = _Trials(child), ()
@@ -150,28 +147,35 @@ class SecondLook:
                 prints = {stage: _fingerprint(child, stage) for stage in unnamed}
             if CALLED in child.functions and self.trials is not None:
                 self._repair(tried, right, replaced, beside, pictures, self.trials)
-        return [
+        hinted = [
             _with_hint(e, self.found.get(e.stage), self.hints, e.fingerprint or prints.get(e.stage, ""))
             if e in wrong else e for e in exercises
         ]  # fmt: skip
+        if not self.stopped:
+            return hinted
+        return [msgspec.structs.replace(e, sentences=(*e.sentences, STOPPED)) if e.stage not in self.found
+                and e.stage in {one.stage for one in tried} else e for e in hinted]  # fmt: skip
 
     def _repair(
         self, tried: Sequence[Marked], right: Sequence[str], replaced: Sequence[str], beside: Sequence[str],
         pictures: Sequence[tuple[str, Case]], trials: "_Trials",
     ) -> None:  # fmt: skip
-        began = _clock(trials.child)
+        until = _clock(trials.child) + MOST_SECONDS
         for stage in dict.fromkeys(e.stage for e in tried):
             if stage in trials.child.functions:
-                seconds = SECONDS if all(_is_proved(e) for e in tried if e.stage == stage) else UNNAMED
-                until = min(_clock(trials.child) + seconds, began + self.left)
+                most = WORK if all(_is_proved(e) for e in tried if e.stage == stage) else UNNAMED
+                before = min(most, self.left)
+                work = Work(before, lambda: _clock(trials.child) < until and not trials.child.problem.problem)
                 fitting = [(r.candidate, *r.rivals) for r in self.found.values() if r.candidate and not replaced]
                 known = list(dict.fromkeys(itertools.chain(*fitting)))
                 others = [LESSONS[e.stage] for e in tried if e.stage != stage]
                 asked = [case for name, case in pictures if name == stage]
                 with contextlib.suppress(RecursionError, MemoryError):
-                    made = _repair(LESSONS[stage], self.cells, trials, until, right, replaced, known, others, asked)
+                    made = _repair(LESSONS[stage], self.cells, trials, work, right, replaced, known, others, asked)
                     if made is not None:
                         self.found[stage] = made
+                self.left -= before - work.left
+                self.stopped |= work.stopped and stage not in self.found
         for stage in (name for name in beside if name in trials.child.functions):
             some = (r for r in self.found.values() if (r.sure or r.rivals) and _makes_right(r, stage, trials))
             if one := next(some, None):
@@ -180,21 +184,22 @@ class SecondLook:
             # A change in what only some pictures are made of, where others stay wrong, may hide what is wrong in all.
             unsure = {k: dataclasses.replace(r, sure=False) for k, r in self.found.items() if k in PICTURES}
             self.found |= unsure
-        self.left -= _clock(trials.child) - began
 
 
 def _makes_right(found: Repair, stage: str, trials: "_Trials") -> bool:
     """Whether the change makes another function right, too, that is wrong without."""
 
-    def right_with(change: Candidate) -> Iterator[bool]:
-        for case in (*_cases(stage), *_further(stage)):
-            (got,) = trials.run(stage, (), [change], case.args, False)
-            yield got is not None and is_repaired(LESSONS[stage], case, got)
+    def right_with(change: Candidate) -> bool:
+        each = (
+            (case, trials.run(stage, (), [change], case.args, False)[0]) for case in (*_cases(stage), *_further(stage))
+        )
+        return all(got is not None and is_repaired(LESSONS[stage], case, got) for case, got in each)
 
     change = found.candidate
-    return (
-        change is not None and not all(right_with(dataclasses.replace(change, setting=()))) and all(right_with(change))
-    )
+    if change is None:
+        return False
+    nothing = Candidate(change.cell, change.statement, Edit("", 0.0, change.statement, [change.statement]))
+    return not right_with(nothing) and right_with(change)
 
 
 @cache
@@ -242,7 +247,7 @@ def _clock(child: Sandbox) -> float:
 
 
 def _repair(
-    stage: Stage, cells: Cells, trials: "_Trials", until: float, right: Sequence[str], ours: Sequence[str],
+    stage: Stage, cells: Cells, trials: "_Trials", work: Work, right: Sequence[str], ours: Sequence[str],
     known: Sequence[Candidate], others: Sequence[Stage], asked: Sequence[Case],
 ) -> Repair | None:  # fmt: skip
     child = trials.child
@@ -264,28 +269,23 @@ def _repair(
                 return False
         return True
 
-    def reached_by_right(chosen: Sequence[Candidate]) -> frozenset[int]:
-        some: set[int] = set()
-        for other in (LESSONS[name] for name in right if name not in ours):
-            case = _cases(other.name)[0]
-            some |= trials.places(other.name, chosen, (smaller(other, case, STEPS[0]) or case).args) or frozenset()
-        for case in right_ones(stage, tried, is_wrong):
-            some |= trials.places(stage.name, chosen, case.args) or frozenset()
-        return frozenset(some)
+    def correct_lines() -> Lines:
+        others = [LESSONS[name] for name in right if name not in ours]
+        firsts = [
+            (other.name, smaller(other, _cases(other.name)[0], STEPS[0]) or _cases(other.name)[0]) for other in others
+        ]
+        firsts += [(stage.name, case) for case in right_ones(stage, tried, is_wrong)]
+        return frozenset().union(*(trials.lines(name, case.args) or () for name, case in firsts))
 
     each = (probes(stage, some, is_wrong) for some in (_cases(stage.name), _further(stage.name), asked))
     if not (tried := next(filter(None, each), [])):
         return None
     innocent = [*(name for name in right if name not in PICTURES), *ours]
-    run, values = partial(trials.run, stage.name, innocent), partial(trials.values, stage.name)
-    runner = Runner(run, partial(trials.places, stage.name), reached_by_right, values)
-    further = partial(_further, stage.name)
-    right_in: Callable[[Case, Any], bool] = partial(is_repaired, stage)
-    more_time = lambda: _clock(child) < until  # noqa: E731
+    runner = Runner(partial(trials.run, stage.name, innocent), partial(trials.lines, stage.name), correct_lines, work)
     wrong_beside = cache(lambda: _some_cases(others, is_wrong, CASES_OF_WRONG))
     helps = lambda candidate: _helps(candidate, trials, innocent, wrong_beside())  # noqa: E731
-    return repair(cells, stage.name, tried, right_in, runner, more_time, innocent, known, further, keeps, helps,
-                  partial(_clock, child))  # fmt: skip
+    return repair(cells, stage.name, tried, partial(is_repaired, stage), runner, innocent, known,
+                  partial(_further, stage.name), keeps, helps, words_of(stage.name))  # fmt: skip
 
 
 def _some_cases(stages: Sequence[Stage], wanted: Callable[[Case, Stage], bool], most: int) -> list[tuple[Stage, Case]]:
@@ -303,7 +303,7 @@ def _helps(
     """Whether one of these cases becomes right, or none runs what the change is in."""
     runs_it = False
     for stage, case in beside:
-        if trials.places(stage.name, [candidate], case.args):
+        if candidate.runs_in((trials.lines(stage.name, case.args) or {}).keys()):
             (got,) = trials.run(stage.name, innocent, [candidate], case.args, False)
             if got is not None and is_right(stage, case, got):
                 return True
@@ -318,11 +318,10 @@ CASES_OF_WRONG = 3
 
 
 class _Trials:
-    """Candidates that run in the sandbox: each code is sent once."""
+    """Candidates that run in the sandbox."""
 
     def __init__(self, child: Sandbox) -> None:
         self.child = child
-        self.sent: dict[bytes, int] = {}
 
     def run(
         self, function: str, innocent: Sequence[str], chosen: Sequence[Candidate], arguments: Sequence[Any],
@@ -330,9 +329,9 @@ class _Trials:
     ) -> Answers:  # fmt: skip
         if not chosen:
             return []
-        settings = [[list(pair) for pair in c.setting] for c in chosen]
-        answer = self.child.call(CALLED, function, *self._codes(chosen), settings, list(arguments), A_CALL, changed,
-                                 list(innocent))  # fmt: skip
+        codes, lengths = np.frombuffer(b"".join(c.code for c in chosen), np.uint8), [len(c.code) for c in chosen]
+        answer = self.child.call(CALLED, function, codes, lengths, [list(c.names) for c in chosen], list(arguments),
+                                 SECONDS_A_TRY, changed, list(innocent))  # fmt: skip
         if answer.problem or len(answer.arrays) != 2:
             return [None] * len(chosen)
         shapes, numbers = answer.arrays
@@ -341,25 +340,16 @@ class _Trials:
         except (IndexError, ValueError, OverflowError):  # the submission's own doing
             return [None] * len(chosen)
 
-    def places(self, function: str, chosen: Sequence[Candidate], arguments: Sequence[Any]) -> frozenset[int] | None:
-        one_each = list({c.codes: c for c in chosen}.values())
-        answer = self.child.call(PLACES, function, *self._codes(one_each), list(arguments), A_CALL)
-        return None if answer.problem or not answer.arrays else frozenset(int(n) for n in answer.arrays[0].ravel())
-
-    def values(self, function: str, chosen: Sequence[Candidate], arguments: Sequence[Any]) -> Rows:
-        settings = [[list(pair) for pair in c.setting] for c in chosen]
-        answer = self.child.call(VALUES, function, *self._codes(chosen), settings, list(arguments), VALUES_SECONDS)
-        if answer.problem or not answer.arrays or answer.arrays[0].ndim != 2 or answer.arrays[0].shape[1] != 4:
-            return ()
-        return [[int(n) for n in row] for row in answer.arrays[0]]
-
-    def _codes(self, chosen: Sequence[Candidate]) -> tuple[Any, ...]:
-        """The codes that were not sent before, their lengths, and which of all each candidate has; its names."""
-        new = [code for code in dict.fromkeys(code for c in chosen for code in c.codes) if code not in self.sent]
-        for code in new:
-            self.sent[code] = len(self.sent)
-        codes, lengths = np.frombuffer(b"".join(new), np.uint8), np.array([len(code) for code in new], int)
-        return codes, lengths, [[self.sent[code] for code in c.codes] for c in chosen], [list(c.names) for c in chosen]
+    def lines(self, function: str, arguments: Sequence[Any]) -> Counter[tuple[str, int]] | None:
+        answer = self.child.call(LINES, function, list(arguments), 10 * SECONDS_A_TRY)
+        if answer.problem or len(answer.arrays) != 2:
+            return None
+        names, places = answer.arrays
+        try:
+            read = names.astype(np.uint8).tobytes().decode(errors="replace").split("\n")
+            return Counter({(name, int(line)): int(n) for name, (line, n) in zip(read, places, strict=False)})
+        except (ValueError, TypeError):  # the submission's own doing
+            return None
 
 
 def _read(shapes: list[int], numbers: np.ndarray, count: int) -> Answers:

@@ -1,10 +1,10 @@
-"""`raytwin light` on the shipped photos, rendered by Mitsuba under a known light, and what it says without one."""
+"""`photo light` on the shipped photos, rendered by Mitsuba under a known light, and what it says without one."""
 
 import html
 
-import msgspec
 import numpy as np
 import pytest
+from scene_of import changed
 
 from raytwin import files
 from raytwin.calib.augment import augment
@@ -20,7 +20,7 @@ from raytwin.scene import Camera, Environment, Sky, Sun
 from raytwin.workflows import estimate_light as estimate_module
 from raytwin.workflows.estimate_light import LightRefused, estimate_light
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 MIRROR, ORANGE = (-0.075, 0.05, 0.028, 0.03), (-0.065, 0.15, 0.018, 0.02)
 
@@ -44,7 +44,7 @@ def found(lit):
 
 @pytest.fixture(scope="module")
 def true(lit):
-    return files.read_scene(lit.parent / "lit.toml").scene
+    return files.read_scene(lit.parent / "lit.toml")
 
 
 def test_sun_and_sky_are_the_true_ones(found, true):
@@ -130,7 +130,7 @@ def test_a_constant_map_shades_a_photo_as_a_constant_sky_does(true):
     photo = np.full((94, 126, 3), 150, np.uint8)
     skies = [Environment((w, h), np.full((h, w, 3), 0.3, "<f4").tobytes()) for w, h in ((8, 4), (150, 101))]
     *maps, even = (
-        augment(photo, msgspec.structs.replace(true, camera=camera, lights=(Sun((0.3, 0.5, 0.7)), sky))).ratio
+        augment(photo, changed(true, camera=camera, lights=(Sun((0.3, 0.5, 0.7)), sky))).ratio
         for sky in (*skies, Sky((0.3,) * 3))
     )
     for ratio in maps:

@@ -20,7 +20,7 @@ After mrcal's projection uncertainty (Kogan, mrcal.secretsauce.net/uncertainty.h
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -38,12 +38,10 @@ def leave_one_out(found: Fit) -> tuple[np.ndarray, np.ndarray]:
     """By photo: how the shared numbers move without it (n, m), and the rms distance of its own tags then (n,),
     pixels."""
     moves, errors = [], []
-    for i, residuals in enumerate(found.residuals):
-        move = solve_scaled(found.without(i), found.g[i])
-        # Its pose follows as well as it can.
-        by = found.along(i, move) + found.of_pose[i] @ (found.follow[i] @ move)
+    for A, r, seen in zip(found.A, found.r, found.observations.seen, strict=True):
+        move = solve_scaled(found.total - A.T @ A, A.T @ r)
         moves.append(move)
-        errors.append(math.sqrt(((residuals + by) ** 2).sum() / found.observations.seen[i].sum()))
+        errors.append(math.sqrt(((r + A @ move) ** 2).sum() / seen.sum()))
     return np.array(moves), np.array(errors)
 
 
@@ -58,22 +56,17 @@ class FitUncertainty:
     errors: np.ndarray
 
 
-def fit_uncertainty(found: Fit) -> FitUncertainty:
-    """Return the uncertainty of a fit."""
+def fit_uncertainty(found: Fit, gap: np.ndarray | None = None) -> FitUncertainty:
+    """Return the uncertainty of a fit; `gap` (k, k), the spread between models of the first k numbers, adds to it."""
     moves, errors = leave_one_out(found)
     s2 = max(found.variance, 1e-300)
     alike = s2 * found.inverse
     variance, jackknife = np.diag(alike), (1 - 1 / len(moves)) * (moves**2).sum(axis=0)
     wider = np.maximum(jackknife / np.where(variance > 0, variance, np.inf), 1)
     covariance = alike * np.sqrt(np.outer(wider, wider))
+    if gap is not None:
+        covariance[: len(gap), : len(gap)] += gap
     return FitUncertainty(covariance, math.sqrt(s2 * wider[:4].mean()), moves, errors)
-
-
-def with_model_gap(known: FitUncertainty, gap: np.ndarray) -> FitUncertainty:
-    """Add the spread between models, (k, k) of the first shared parameters, to the covariance."""
-    covariance = known.covariance.copy()
-    covariance[: len(gap), : len(gap)] += gap
-    return replace(known, covariance=covariance)
 
 
 def with_poses(found: Fit, known: FitUncertainty) -> np.ndarray:
@@ -81,7 +74,7 @@ def with_poses(found: Fit, known: FitUncertainty) -> np.ndarray:
     k, m, v = len(found.form.names), len(found.shared), len(found.R)
     T = np.concatenate([np.eye(k, m), found.follow.mean(axis=0)])
     covariance = T @ known.covariance @ T.T
-    covariance[k:, k:] += known.noise_px**2 * found.local.sum(axis=0) / v**2
+    covariance[k:, k:] += known.noise_px**2 * np.einsum("vir,vjr->ij", found.inverse_B, found.inverse_B) / v**2
     return covariance
 
 
