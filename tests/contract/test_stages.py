@@ -223,7 +223,7 @@ def test_answers_can_be_judged_without_the_function():
 @pytest.mark.parametrize("name", ["overlap", "distorted"])
 @pytest.mark.parametrize("rung", ["lambert", "shadow"])
 def test_the_tracer_made_of_stages_is_the_tracer(scenes, name, rung):
-    scene = files.read_scene(scenes / name).scene
+    scene = files.read_scene(scenes / name)
     scene = scene.with_camera(scene.camera.resized(80, 60))
     right = tracer.trace(scene, rung).mean
     off = np.abs(compose({}).render(as_arrays(scene, rung)) - right).max(axis=-1)

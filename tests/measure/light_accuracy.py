@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 from measure import light_photos, record
 from photo_helpers import a_camera
+from scene_of import scene_of
 
 from raytwin import files
 from raytwin.calib import synthetic_photos
@@ -31,7 +32,7 @@ from raytwin.calib.lighting.linear_photo import value_of_one
 from raytwin.calib.synthetic_photos import sheet_of
 from raytwin.errors import InputError
 from raytwin.lights.envmap_tables import REC_709
-from raytwin.scene import Camera, Environment, Lambert, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Environment, Lambert, Sky, Sphere, Sun
 from raytwin.workflows.estimate_light import estimate_light
 from raytwin.workflows.photograph import TABLE
 
@@ -164,7 +165,9 @@ def drawn(found, folder: Path, to_light: np.ndarray, E: np.ndarray, Ls: np.ndarr
         constant = Sky(tuple(sky))
         shown = constant if map_ is None else Environment(map_.shape[1::-1], map_.astype("<f4").tobytes())
         objects = ORANGE, sheet_of(draw_board(found.board, 500.0)[1]), TABLE
-        scene = printed(Scene("drawn", photo.camera, objects, (Sun(tuple(direction), tuple(sun)), shown)), found.board)
+        scene = printed(
+            scene_of("drawn", photo.camera, objects, (Sun(tuple(direction), tuple(sun)), shown)), found.board
+        )
         result = augment(photo.pixels, scene, shadows=False, exposure=value_of_one(photo, found.paper))
         inside = result.coverage == 1
         pixels.append(result.pixels[inside].astype(float))

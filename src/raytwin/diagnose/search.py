@@ -19,8 +19,10 @@ from raytwin.diagnose.parametric_faults import ParametricFault, nearer
 from raytwin.diagnose.pixel_sample import PixelSample
 from raytwin.diagnose.predict import RIGHT, Pipeline
 
-STOPPED = 60.0
-"""Wall-clock seconds, a safety net: some 20 times what a search takes."""
+STOPPED = 600.0
+"""Wall-clock seconds, a safety net: a hundred times what a search takes, and 20 times that of the largest scenes."""
+CROWD = 64
+"""Objects, beyond which no numbers are fitted and no other forms are tried: that takes nine predictions of ten."""
 SCREEN = 4
 """Every fault is tried on one in so many of the pixels first."""
 THIN = 3
@@ -84,12 +86,13 @@ class Search:
             for f in faults for k, way in enumerate(f.ways)
         ]  # fmt: skip
         tried = self._screened(ways)
+        objects = max(len(s.view.scene.objects) if s.view.scene else 0 for s in self.samples)
         forms = [replace(g, steps=form) for g in self._tempting(tried) for form in equivalent_forms(g.steps)]
-        tried += self._screened(forms)
+        tried += self._screened(forms if objects <= CROWD else [])
         tried = sorted(tried, key=lambda g: g.cost)[:FINALISTS]
         near = [g for g in tried if g.cost < CLOSE * tried[0].cost + 1e-2 * self.unexplained]
         found = ranked([self._weighed(g) for g in near], faults, EVEN * self.unexplained)
-        if families and not (found and fit_of(self.samples, found[0].steps).is_good):
+        if families and objects <= CROWD and not (found and fit_of(self.samples, found[0].steps).is_good):
             found = sorted((*found, *self._fitted(families)), key=lambda g: g.cost)
         return found
 

@@ -16,7 +16,7 @@ from raytwin.diagnose.pixel_sample import traced_once
 from raytwin.grade.rubric import Exercise, Rubric
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.sandbox.sandbox import Answer
-from raytwin.scene import Lambert, Scene, Sphere, Tolerance
+from raytwin.scene import Scene, Sphere, Tolerance
 
 INSIDE = (60, 44)
 """Pixels of a scene that is seen from inside a sphere: little is to be seen."""
@@ -60,7 +60,7 @@ def _around_eye(scene: Scene) -> Scene:
     camera = scene.camera
     eye = -np.transpose(camera.R_cam_board) @ camera.t_cam_board
     x, y, z = (0.5 * eye).tolist()
-    wall = Sphere((x, y, z), 0.9 * float(np.linalg.norm(eye)), Lambert((0.7, 0.55, 0.8)))
+    wall = Sphere((x, y, z), 0.9 * float(np.linalg.norm(eye)), (0.7, 0.55, 0.8))
     return msgspec.structs.replace(scene, name=f"{scene.name}, from inside", objects=(*scene.objects, wall))
 
 

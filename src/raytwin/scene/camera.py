@@ -94,3 +94,8 @@ class Camera(Record, frozen=True):
             (0.0, 0.0, 1.0),
         )
         return msgspec.structs.replace(self, image_size=(width, height), K=K)
+
+
+UNTURNED: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+NOWHERE = Camera((1, 1), UNTURNED, UNTURNED, (0.0, 0.0, 0.0))
+"""Stands in for a camera that has yet to be found in photos."""

@@ -4,6 +4,7 @@ import msgspec
 import numpy as np
 import pytest
 from photo_helpers import BOARD
+from scene_of import changed, scene_of
 
 from raytwin import files
 from raytwin.calib.augment import augment, errors_by_region, objects, printed, regions_of
@@ -21,7 +22,7 @@ FLOOR = Rectangle((0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.5, 0.0), in_photo=Tr
 
 
 def stage(to_light=(1.0, 0.0, 1.0), sun=2.0, sky=0.2, center=(-0.03, 0.0, 0.05), radius=0.02) -> Scene:
-    return Scene("stage", CAMERA, (Sphere(center, radius), FLOOR), (Sun(to_light, (sun,) * 3), Sky((sky,) * 3)))
+    return scene_of("stage", CAMERA, (Sphere(center, radius), FLOOR), (Sun(to_light, (sun,) * 3), Sky((sky,) * 3)))
 
 
 def grey(value: int = 180) -> np.ndarray:
@@ -40,7 +41,7 @@ def test_coverage_adds_up_to_the_silhouettes_area():
 def test_the_shadows_core_gets_the_skys_share_of_the_light():
     """In the sun's shadow the ratio is π Ls (1 - F) over all the light, with F the closed form of a black sphere's."""
     scene = stage()
-    black = msgspec.structs.replace(scene.spheres[0], material=Lambert((0.0, 0.0, 0.0)))
+    black = msgspec.structs.replace(scene.spheres[0], albedo=(0.0, 0.0, 0.0))
     result = augment(grey(), scene.with_(objects=(black, FLOOR)))
     # Along the sun's direction (1, 0, 1) from the centre (-0.03, 0, 0.05) the floor is met at x = -0.08.
     point = np.array([-0.08, 0.0, 0.0])
@@ -60,7 +61,7 @@ def test_a_matt_ball_on_a_matt_floor_gets_the_floors_light_from_below():
     )
     level = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))  # seen from the side
     camera = msgspec.structs.replace(CAMERA, R_cam_board=level, t_cam_board=(0.0, 0.0, 0.1))
-    result = augment(grey(), Scene("ball", camera, (ball, floor), (Sky((0.5,) * 3),)), shadows=False)
+    result = augment(grey(), scene_of("ball", camera, (ball, floor), (Sky((0.5,) * 3),)), shadows=False)
     for dv in (-60, 0, 60):  # pixels up and down from the ball's middle
         v, u = 119 + dv, 159
         x, y = np.array([u - 159.5, v - 119.5]) / 400
@@ -78,7 +79,7 @@ def test_a_print_darkens_the_board_that_it_lies_on_and_no_table():
     sheet = sheet_of(draw_board(BOARD, 500.0)[1])
     table = Rectangle((0.0, 0.0, -0.002), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), in_photo=True)
     ball = Sphere((0.0, 0.0, 0.1), 0.05)
-    made = printed(Scene("board", CAMERA, (ball, sheet, table)), BOARD)
+    made = printed(scene_of("board", CAMERA, (ball, sheet, table)), BOARD)
     cells = np.concatenate([tag_cells(BOARD.family, tag, BOARD.border_bits).ravel() for tag in BOARD.centers()])
     black = (1 - cells.mean()) * BOARD.tag_edge**2 * len(BOARD.centers())
     share = black / (4 * np.linalg.norm(sheet.half_u) * np.linalg.norm(sheet.half_v))
@@ -89,8 +90,8 @@ def test_a_print_darkens_the_board_that_it_lies_on_and_no_table():
 
 def test_a_shadow_that_the_photo_shows_already_is_not_cast_twice():
     sheet = Rectangle((0.05, 0.0, 0.03), (0.02, 0.0, 0.0), (0.0, 0.02, 0.0), in_photo=True)
-    scene = msgspec.structs.replace(stage(), objects=(*stage().spheres, FLOOR, sheet))
-    before = augment(grey(), scene.with_(objects=scene.rectangles))
+    scene = changed(stage(), objects=(*stage().spheres, FLOOR, sheet))
+    before = augment(grey(), scene.with_(objects=scene.planes))
     assert (before.ratio == 1).all()
     assert np.array_equal(before.pixels, grey())
 
@@ -153,7 +154,7 @@ def test_a_sphere_in_a_photographed_walls_shade_takes_no_sun_a_second_time(first
     wall = Rectangle((0.1, 0.0, 0.1), (0.0, 0.5, 0.0), (0.0, 0.0, 0.1), in_photo=True)
     scene = stage(center=(0.03, 0.0, 0.03), radius=0.02)
     both = (wall, *scene.objects) if first else (*scene.objects, wall)
-    shaded = augment(grey(), msgspec.structs.replace(scene, objects=both))
+    shaded = augment(grey(), changed(scene, objects=both))
     alone = augment(grey(), scene)
     core = (alone.ratio[..., 0] < 0.4) & (alone.coverage == 0)
     assert core.sum() > 100

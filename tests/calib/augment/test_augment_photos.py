@@ -220,9 +220,7 @@ def test_under_the_photos_own_light_a_drawn_ball_is_as_the_real_one(scenes, tmp_
     lit = scenes / "desk" / "lit"
     scene = files.read_toml(scenes / "desk" / "lit.toml")
     sun = scene["sun"]
-    level = np.array(
-        lighting(files.read_scene(scenes / "desk" / "lit.toml").scene).sky.diffuse_irradiance((0.0, 0.0, 1.0))
-    )
+    level = np.array(lighting(files.read_scene(scenes / "desk" / "lit.toml")).sky.diffuse_irradiance((0.0, 0.0, 1.0)))
     E, z = np.array(sun["irradiance"]), sun["to_light"][2]
     paper = 0.85 * (E * z / np.pi + level)
     light = {"sun": sun, "sky": {"map": str(lit / "sky.exr")}, "paper": {"albedo": 0.85, "color": paper.tolist()}}

@@ -2,9 +2,9 @@
 
 import html
 
-import msgspec
 import numpy as np
 import pytest
+from scene_of import changed
 
 from raytwin import files
 from raytwin.calib.augment import augment
@@ -44,7 +44,7 @@ def found(lit):
 
 @pytest.fixture(scope="module")
 def true(lit):
-    return files.read_scene(lit.parent / "lit.toml").scene
+    return files.read_scene(lit.parent / "lit.toml")
 
 
 def test_sun_and_sky_are_the_true_ones(found, true):
@@ -142,7 +142,7 @@ def test_a_constant_map_shades_a_photo_as_a_constant_sky_does(true):
     photo = np.full((94, 126, 3), 150, np.uint8)
     skies = [Environment((w, h), np.full((h, w, 3), 0.3, "<f4").tobytes()) for w, h in ((8, 4), (150, 101))]
     *maps, even = (
-        augment(photo, msgspec.structs.replace(true, camera=camera, lights=(Sun((0.3, 0.5, 0.7)), sky))).ratio
+        augment(photo, changed(true, camera=camera, lights=(Sun((0.3, 0.5, 0.7)), sky))).ratio
         for sky in (*skies, Sky((0.3,) * 3))
     )
     for ratio in maps:

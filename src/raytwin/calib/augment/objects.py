@@ -23,7 +23,7 @@ from raytwin import files
 from raytwin.calib.boards.board import PAPER, Board, draw_board
 from raytwin.errors import InputError
 from raytwin.image import Surface
-from raytwin.scene import Camera, Lambert, Rectangle, Scene, Shape
+from raytwin.scene import Camera, Rectangle, Scene, Shape
 from raytwin.speed import background, draw, trace, trim_box, walk
 
 REGIONS = ("spheres", "shadows", "board", "rest")
@@ -104,7 +104,7 @@ def printed(scene: Scene, board: Board) -> Scene:
         if not (_shown(thing) and holds.all() and (half <= (x1 - x0, y1 - y0, 1e-3)).all()):
             return thing
         r, g, b = (share * a for a in thing.albedo)
-        return msgspec.structs.replace(thing, material=Lambert((r, g, b)))
+        return msgspec.structs.replace(thing, albedo=(r, g, b))
 
     return scene.with_(objects=tuple(inked(thing) for thing in scene.objects))
 
@@ -196,7 +196,7 @@ def _shown(thing: Shape) -> bool:
 def _touched(scene: Scene, shadows: bool) -> tuple[int, int, int, int]:
     """x0, y0, x1, y1: the pixels that an object may cover, or its shadow on a photographed plane may reach."""
     drawn = [thing for thing in scene.objects if not _shown(thing)]
-    planes = [plane for plane in scene.rectangles if shadows and plane.in_photo]
+    planes = [plane for plane in scene.planes if shadows and plane.in_photo]
     things = [*drawn, *(part for thing in drawn for plane in planes for part in _reach(thing, plane, scene))]
     boxes = np.array([trim_box(part, scene.camera) for part in things] or [(0, 0, 0, 0)])
     boxes = boxes[boxes[:, 0] < boxes[:, 2]]

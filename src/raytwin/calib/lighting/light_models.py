@@ -21,7 +21,7 @@ from raytwin.calib.lighting.mirror_ball import Ball
 from raytwin.calib.lighting.mirror_map import Mirrored, fit_map
 from raytwin.calib.lighting.stand_shadow import Shadow
 from raytwin.lights.envmap_tables import REC_709, texel_directions
-from raytwin.scene import Environment
+from raytwin.scene import Environment, Sky
 
 ROWS = 8, 16, 32
 """Rows of the maps that are tried."""
@@ -120,10 +120,10 @@ class Light:
         return _repeated(self.around, rows)
 
     @property
-    def environment(self) -> Environment | None:
+    def sky(self) -> Sky:
         if self.around is None:
-            return None
-        return Environment(self.around.shape[1::-1], np.ascontiguousarray(self.around, "<f4").tobytes())
+            return Sky(tuple(self.Ls.tolist()))
+        return Sky(texels=Environment(self.around.shape[1::-1], np.ascontiguousarray(self.around, "<f4").tobytes()))
 
     def received(self, normals: np.ndarray) -> np.ndarray:
         """(n, 3): irradiance over π that the sky above gives surfaces with such `normals` (n, 3)."""

@@ -120,17 +120,12 @@ def calibrate_detections(
     wrong |= dict.fromkeys((photo for photo in detections if photo not in distinct), REPEATED)
     views, straight = _first_views(distinct, image_size, board, wrong)
     _check_enough(views, wrong, where)
-    trials: dict[str, ModelTrial] = {}
-    gap: np.ndarray | None = None
     result = fit(straight, image_size, board, ModelSpec(PRELIMINARY if model == "auto" else model))
-    for turn in range(ROUNDS):
+    for _ in range(ROUNDS):
         # This fit reveals the detector's bias and the outliers; without both, the next fit is better.
         views, straight = _inliers(views, board, result, wrong)
         _check_enough(views, wrong, where)
-        if turn < ROUNDS - 1:
-            result, trials, gap = select_model(straight, image_size, board, model, result)
-        else:
-            result = fit(straight, image_size, board, result.form, result)
+        result, trials, gap = select_model(straight, image_size, board, model, result)
     _check_explained(straight, result, where)
     read = [{t.id for t in v.tags} for v in views]
     outliers = {v.photo: sorted(ids - {t.id for t in v.tags}) for ids, v in zip(read, straight, strict=True)}
@@ -171,7 +166,9 @@ def _first_views(
     for photo, seen in detections.items():
         tags = [t for t in seen if t.id in known]
         points, pixels = matched(tags, flat)
-        inside = pose.consistent(points, pixels, GROSS * image_size[0]) if spans_a_plane(points[:, :2]) else []
+        inside = np.zeros(len(tags), bool)
+        if spans_a_plane(points[:, :2]):
+            inside = pose.consistent(points, pixels, GROSS * image_size[0])
         kept = tuple(itertools.compress(tags, inside))
         if spans_a_plane(flat.points(t.id for t in kept)[:, :2]):
             views.append(Sighting(photo, tuple(tags)))

@@ -194,8 +194,10 @@ def fit(
     Else the best of the fits from each of FLAT_STARTS: of few photos one of them alone may be lost.
     """
     seen = _observe(views, image_size, board, form, start)
-    given = start is not None and len(start.R) == len(views)
-    starts = [(start.lens, start.R, start.t)] if given else list(_flat_starts(views, image_size, board))
+    if start is not None and len(start.R) == len(views):
+        starts = [(start.lens, start.R, start.t)]
+    else:
+        starts = list(_flat_starts(views, image_size, board))
     found, k = [], len(form.names)
     for lens, R, t in starts:
         made = _at(form, seen, np.pad(lens[:k], (0, len(seen.prior) - k)), R, t)

@@ -144,16 +144,17 @@ def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, ph
     points, pixels = matched(used, board)
     # Known distortion: what is left of a tag's distance from the homography is noise, or a mistake.
     inside = consistent(points, lens_model.undistort(pixels, K, dist), GROSS)
-    kept, refined = list(range(len(used))), None
+    kept, by = list(range(len(used))), None
     for _ in range(3):
         if spans_a_plane(points[inside, :2]):
             kept = np.flatnonzero(inside).tolist()
         closed = homography_pose(K, dist, [used[i] for i in kept], board)
-        by = refined or closed
+        by = by or closed
         straight = unbiased(used, board, by.R, by.t, K, dist)
         refined, ambiguity = refined_pose(K, dist, [straight[i] for i in kept], board, closed)
         off = lens_model.project(points, refined.R, refined.t, K, dist) - matched(straight, board)[1]
-        inside = (error := np.linalg.norm(off, axis=1)) <= outlier_limit(error)
+        by, error = refined, np.linalg.norm(off, axis=1)
+        inside = error <= outlier_limit(error)
     return PoseReport(
         photo,
         len(kept),
@@ -235,12 +236,8 @@ def _pose(R: np.ndarray, t: np.ndarray, points: np.ndarray, pixels: np.ndarray, 
 
 
 def _list(ids) -> str:
-    """Ids as text, runs shortened: 0..34, 40."""
-    runs: list[list[int]] = []
-    for i in sorted(ids):
-        if runs and i == runs[-1][1] + 1:
-            runs[-1][1] = i
-        else:
-            runs.append([i, i])
-    text = [str(a) if a == b else f"{a}..{b}" for a, b in runs]
-    return ", ".join(text if len(text) <= 8 else [*text[:8], "..."]) or "none"
+    """Ids as text, without a gap as 0..34."""
+    some = sorted(ids)
+    if len(some) > 1 and some[-1] - some[0] == len(some) - 1:
+        return f"{some[0]}..{some[-1]}"
+    return ", ".join([*map(str, some[:8]), "..."][: len(some)]) or "none"
