@@ -84,7 +84,7 @@ def deviations(calibration, pixels: np.ndarray, distance: float) -> np.ndarray:
     """
     pixels, (fx, fy, cx, cy) = np.asarray(pixels, float), np.array(calibration.K)[[0, 1, 0, 1], [0, 1, 2, 2]]
     at = (pixels - (cx, cy)) / (fx, fy)
-    x, y, seen = inverse(*at.T, lens_model.five(calibration.dist).tolist())
+    x, y, seen = inverse(at[:, 0], at[:, 1], lens_model.five(calibration.dist).tolist())
     rays = np.where(seen[:, None], np.stack([x, y, np.ones(len(x))], axis=1), (0.0, 0.0, 1.0))
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     _, of_lens, of_point = lens_model.linearise(
