@@ -5,7 +5,7 @@ detection -> calibration (fit, model, bias, uncertainty) -> pose. `calibration_r
 they run.
 """
 
-from raytwin.calib.photos.calibration import LEAST_VIEWS, calibrate, calibrate_detections
+from raytwin.calib.photos.calibration import calibrate, calibrate_detections
 from raytwin.calib.photos.calibration_result import (
     Calibration,
     CalibrationWarning,
