@@ -24,7 +24,7 @@ from raytwin.calib.photos.calibration_result import Calibration, CalibrationWarn
 from raytwin.calib.photos.detection import Find, Tag, detect, detect_photos
 from raytwin.calib.photos.diagnostics import CheckInputs, coverage, line_of_sight, misfit, warnings_for
 from raytwin.calib.photos.fit import INTRINSICS, MODELS, Fit, ModelSpec, Sighting, fit, matched
-from raytwin.calib.photos.model import ModelTrial, select_model
+from raytwin.calib.photos.model import TrialRow, select_model
 from raytwin.calib.photos.uncertainty import FitUncertainty, fit_uncertainty, with_poses
 from raytwin.errors import InputError
 from raytwin.progress import Progress, silent
@@ -213,7 +213,7 @@ def _calibration(
     board: Board,
     result: Fit,
     known: FitUncertainty,
-    trials: dict[str, ModelTrial],
+    trials: dict[str, TrialRow],
     detections: Mapping[str, Sequence[Tag]],
 ) -> Calibration:
     names, seen, there = result.form.names, result.observations, result.observations.seen
