@@ -78,14 +78,13 @@ def photograph(
     render: Render,
     *,
     seed: int = 1,
-    margin: float | tuple[float, float] | None = None,
     bend: float = 0.0,
     progress: Progress = silent,
 ) -> Truth:
     """`count` photos of the board by `camera` (its pose is not used), written to `out` with board.toml and truth.toml.
 
-    The truth is written last: where it is, the photos are whole. `margin`: white paper around the tags, metres. `bend`:
-    the sheet is bent into a `Bow` of so many metres.
+    The truth is written last: where it is, the photos are whole. `bend`: the sheet is bent into a `Bow` of so many
+    metres.
     """
     check_board(board)
     out = Path(out)
@@ -95,7 +94,8 @@ def photograph(
     points = board.points(board.centers())
     nearest = min(float((points @ np.array(R[2]) + t[2]).min()) for R, t in stands)
     density = 2 * max(camera.fx, camera.fy) / nearest
-    texture, extent = draw_board(board, min(density, _affordable(board, margin)), margin)
+    affordable = 1000.0 * math.sqrt(MAX_TEXTURE / draw_board(board, 1000.0)[0].size)
+    texture, extent = draw_board(board, min(density, affordable))
     sheet = sheet_of(extent)
     bow = bow_of(board, bend) if bend else None
     truth = {}
@@ -188,11 +188,6 @@ def sheet_of(extent: tuple[float, float, float, float]) -> Rectangle:
     return Rectangle(
         ((x0 + x1) / 2, (y0 + y1) / 2, 0.0), ((x1 - x0) / 2, 0.0, 0.0), (0.0, (y1 - y0) / 2, 0.0), in_photo=True
     )
-
-
-def _affordable(board: Board, margin) -> float:
-    coarse, _ = draw_board(board, 1000.0, margin)
-    return 1000.0 * math.sqrt(MAX_TEXTURE / coarse.size)
 
 
 def poses(board: Board, camera: Camera, count: int, rng: np.random.Generator) -> list[tuple[Matrix, Vector]]:

@@ -92,10 +92,10 @@ def test_the_drawn_sheet_has_as_much_ink_as_its_black_cells_at_any_resolution(de
 
 
 def test_the_margin_is_white_paper_around_the_outermost_tags():
-    sheet, (x0, x1, y0, y1) = draw_board(GRID, 2000, margin=(0.01, 0.02))
-    assert (x0, x1, y0, y1) == pytest.approx((-0.025, 0.105, -0.035, 0.075), abs=1 / 2000)
-    assert (sheet[:38] == np.float32(PAPER)).all()
-    assert (sheet[:, :18] == np.float32(PAPER)).all()
+    sheet, (x0, x1, y0, y1) = draw_board(GRID, 2000)
+    assert (x0, x1, y0, y1) == pytest.approx((-0.03, 0.11, -0.03, 0.07), abs=1 / 2000)
+    assert (sheet[:28] == np.float32(PAPER)).all()
+    assert (sheet[:, :28] == np.float32(PAPER)).all()
 
 
 @pytest.mark.parametrize("family", ["tag36h11", "tag25h9", "tag16h5"])
@@ -129,7 +129,7 @@ def test_the_recipe_on_the_page_writes_the_board_of_a_pickle(scenes, tmp_path, m
         for i, (x, y) in shipped.centers().items()
     ]
     (tmp_path / "boards.pickle").write_bytes(pickle.dumps({"at_fineboard": tags}))
-    page = (scenes.parent / "docs" / "howto" / "own-photos.md").read_text(encoding="utf-8")
+    page = (scenes.parent / "docs" / "photos.md").read_text(encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     exec(page.partition("```python\n")[2].partition("```")[0], {})
     assert read_board("board.toml").digest == shipped.digest

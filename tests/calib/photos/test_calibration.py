@@ -23,7 +23,7 @@ from raytwin.calib.photos import (
 )
 from raytwin.calib.photos.calibration import _of_one_size
 from raytwin.calib.photos.fit import MODELS, ModelSpec, Sighting, fit
-from raytwin.calib.photos.model import ModelTrial, trial_rows
+from raytwin.calib.photos.model import trial_rows
 from raytwin.calib.photos.pose import rotation_degrees
 from raytwin.calib.synthetic_photos import poses
 from raytwin.errors import InputError
@@ -326,8 +326,8 @@ def test_auto_keeps_what_came_of_every_model_and_why_some_were_passed_over():
     ],
 )  # fmt: skip
 def test_each_model_that_was_tried_is_told_why_it_was_not_taken(photos, taken, told):
-    trials = {n: ModelTrial(error, "the lens folds" * why.endswith("folds")) for n, (error, why) in told.items()}
-    rows = trial_rows(trials, taken, photos)
+    doubts = {n: "the lens folds" for n, (_, why) in told.items() if why.endswith("folds")}
+    rows = trial_rows({n: error for n, (error, _) in told.items()}, doubts, taken, photos).values()
     assert [(t.model, t.why) for t in rows] == [(n, why) for n, (_, why) in told.items()]
     assert [t.taken for t in rows] == [n == taken for n in told]
 

@@ -12,7 +12,7 @@ from photo_helpers import BOARD, SMALL, a_camera, seen
 from raytwin.calib.boards import Board, BoardTag
 from raytwin.calib.photos import calibrate_detections
 from raytwin.calib.photos.detection import Tag
-from raytwin.calib.photos.diagnostics import Case, _suspects, normal_spread, warnings_for
+from raytwin.calib.photos.diagnostics import CheckInputs, _suspects, normal_spread, warnings_for
 from raytwin.calib.photos.fit import ModelSpec, Sighting, fit
 from raytwin.calib.photos.uncertainty import fit_uncertainty
 from raytwin.calib.synthetic_photos import poses
@@ -23,17 +23,17 @@ NEAR = 1e-3
 
 
 @pytest.fixture(scope="module")
-def sound() -> Case:
+def sound() -> CheckInputs:
     """A sound set of twelve photos."""
     camera, rng = a_camera(*SIZE, dist=()), np.random.default_rng(0)
     tags = seen(camera, poses(BOARD, camera, 12, rng), noise=0.3, rng=rng)
     views = [Sighting(p, tuple(t)) for p, t in tags.items()]
     found = fit(views, SIZE, SMALL, ModelSpec("none"))
     made = calibrate_detections(tags, SIZE, SMALL, "none")
-    return Case(made, found, fit_uncertainty(found), views, SMALL, {}, {})
+    return CheckInputs(made, found, fit_uncertainty(found), views, SMALL, {}, {})
 
 
-def texts(case: Case, code: str) -> list[str]:
+def texts(case: CheckInputs, code: str) -> list[str]:
     return [text for c, text in warnings_for(case) if c == code]
 
 
@@ -102,7 +102,7 @@ def test_fewer_than_eight_photos_are_few(sound, count, doubted):
     found = fit(sound.views[:count], SIZE, SMALL, ModelSpec("none"))
     made = msgspec.structs.replace(sound.calibration, views=sound.calibration.views[:count])
     assert (
-        len(texts(Case(made, found, fit_uncertainty(found), sound.views[:count], SMALL, {}, {}), "few-views"))
+        len(texts(CheckInputs(made, found, fit_uncertainty(found), sound.views[:count], SMALL, {}, {}), "few-views"))
         == doubted
     )
 

@@ -204,19 +204,15 @@ def tag_cells(family: str, tag_id: int, border_bits: int = 1) -> np.ndarray:
     return np.rot90(cells, 2) / 255.0
 
 
-def draw_board(
-    board: Board, pixels_per_metre: float, margin: float | tuple[float, float] | None = None
-) -> tuple[np.ndarray, tuple[float, float, float, float]]:
+def draw_board(board: Board, pixels_per_metre: float) -> tuple[np.ndarray, tuple[float, float, float, float]]:
     """The printed sheet as albedo (h, w) float32, row 0 on top, and its extent (x_min, x_max, y_min, y_max), metres.
 
-    Every pixel is the mean albedo over its area. White paper reaches `margin` metres (one number, or x and y) past the
-    outermost tags, half a tag's edge where none is given. The extent is w and h pixels exactly: at most a pixel more
-    than asked for.
+    Every pixel is the mean albedo over its area. White paper reaches half a tag's edge past the outermost tags, and at
+    most a pixel more: the extent is w and h pixels exactly.
     """
     centers = board.centers()
     xy = np.array(list(centers.values()))
-    reach = board.tag_edge / 2 + np.asarray(board.tag_edge / 2 if margin is None else margin)
-    low, high = xy.min(axis=0) - reach, xy.max(axis=0) + reach
+    low, high = xy.min(axis=0) - board.tag_edge, xy.max(axis=0) + board.tag_edge
     width, height = (int(n) for n in np.ceil((high - low) * pixels_per_metre - 1e-9))
     if width * height > files.MAX_PIXELS:
         raise InputError("pixels_per_metre", f"at most {files.MAX_PIXELS / 1e6:.0f} megapixels", f"{width} x {height}")

@@ -5,7 +5,7 @@ detection -> calibration (fit, model, bias, uncertainty) -> pose. `calibration_r
 they run.
 """
 
-from raytwin.calib.photos.calibration import LEAST_VIEWS, calibrate, calibrate_detections
+from raytwin.calib.photos.calibration import calibrate, calibrate_detections
 from raytwin.calib.photos.calibration_result import (
     Calibration,
     CalibrationWarning,
@@ -16,7 +16,6 @@ from raytwin.calib.photos.calibration_result import (
 from raytwin.calib.photos.camera_file import read_board_shapes, with_shape, write_camera_file
 from raytwin.calib.photos.detection import NoTags, Tag, detect, detect_photo, detect_photos
 from raytwin.calib.photos.lens_model import project
-from raytwin.calib.photos.model import ModelTrial
 from raytwin.calib.photos.pose import (
     Pose,
     PoseReport,

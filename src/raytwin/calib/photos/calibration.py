@@ -22,9 +22,9 @@ from raytwin.calib.photos import lens_model, pose
 from raytwin.calib.photos.bias import unbiased
 from raytwin.calib.photos.calibration_result import Calibration, CalibrationWarning, Evidence, FoundBoard, View
 from raytwin.calib.photos.detection import Find, Tag, detect, detect_photos
-from raytwin.calib.photos.diagnostics import Case, coverage, line_of_sight, misfit, warnings_for
+from raytwin.calib.photos.diagnostics import CheckInputs, coverage, line_of_sight, misfit, warnings_for
 from raytwin.calib.photos.fit import INTRINSICS, MODELS, Fit, ModelSpec, Sighting, fit, matched
-from raytwin.calib.photos.model import ModelTrial, select_model
+from raytwin.calib.photos.model import TrialRow, select_model
 from raytwin.calib.photos.uncertainty import FitUncertainty, fit_uncertainty, with_poses
 from raytwin.errors import InputError
 from raytwin.progress import Progress, silent
@@ -55,7 +55,7 @@ UNEXPLAINED = 0.05
 
 Sound sets have at most 0.005, a fisheye of 150 degrees 0.04. Boards other than the file says: 0.07 and more."""
 
-GROSS = 0.03
+MAX_OFF_WIDTHS = 0.03
 """Before anything is fitted: a tag this share of the image's width off its view's homography is an outlier, far more
 than any lens bends a board."""
 
@@ -131,7 +131,7 @@ def calibrate_detections(
     outliers = {v.photo: sorted(ids - {t.id for t in v.tags}) for ids, v in zip(read, straight, strict=True)}
     known = fit_uncertainty(result, gap)
     made = _calibration(straight, board, result, known, trials, detections)
-    warnings = warnings_for(Case(made, result, known, straight, board, wrong, outliers))
+    warnings = warnings_for(CheckInputs(made, result, known, straight, board, wrong, outliers))
     return msgspec.structs.replace(made, warnings=tuple(CalibrationWarning(*w) for w in warnings))
 
 
@@ -168,7 +168,7 @@ def _first_views(
         points, pixels = matched(tags, flat)
         inside = np.zeros(len(tags), bool)
         if spans_a_plane(points[:, :2]):
-            inside = pose.consistent(points, pixels, GROSS * image_size[0])
+            inside = pose.consistent(points, pixels, MAX_OFF_WIDTHS * image_size[0])
         kept = tuple(itertools.compress(tags, inside))
         if spans_a_plane(flat.points(t.id for t in kept)[:, :2]):
             views.append(Sighting(photo, tuple(tags)))
@@ -213,7 +213,7 @@ def _calibration(
     board: Board,
     result: Fit,
     known: FitUncertainty,
-    trials: dict[str, ModelTrial],
+    trials: dict[str, TrialRow],
     detections: Mapping[str, Sequence[Tag]],
 ) -> Calibration:
     names, seen, there = result.form.names, result.observations, result.observations.seen

@@ -7,7 +7,7 @@ import msgspec
 
 from raytwin.calib.boards import Board, Offsets
 from raytwin.calib.photos.detection import Tag
-from raytwin.calib.photos.model import ModelTrial, TrialRow, trial_rows
+from raytwin.calib.photos.model import TrialRow
 from raytwin.errors import InputError
 from raytwin.scene import Matrix, Record, Vector
 
@@ -58,7 +58,7 @@ class Evidence(Record, frozen=True):
     distance: float
     covariance: tuple[tuple[float, ...], ...]
     noise_px: float
-    trials: dict[str, ModelTrial]
+    trials: dict[str, TrialRow]
     taken: str
     board: Board
     seen: tuple[tuple[float, float], ...]
@@ -123,5 +123,4 @@ class Calibration(Record, frozen=True):
 
 def model_table(calibration: Calibration) -> list[TrialRow]:
     """Why the model was taken, and the others were not; empty for a calibration that was read back."""
-    known = calibration.evidence
-    return [] if known is None else trial_rows(known.trials, known.taken, len(calibration.views))
+    return [] if calibration.evidence is None else [*calibration.evidence.trials.values()]

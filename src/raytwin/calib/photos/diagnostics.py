@@ -51,7 +51,7 @@ the only near or slanted view disagrees with the rest because it carries the inf
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class CheckInputs:
     """Inputs of the checks: the `calibration`, its fit, how uncertain that is (`known`), and the views it was made
     from. `wrong`: photos left out, and why. `outliers`: ids rejected, by photo."""
 
@@ -72,7 +72,7 @@ class Case:
         """By photo, the rms distance of its tags in the camera of the others, pixels."""
         return dict(zip((v.photo for v in self.views), np.maximum(self.known.errors, 1e-9).tolist(), strict=True))
 
-    def without(self, photo: str) -> "Case":
+    def without(self, photo: str) -> "CheckInputs":
         """The same without one photo."""
         kept = [i for i, v in enumerate(self.views) if v.photo != photo]
         views = [self.views[i] for i in kept]
@@ -112,12 +112,12 @@ def misfit(found: Fit) -> float:
     return found.rms_px / float(np.median(np.concatenate([KDTree(at).query(at, 2)[0][:, 1] for at in views])))
 
 
-def warnings_for(case: Case) -> list[tuple[str, str]]:
+def warnings_for(case: CheckInputs) -> list[tuple[str, str]]:
     """(code, text) of every warning about a calibration."""
     return [warning for check in CHECKS for warning in check(case)]
 
 
-def _left_out(case: Case) -> Warnings:
+def _left_out(case: CheckInputs) -> Warnings:
     by_reason: dict[str, list[str]] = {}
     for photo, why in case.wrong.items():
         by_reason.setdefault(why, []).append(photo)
@@ -126,12 +126,12 @@ def _left_out(case: Case) -> Warnings:
         yield "no-tags", f"{names} {'was' if len(of) == 1 else 'were'} left out: {why}"
 
 
-def _few(case: Case) -> Warnings:
+def _few(case: CheckInputs) -> Warnings:
     if len(case.views) < FEW_VIEWS:
         yield "few-views", f"{len(case.views)} photos: with fewer than {FEW_VIEWS} the focal length moves by a per cent"
 
 
-def _degenerate(case: Case) -> Warnings:
+def _degenerate(case: CheckInputs) -> Warnings:
     (fx, _, cx), (_, fy, cy), _ = case.calibration.K
     width, height = case.image_size
     sd = case.calibration.sigma
@@ -158,7 +158,7 @@ def _degenerate(case: Case) -> Warnings:
         yield "degenerate-views", "; ".join(found)
 
 
-def _mirrored(case: Case) -> Warnings:
+def _mirrored(case: CheckInputs) -> Warnings:
     """A mirrored description fits as well, seen from behind; but no detector reads a tag from there."""
     behind, grid = int((line_of_sight(case.found, case.board)[1] < 0).sum()), case.board.grid
     if behind:
@@ -169,7 +169,7 @@ def _mirrored(case: Case) -> Warnings:
         yield "mirrored-board", f"{text} ({advice})"
 
 
-def _odd(case: Case) -> Warnings:
+def _odd(case: CheckInputs) -> Warnings:
     """Photos at odds with the rest, the worst first; each next one by the fit without those: an odd one makes others
     look so."""
     left_out: list[str] = []
@@ -184,14 +184,14 @@ def _odd(case: Case) -> Warnings:
         case = rest
 
 
-def _suspects(case: Case) -> list[str]:
+def _suspects(case: CheckInputs) -> list[str]:
     """The photos whose rms in the camera of the others is far beyond the median photo's, the worst first."""
     limit = max(ODD_PX, ODD_RMS * float(np.median([*case.errors.values()])))
     beyond = [name for name, error in case.errors.items() if error > limit and len(case.views) >= LEAST_FOR_ODD]
     return sorted(beyond, key=case.errors.__getitem__, reverse=True)
 
 
-def _oddest(case: Case) -> tuple[str, str, Case] | None:
+def _oddest(case: CheckInputs) -> tuple[str, str, CheckInputs] | None:
     """The worst suspect without which the others are predicted better, why it is odd, and the case without it."""
     usual = float(np.median([*case.errors.values()]))
     for name in _suspects(case):
@@ -209,13 +209,13 @@ def _oddest(case: Case) -> tuple[str, str, Case] | None:
     return None
 
 
-def _others_error(case: Case, name: str) -> float:
+def _others_error(case: CheckInputs, name: str) -> float:
     """Pixels: the geometric mean, over the photos but `name`, of the rms of each in the fit without it. Another odd
     photo counts no more than a sound one."""
     return math.exp(float(np.mean([math.log(e) for photo, e in case.errors.items() if photo != name])))
 
 
-def _unsupported(case: Case) -> Warnings:
+def _unsupported(case: CheckInputs) -> Warnings:
     known = undone(case.calibration.K, case.calibration.dist, case.image_size)
     if known.fault:
         lost = 100 * float((~known.found[4 * SIDE :]).mean())
@@ -223,13 +223,13 @@ def _unsupported(case: Case) -> Warnings:
         yield "unconverged-distortion", f"{text}; photograph the board there"
 
 
-def _outliers(case: Case) -> Warnings:
+def _outliers(case: CheckInputs) -> Warnings:
     for photo, ids in case.outliers.items():
         if ids:
             yield "outlier-tags", f"{photo}: rejected tags {', '.join(map(str, sorted(ids)))}"
 
 
-def _ambiguous(case: Case) -> Warnings:
+def _ambiguous(case: CheckInputs) -> Warnings:
     if any(_mirrored(case)):
         return
     c = case.calibration
@@ -240,6 +240,6 @@ def _ambiguous(case: Case) -> Warnings:
             yield "ambiguous-pose", f"{view.photo}: a second pose fits with only {ratio:.2f} times the error"
 
 
-CHECKS: tuple[Callable[[Case], Warnings], ...] = (
+CHECKS: tuple[Callable[[CheckInputs], Warnings], ...] = (
     _left_out, _few, _degenerate, _mirrored, _odd, _unsupported, _outliers, _ambiguous,
 )  # fmt: skip

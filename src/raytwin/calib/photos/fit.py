@@ -1,6 +1,6 @@
 """Tags of a board, seen from many sides -> K, distortion, poses and the tags' places on the board.
 
-    min Σ |project(board) - tag|² + Σ (noise offset / PRIOR)²
+    min Σ |project(board) - tag|² + Σ (noise offset / PRIOR_METRES)²
 
 `offset` is how far a tag's centre lies from its place on the sheet: no sheet of paper is flat, no print exact. Of a
 board taken for flat, all are 0. OpenCV gives the start; from there it is Gauss-Newton with Marquardt's damping. With
@@ -31,22 +31,22 @@ INTRINSICS = ("fx", "fy", "cx", "cy")
 MODELS: dict[str, tuple[str, ...]] = {"none": (), "k1k2": ("k1", "k2"), "full5": lens_model.NAMES}
 """The coefficients that each lens model fits, smallest first: the first ones of OpenCV's. The others are 0."""
 
-STEPS, SETTLED = 100, 1e-10
+MAX_STEPS, SETTLED_SHARE = 100, 1e-10
 """Most steps; the fit has converged once a step is predicted to lower the sum of squares by less than this fraction."""
 
-PRIOR = np.array([1e-5, 1e-5, 2e-3])
+PRIOR_METRES = np.array([1e-5, 1e-5, 2e-3])
 """Metres, one standard deviation of a tag's offset before any photo: x, y as printers place ink, z as paper bends."""
 
-IN_PLANE = 1e-6
+IN_PLANE_METRES = 1e-6
 """Metres, the same of the heights' mean and tilt, which belong to the poses."""
 
 NEIGHBOURS = 1.5
 """Tags at most this many times as far apart as the nearest two are neighbours: along rows, columns and diagonals."""
 
 LEAST_NOISE_PX = 0.01
-"""Pixels: what a tag's coordinate errs by at least when it is weighed against PRIOR."""
+"""Pixels: what a tag's coordinate errs by at least when it is weighed against PRIOR_METRES."""
 
-RIDGE = 1e-12
+RIDGE_SHARE = 1e-12
 """Share of the diagonal that is added to it, so that what no photo determines does not move."""
 
 
@@ -83,7 +83,7 @@ class Observations:
     """What v views saw of the n tags `ids` that any of them shows.
 
     `points` (n, 3) metres: their places before any offset; `pixels` (v, n, 2); `seen` (v, n) bool. `prior` (m, m):
-    weights of the squares of `Fit.shared`, 0 of K and distortion, PRIOR and IN_PLANE of offsets.
+    weights of the squares of `Fit.shared`, 0 of K and distortion, PRIOR_METRES and IN_PLANE_METRES of offsets.
     """
 
     ids: tuple[int, ...]
@@ -245,9 +245,9 @@ def _prior(form: ModelSpec, points: np.ndarray, noise: float) -> np.ndarray:
     """(m, m): `Observations.prior` where a coordinate errs by `noise` pixels."""
     k, n = len(form.names), len(points) if form.bent else 0
     out = np.zeros((k + 3 * n, k + 3 * n))
-    out[range(k, k + 3 * n), range(k, k + 3 * n)] = np.tile((noise / PRIOR) ** 2, n)
+    out[range(k, k + 3 * n), range(k, k + 3 * n)] = np.tile((noise / PRIOR_METRES) ** 2, n)
     plane = np.linalg.qr(np.c_[np.ones(len(points)), points[:, :2]])[0][:n]
-    out[k + 2 :: 3, k + 2 :: 3] += (noise / IN_PLANE) ** 2 * plane @ plane.T
+    out[k + 2 :: 3, k + 2 :: 3] += (noise / IN_PLANE_METRES) ** 2 * plane @ plane.T
     return out
 
 
@@ -294,12 +294,12 @@ def _at(form: ModelSpec, seen: Observations, shared: np.ndarray, R: np.ndarray, 
 def _settle(here: Fit) -> Fit:
     """Gauss-Newton, damped after Marquardt where a step would make it worse."""
     damping, prior = 1e-6, here.observations.prior
-    for _ in range(STEPS):
+    for _ in range(MAX_STEPS):
         g = np.einsum("vri,vr->i", here.A, here.r) + prior @ here.shared
         d = -solve_scaled(here.total + damping * np.diag(np.diag(here.total)), g)
         left, shared = here.r + here.A @ d, here.shared + d
         promised = here.cost - float((left**2).sum() + shared @ prior @ shared)
-        if promised <= SETTLED * here.cost:
+        if promised <= SETTLED_SHARE * here.cost:
             break
         there = here.moved(d, here.follow @ d + here.catch_up)
         if there is not None and here.cost - there.cost < promised / 2:
@@ -319,5 +319,5 @@ def solve_scaled(S: np.ndarray, right: np.ndarray) -> np.ndarray:
     1."""
     size = np.diag(S)
     scale = np.where(size > 0, 1 / np.sqrt(np.where(size > 0, size, 1)), 0)
-    scaled = S * np.outer(scale, scale) + RIDGE * np.eye(len(S))
+    scaled = S * np.outer(scale, scale) + RIDGE_SHARE * np.eye(len(S))
     return (scale * np.linalg.solve(scaled, (scale * right.T).T).T).T

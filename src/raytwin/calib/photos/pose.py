@@ -23,7 +23,7 @@ from raytwin.calib.photos.uncertainty import pose_deviation
 from raytwin.errors import InputError
 from raytwin.scene import Camera, Matrix, Record, Vector
 
-SURE = 1e-3
+WRONGLY_RULED_OUT = 1e-3
 """Probability that noise alone makes a second pose's error large enough for it to be ruled out wrongly."""
 
 SAME_POSE = 1.0
@@ -43,10 +43,10 @@ def ambiguous(ratio: float | None, tags: int) -> bool:
     Fisher's F with (2 n - 6, 2 n - 6) degrees of freedom. The limit is 1.5² for 35 tags, 32² for four.
     """
     degrees = 2 * max(tags - 3, 1)
-    return ratio is not None and bool(fdtrc(degrees, degrees, ratio**2) > SURE)
+    return ratio is not None and bool(fdtrc(degrees, degrees, ratio**2) > WRONGLY_RULED_OUT)
 
 
-GROSS = 0.004
+MAX_OFF_FOCAL_LENGTHS = 0.004
 """Before anything is fitted: a tag this far, in focal lengths, off the homography of the others is an outlier."""
 
 
@@ -143,7 +143,7 @@ def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, ph
         raise InputError(photo, "at least 4 tags of the board, not in one line", f"ids {_list(t.id for t in used)}")
     points, pixels = matched(used, board)
     # Known distortion: what is left of a tag's distance from the homography is noise, or a mistake.
-    inside = consistent(points, lens_model.undistort(pixels, K, dist), GROSS)
+    inside = consistent(points, lens_model.undistort(pixels, K, dist), MAX_OFF_FOCAL_LENGTHS)
     kept, by = list(range(len(used))), None
     for _ in range(3):
         if spans_a_plane(points[inside, :2]):

@@ -28,7 +28,7 @@ from raytwin.calib.photos import lens_model
 from raytwin.calib.photos.fit import MODELS, Fit, solve_scaled
 from raytwin.scene.lens import inverse
 
-CELL = 16
+CELL_PX = 16
 """Pixels: the side of a cell of the map."""
 
 
@@ -84,7 +84,7 @@ def deviations(calibration, pixels: np.ndarray, distance: float) -> np.ndarray:
     """
     pixels, (fx, fy, cx, cy) = np.asarray(pixels, float), np.array(calibration.K)[[0, 1, 0, 1], [0, 1, 2, 2]]
     at = (pixels - (cx, cy)) / (fx, fy)
-    x, y, seen = inverse(*at.T, lens_model.five(calibration.dist).tolist())
+    x, y, seen = inverse(at[:, 0], at[:, 1], lens_model.five(calibration.dist).tolist())
     rays = np.where(seen[:, None], np.stack([x, y, np.ones(len(x))], axis=1), (0.0, 0.0, 1.0))
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     _, of_lens, of_point = lens_model.linearise(
@@ -100,9 +100,9 @@ def deviations(calibration, pixels: np.ndarray, distance: float) -> np.ndarray:
 
 
 def uncertainty_map(calibration) -> np.ndarray:
-    """(h, w): `deviations` at the middles of h x w equal cells, CELL pixels wide or so, as far off as the board was."""
+    """(h, w): `deviations` at the middles of h x w equal cells of some CELL_PX pixels, as far off as the board was."""
     width, height = calibration.image_size
-    w, h = max(2, round(width / CELL)), max(2, round(height / CELL))
+    w, h = max(2, round(width / CELL_PX)), max(2, round(height / CELL_PX))
     u, v = np.meshgrid((np.arange(w) + 0.5) * width / w - 0.5, (np.arange(h) + 0.5) * height / h - 0.5)
     return deviations(calibration, np.c_[u.ravel(), v.ravel()], calibration.basis.distance).reshape(h, w)
 
