@@ -108,6 +108,8 @@ def test_a_second_focal_length_moves_what_the_file_sees_by_what_is_told():
     ("words", "said"),
     [
         (("overlap",), "--json, --mitsuba-xml: expected one of them, got neither"),
+        (("studio", "--mitsuba-xml"), "the same radiance everywhere, for this, got an environment map"),
+        (("gloss", "--mitsuba-xml"), "Lambertian objects alone, for a file of Mitsuba's, got a Phong highlight"),
         (("overlap", "--json", "--mitsuba-xml"), "expected one of them, got both"),
         (("overlap", "--mitsuba-xml", "--rung", "shadow"), "--rung: expected a rung that Mitsuba's integrators have"),
         (("overlap", "--json", "--rung", "shadw"), "did you mean shadow?"),

@@ -50,7 +50,7 @@ def mitsuba_xml(scene: Scene, rung: str = "path") -> str:
         raise missing_package("--mitsuba-xml", error) from None
     if mi.variant() is None:
         mi.set_variant("scalar_rgb")  # nothing is rendered: any will do
-    camera, _ = scene.camera, scene.sky  # raises for a map
+    camera, _ = scene.camera, scene.sky_radiance  # raises for a map
     pinhole = msgspec.structs.replace(
         camera, K=((camera.fx, 0.0, camera.cx), (0.0, camera.fx, camera.cy), (0.0, 0.0, 1.0)), dist=()
     )
