@@ -22,7 +22,7 @@ from raytwin.grade.sandboxed_repair import SecondLook
 from raytwin.grade.wrong_picture import wrong_picture
 from raytwin.sandbox.sandbox import Code
 
-SEARCHES = 4
+SEARCHES = 3
 """Searches for the causes of a submission's pictures, at most: of all of them, and of those of single exercises."""
 FURTHER = 1.25
 """Multiple of the wrong pixels: if right functions leave more, they do not fit the submission's own ways."""
