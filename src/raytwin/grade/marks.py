@@ -71,7 +71,7 @@ def _marked(
         pictures += wrong
         marks[exercise.name] = with_again(one, of[exercise.name], helped)
     first = [e for e in drawn_ones if not e.inside]
-    if all(marks[e.name].status == "pass" for e in first):
+    if all(marks[e.name].status in ("pass", "missing") for e in first):
         first = drawn_ones
     unclear = [m for e in first if not ((m := marks[e.name]).follows or says_why(m.sureness, m.faults))]
     shown = [(a.exercise.stage, a.case) for a in spoilt]
@@ -253,7 +253,7 @@ def _from_inside(
     """What is said of pictures from inside a sphere. They tell little, so other pictures that are wrong come first."""
     if not (wrong := [a for a in asked if not checked[id(a)].part.passed]):
         return _Found()
-    if failed := [m for m in others if m.status != "pass"]:
+    if failed := [m for m in others if m.status not in ("pass", "missing")]:
         first = next((m for m in failed if m.because or m.mistakes), failed[0])
         said = f"Pictures from outside are wrong, too. Start with {first.name}."
         return _Found((said,), (), "", first.because if all(map(helped.fixed_by, wrong)) else (), first.mistakes)

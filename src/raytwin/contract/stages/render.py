@@ -59,8 +59,8 @@ def errors(expected: Arrays, got: Arrays) -> np.ndarray:
 
 OWN_WALL = "own-wall"
 SAID = (
-    "from inside a sphere its own wall is lit: it hides the sun from what is seen there, so start shadow rays a little "
-    "off the surface, on the side of the eye, and leave no sphere out that the eye is in"
+    "from inside a sphere its own wall is lit: it hides the sun, so start shadow rays a little off the surface, "
+    "towards the eye, and test the sphere that the eye is in, too"
 )
 LEFT_OUT = 'own = own & (np.linalg.norm(eye - thing["center"]) > thing["radius"])', "pass"
 OUTWARD = "n = np.where(towards, n, -n)", 'n = n if "radius" in thing else np.where(towards, n, -n)'
