@@ -134,7 +134,7 @@ def run(words: list[str], cwd: Path) -> subprocess.CompletedProcess[str]:
 PAGES_RUN = [p for p in (README, *sorted(DOCS.glob("*.md"))) if blocks(p, "sh") and p.name not in NOT_RUN]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("text", PAGES_RUN, ids=lambda p: str(p.relative_to(ROOT)))
 def test_every_command_of_a_page_runs_as_written(text, tmp_path, monkeypatch):
     """In the order of the page, since later ones read what earlier ones wrote; a comment gives another exit code."""

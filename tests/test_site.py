@@ -14,7 +14,7 @@ from PIL import Image as Picture
 
 import raytwin
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "docs" / "build.py"
@@ -133,7 +133,7 @@ def test_the_gallery_shows_a_fault_beside_its_difference_and_every_sentence(tmp_
     monkeypatch.setattr(gallery, "FOLDER", tmp_path)
     monkeypatch.setattr(gallery, "WIDTH", 80)
     monkeypatch.setattr(gallery, "HEIGHT", 60)
-    monkeypatch.setattr(gallery, "draw_scene", lambda seed: raytwin.read_scene("single").scene)
+    monkeypatch.setattr(gallery, "draw_scene", lambda seed: raytwin.read_scene("single"))
     overlap = gallery.scenes()[:1]
     monkeypatch.setattr(gallery, "scenes", lambda: overlap)
     gallery.make(["no-shadow", "nothing-met"])

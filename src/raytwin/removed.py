@@ -54,6 +54,7 @@ MOVED: dict[str, str] = {
 NAMES: dict[str, str] = {
     "ladder": "Use raytwin.levels(scene).",
     "needs": "Use raytwin.levels(scene, tolerance).",
+    "SceneFile": "Use raytwin.Scene, which read_scene returns.",
     "chart": "Use pandas.DataFrame(result.table()).plot(x=..., y=...), which draws with matplotlib.",
 }
 """Name of `raytwin` -> what to use instead, a sentence."""

@@ -53,7 +53,7 @@ def alarms(name, understated=1.0):
     return count
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", [name for name in KINDS if name != UNSEEN])
 def test_noise_alone_fails_no_more_often_than_stated(name):
     assert alarms(name) <= (MOST_OF_FILMS if name in FILMS else MOST)

@@ -1,6 +1,6 @@
-import msgspec
 import numpy as np
 import pytest
+from scene_of import changed
 from tracers_by_students import CORRECT, MISTAKES, mistaken, run
 
 from raytwin import files
@@ -139,7 +139,7 @@ def test_faults_that_give_the_same_pictures_are_both_named():
 def test_points_that_are_composed_say_nothing_of_the_order_and_the_eye(composed, name):
     """There both are ours: correct points speak against such a mistake in the submission's own functions alone."""
     camera = SCENES[1].camera
-    right = predictor(msgspec.structs.replace(SCENES[1], objects=SCENES[1].spheres)).points()
+    right = predictor(changed(SCENES[1], objects=SCENES[1].spheres)).points()
     sample = sample_pixels(
         SubmittedImage(SCENES[1], right.reshape(camera.height, camera.width, 3), points=True, composed=composed)
     )
@@ -238,7 +238,7 @@ def test_where_nothing_explains_it_is_said_where_it_is_wrong():
 
 def test_points_are_told_from_the_points_that_a_fault_would_give():
     scene = SCENES[1]
-    balls = msgspec.structs.replace(scene, objects=scene.spheres)
+    balls = changed(scene, objects=scene.spheres)
     shown = predictor(balls).points(fault("t-along-z").ways[0]).reshape(66, 88, 3)
     assert names(diagnose([SubmittedImage(scene, shown, points=True)])) == ["t-along-z"]
 
@@ -248,7 +248,7 @@ def test_nan_an_empty_scene_and_a_black_picture_are_no_obstacle():
     shown = trace(scene).mean.copy()
     shown[20:30, 20:30] = np.nan
     assert diagnose([SubmittedImage(scene, shown)]).certainty != "correct"
-    empty = msgspec.structs.replace(scene, objects=())
+    empty = changed(scene, objects=())
     assert names(diagnose([SubmittedImage(empty, 2 * trace(empty).mean)]))
     assert names(diagnose([SubmittedImage(scene, 0 * trace(scene).mean)])) == ["empty"]
 

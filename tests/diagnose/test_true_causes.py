@@ -5,6 +5,7 @@ import itertools
 import msgspec
 import numpy as np
 import pytest
+from scene_of import changed
 
 from raytwin import files
 from raytwin.diagnose.changes import moved
@@ -19,7 +20,7 @@ from raytwin.tracer import trace
 
 
 def small(name: str, size: tuple[int, int]) -> Scene:
-    scene = files.read_scene(files.find_scene(files.SCENES / name)).scene
+    scene = files.read_scene(files.find_scene(files.SCENES / name))
     return scene.with_camera(scene.camera.resized(*size))
 
 
@@ -28,7 +29,7 @@ SCENES = {name: small(name, (80, 60)) for name in ("eclipse", "overlap", "distor
 
 def with_sun(scene, **changes):
     sun = msgspec.structs.replace(scene.sun, **changes)
-    return msgspec.structs.replace(scene, lights=tuple(sun if x is scene.sun else x for x in scene.lights))
+    return changed(scene, lights=tuple(sun if x is scene.sun else x for x in (scene.sun, scene.sky)))
 
 
 def turned_sun(scene, degrees):
@@ -141,7 +142,7 @@ def test_a_fitted_number_is_proved_by_two_scenes_that_it_leaves_nothing_of_but_r
 def with_radius(scene, index, more):
     """The scene with one sphere larger by so many metres."""
     wrong = msgspec.structs.replace(scene.objects[index], radius=scene.objects[index].radius + more)
-    return msgspec.structs.replace(scene, objects=(*scene.objects[:index], wrong, *scene.objects[index + 1 :]))
+    return changed(scene, objects=(*scene.objects[:index], wrong, *scene.objects[index + 1 :]))
 
 
 @pytest.mark.parametrize("name", ["eclipse", "distorted"])
@@ -196,7 +197,7 @@ def test_in_a_scene_of_many_objects_fewer_pixels_are_looked_at(monkeypatch):
     monkeypatch.setattr("raytwin.diagnose.pixel_sample.MET", 400_000)
     ball = SCENES["overlap"].spheres[0]
     balls = tuple(msgspec.structs.replace(ball, center=(0.01 * k, 5.0, 0.1)) for k in range(1200))
-    scene = msgspec.structs.replace(small("overlap", (32, 24)), objects=(*SCENES["overlap"].objects, *balls))
+    scene = changed(small("overlap", (32, 24)), objects=(*SCENES["overlap"].objects, *balls))
     right = np.broadcast_to(np.arange(32 * 24 * 3, dtype=np.float32).reshape(24, 32, 3), (24, 32, 3))
     sample = sample_pixels(SubmittedImage(scene, 2 * right, right))
     assert sample.index.size * len(scene.objects) < 8e5

@@ -240,12 +240,16 @@ def test_a_submission_graded_alone_takes_its_place_in_the_class(graded, tmp_path
         store.write(result.key, msgspec.json.encode(result))
     mended = msgspec.structs.replace(graded.results["raises"], exercises=graded.results["right"].exercises, key="new")
     together = with_class([mended], tmp_path, rubric)
-    assert [r.student for r in together] == list(graded.results)
+    order = sorted(graded.results, key=str.casefold)
+    assert [r.student for r in together] == order
     assert {r.student: r.points for r in together} == {r.student: r.points for r in graded.results.values()} | {
         "raises": mended.points
     }
     newcomer = msgspec.structs.replace(mended, student="new")
-    assert [r.student for r in with_class([newcomer], tmp_path, rubric)] == [*graded.results, "new"]
+    assert [r.student for r in with_class([newcomer], tmp_path, rubric)] == [*order, "new"]
+    other = msgspec.structs.replace(rubric, exercises=rubric.exercises[:2])
+    with pytest.raises(InputError, match="was graded by other exercises"):
+        with_class([mended], tmp_path, other)
     assert with_class([mended], tmp_path / "empty", rubric) == [mended]
     (tmp_path / RESULTS / f"{graded.results['nan'].key}.json").unlink()
     with pytest.raises(InputError, match="expected the stored result of nan"):

@@ -49,9 +49,7 @@ def test_a_mistake_in_a_helper_is_paid_for_once_by_the_function():
     assert points(made) == [pytest.approx(40 / 3, abs=1e-3), 10, 15, 30]
     assert [e.followed for e in made.exercises] == [0, 10, 7.5, 15]
     assert [e.follows for e in made.exercises] == [False, True, True, True]
-    assert made.exercises[3].said == (
-        "The same mistake in `spheres` has cost you points already, so you keep 15 here.",
-    )
+    assert made.exercises[3].said == ("The same mistake in spheres has cost you points already, so you keep 15 here.",)
     assert points(with_points(found, rubric(follow_through=0.5))) == [pytest.approx(40 / 3, abs=1e-3), 5, 7.5, 22.5]
     assert points(with_points(found, rubric(follow_through=0.0))) == [pytest.approx(40 / 3, abs=1e-3), 0, 7.5, 15]
 

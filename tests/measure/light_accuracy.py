@@ -20,17 +20,21 @@ import cv2
 import numpy as np
 from measure import light_photos, record
 from photo_helpers import a_camera
+from scene_of import scene_of
 
 from raytwin import files
 from raytwin.calib import synthetic_photos
-from raytwin.calib.augment import augment
+from raytwin.calib.augment import augment, printed
 from raytwin.calib.boards import read_board
+from raytwin.calib.boards.board import draw_board
 from raytwin.calib.lighting import light_models as models
 from raytwin.calib.lighting.linear_photo import value_of_one
+from raytwin.calib.synthetic_photos import sheet_of
 from raytwin.errors import InputError
 from raytwin.lights.envmap_tables import REC_709
-from raytwin.scene import Camera, Environment, Lambert, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Environment, Lambert, Sky, Sphere, Sun
 from raytwin.workflows.estimate_light import estimate_light
+from raytwin.workflows.photograph import TABLE
 
 MIRROR = Sphere((-0.075, 0.05, 0.028), 0.03, Lambert((0.9, 0.9, 0.9)))
 ORANGE = Sphere((-0.065, 0.15, 0.018), 0.02, Lambert((0.75, 0.35, 0.08)))
@@ -160,8 +164,11 @@ def drawn(found, folder: Path, to_light: np.ndarray, E: np.ndarray, Ls: np.ndarr
         direction = found.light.to_light if sun is found.light.E else to_light
         constant = Sky(tuple(sky))
         shown = constant if map_ is None else Environment(map_.shape[1::-1], map_.astype("<f4").tobytes())
-        scene = Scene("drawn", photo.camera, (ORANGE,), (Sun(tuple(direction), tuple(sun)), shown))
-        result = augment(photo.pixels, scene, shadows=False, exposure=value_of_one(photo, found.paper), ground=True)
+        objects = ORANGE, sheet_of(draw_board(found.board, 500.0)[1]), TABLE
+        scene = printed(
+            scene_of("drawn", photo.camera, objects, (Sun(tuple(direction), tuple(sun)), shown)), found.board
+        )
+        result = augment(photo.pixels, scene, shadows=False, exposure=value_of_one(photo, found.paper))
         inside = result.coverage == 1
         pixels.append(result.pixels[inside].astype(float))
     real = photo.pixels[inside].astype(float)

@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 from browser import opened
+from scene_of import changed
 
 from raytwin import files
 from raytwin.calib import boards, photos
@@ -69,10 +70,10 @@ def photographed(result: Result) -> Result:
     scene: Scene = result.scene
     width, height = scene.camera.image_size
     rng = np.random.default_rng(7)
-    empty = trace(msgspec.structs.replace(scene, objects=scene.rectangles), "lambert", "numpy32")
+    empty = trace(changed(scene, objects=scene.planes), "lambert", "numpy32")
     photo = files.to_bytes(np.clip(empty.mean + rng.normal(0, 0.01, empty.mean.shape), 0, 1).astype(np.float32))
-    planes = tuple(msgspec.structs.replace(p, in_photo=True) for p in scene.rectangles)
-    scene = msgspec.structs.replace(scene, objects=(*scene.spheres, *planes))
+    planes = tuple(msgspec.structs.replace(p, in_photo=True) for p in scene.planes)
+    scene = changed(scene, objects=(*scene.spheres, *planes))
     camera = scene.camera
     R, t = camera.R_cam_board, camera.t_cam_board
     views = tuple(View(f"photo_{i:02d}.jpg", 35 - i % 3, 0.11 + 0.03 * rng.random(), R, t) for i in range(1, 13))

@@ -6,6 +6,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from scene_of import changed
 
 from raytwin import files, twin
 from raytwin.analysis.ledger import Ledger
@@ -50,14 +51,14 @@ def test_the_calibration_finds_the_true_camera(scenes, desk):
 
 
 def test_another_photo_moves_the_camera(scenes, desk):
-    scene, path, _, _ = find_camera(files.read_scene(scenes / "desk"), "photo_00.jpg")
+    scene, path, _, _ = find_camera(scenes / "desk", "photo_00.jpg")
     assert path.name == "photo_00.jpg"
     assert np.linalg.norm(np.subtract(scene.camera.eye, desk.scene.camera.eye)) > 0.05
 
 
 def test_a_photo_that_is_not_there_is_named(scenes):
     with pytest.raises(InputError, match=r"--photo: expected one of photo_00\.jpg.*got nope\.jpg"):
-        find_camera(files.read_scene(scenes / "desk"), "nope.jpg")
+        find_camera(scenes / "desk", "nope.jpg")
     with pytest.raises(InputError, match="--photo"):
         find_camera(files.read_scene(scenes / "single"), "photo_00.jpg")  # whose camera is given
 
@@ -99,7 +100,7 @@ class Moved(Traced):
         K, R, t = (np.asarray(a) for a in (scene.camera.K, scene.camera.R_cam_board, scene.camera.t_cam_board))
         aside = 0.2 * (R @ sphere.center + t)[2] / K[0, 0] * R[0]
         moved = msgspec.structs.replace(sphere, center=tuple((sphere.center + aside).tolist()))
-        return super().prepare(msgspec.structs.replace(scene, objects=(moved, *others)))
+        return super().prepare(changed(scene, objects=(moved, *others)))
 
 
 def test_a_bug_is_not_hidden_by_light_that_is_missing_on_purpose(scenes):

@@ -9,6 +9,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from program import raytwin, refused
+from scene_of import changed
 
 from raytwin import files, references
 from raytwin.compare import METRICS
@@ -272,7 +273,7 @@ def test_a_reference_that_holds_its_scene_gives_the_cause_of_a_test_as_check_doe
     known = references.load(references.SHIPPED / "overlap" / "shadow.exr")
     sun = msgspec.structs.replace(known.scene.sun, irradiance=tuple(3.14159265 * x for x in known.scene.sun.irradiance))
     lights = (sun, known.scene.sky)
-    files.write_exr(tmp_path / "mine.exr", trace(msgspec.structs.replace(known.scene, lights=lights)))
+    files.write_exr(tmp_path / "mine.exr", trace(changed(known.scene, lights=lights)))
     found = diff(tmp_path / "mine.exr", known.path)
     assert found.comparison.verdict == "fail"
     assert found.comparison.cause.startswith("the sun's part is π times too bright")

@@ -22,7 +22,7 @@ def scene_of(to_camera: np.ndarray, ball: np.ndarray = BALL) -> Scene:
     K = ((40.0, 0.0, -0.5), (0.0, 40.0, -0.5), (0.0, 0.0, 1.0))
     R, t = tuple(map(tuple, to_camera[:3, :3].tolist())), tuple(to_camera[:3, 3].tolist())
     center = (np.linalg.inv(TURNED) @ ball)[:3]
-    return Scene("sky", Camera((32, 24), K, R, t), (Sphere(tuple(center.tolist()), 0.3),), (Sky((0.4, 0.6, 1.0)),))
+    return Scene("sky", Camera((32, 24), K, R, t), (Sphere(tuple(center.tolist()), 0.3),), sky=Sky((0.4, 0.6, 1.0)))
 
 
 def file_of(folder, to_world: np.ndarray, ball: np.ndarray = BALL):

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from planted_renderers import Planted
+from scene_of import changed
 from typer.testing import CliRunner
 
 from raytwin import files
@@ -122,7 +123,7 @@ def test_a_bug_that_one_sphere_shows_ends_with_that_sphere(scenes):
             return trace(scene).mean
         larger = msgspec.structs.replace(green, radius=1.2 * green.radius)
         objects = tuple(larger if thing is green else thing for thing in scene.objects)
-        return trace(msgspec.structs.replace(scene, objects=objects)).mean
+        return trace(changed(scene, objects=objects)).mean
 
     found = shrink(scenes / "overlap", subject=UserRenderer("shadow", "one sphere", render), size=SMALL)
     assert len(found.after.spheres) == 1

@@ -9,29 +9,30 @@ from typing import TYPE_CHECKING
 from raytwin import files
 from raytwin.errors import InputError, check_one_of
 from raytwin.progress import Progress, silent
-from raytwin.scene import Scene, SceneFile
+from raytwin.scene import Scene
 
 if TYPE_CHECKING:
     from raytwin.calib import photos
 
 
 def find_camera(
-    written: SceneFile, photo: str | None = None, progress: Progress = silent
+    path: str | Path | Scene, photo: str | None = None, progress: Progress = silent
 ) -> "tuple[Scene, Path | None, photos.Calibration | None, photos.PoseReport | None]":
     """What is to be rendered, its camera found: calibrated from its photos, standing where `photo` was taken.
 
-    A scene with an explicit camera comes back as it is. Returns the scene, the photo's path, calibration and pose.
+    A scene whose file gives its camera, or made in Python, needs no photo. Returns the scene, the photo's path,
+    calibration and pose.
     """
-    asked = written.photos
-    if asked is None:
+    scene, asked = files.scene_and_photos(path)
+    if asked is None or isinstance(path, Scene):
         if photo is not None:
             raise InputError(
-                "--photo", "a scene whose camera is calibrated from photos", f"{written.name}, whose is given"
+                "--photo", "a scene whose camera is calibrated from photos", f"{scene.name}, whose is given"
             )
-        return written.scene, None, None, None
+        return scene, None, None, None
     from raytwin.calib import boards, photos
 
-    folder = Path(written.folder)
+    folder = files.find_scene(path).parent
     board = boards.read_board(folder / asked.board)
     taken = files.list_photos(folder / asked.photos)
     name = photo or asked.photo
@@ -40,4 +41,4 @@ def find_camera(
     calibration = photos.calibrate(taken, board, model=asked.model, progress=progress)
     pose = photos.pose_of_photo(calibration, folder / asked.photos / name, board)
     camera = photos.camera_at(calibration, pose.refined)
-    return written.at(camera), folder / asked.photos / name, calibration, pose
+    return scene.with_camera(camera), folder / asked.photos / name, calibration, pose

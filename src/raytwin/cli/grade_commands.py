@@ -26,7 +26,8 @@ app = group("class")
 
 def class_command(
     submissions: Path, rubric: Path, out: Path = Path("out/grades"), jobs: int = 1, dask: str = "",
-    again: bool = False, whole: bool = False, gradescope: Path | None = None, junit: Path | None = None,
+    again: bool = False, whole: bool = False, for_students: bool = False, gradescope: Path | None = None,
+    junit: Path | None = None,
 ) -> None:  # fmt: skip
     """Grade submissions by a rubric, each in a sandbox.
 
@@ -66,7 +67,7 @@ def class_command(
         sites.write_gradescope(results[0], read, gradescope)
         raise typer.Exit(1 if failed else 0)
     graded, results = len(results), with_class(results, out, read)
-    failed += pages.write_class(results, read, out)
+    failed += pages.write_class(results, read, out, for_students)
     if junit is not None:
         sites.write_grade_junit(results, junit)
     among = f", in the class of {len(results)} that is there" if graded < len(results) else ""
@@ -84,7 +85,8 @@ def _say_what_the_sandbox_lacks() -> None:
 
 
 def _line(result: "Result", rubric: "Rubric") -> str:
-    from raytwin.report.class_page import in_short, of_points
+    from raytwin.report.class_page import in_short
+    from raytwin.report.student_page import of_points
 
     said = in_short(result) or "all right"
     short = said if len(said) <= 100 else f"{said[:99]}…"

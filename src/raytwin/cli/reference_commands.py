@@ -15,9 +15,9 @@ from raytwin.errors import InputError, check_one_of
 from raytwin.workflows.settings import ReferenceSettings
 
 if TYPE_CHECKING:
-    from raytwin.scene import MitsubaScene, SceneFile
+    from raytwin.scene import MitsubaScene, Scene
 
-    Case = tuple[Path, str, SceneFile | MitsubaScene]
+    Case = tuple[Path, str, Scene | MitsubaScene]
 
 app = typer.Typer(no_args_is_help=True)
 

@@ -50,14 +50,12 @@ def export_command(
     if json == mitsuba_xml:
         raise InputError("--json, --mitsuba-xml", "one of them", "both" if json else "neither")
     check_outputs(files=(out,))
-    written = files.read_scene(scene)
-    if written.photos is None and photo is None:
-        made = written.scene
-    else:  # what a calibration needs is not in the light install
+    made, asked = files.scene_and_photos(scene)
+    if asked is not None or photo is not None:  # what a calibration needs is not in the light install
         from raytwin.calib.find_camera import find_camera
 
         with show_progress() as progress:
-            made = find_camera(written, photo, progress)[0]
+            made = find_camera(scene, photo, progress)[0]
     if size is not None:
         made = made.with_(size=size)
     if json:

@@ -94,13 +94,16 @@ def compare(
     findings += outcome.findings
     different, unknown = alpha_findings(test, reference, judging, half_steps)
     findings += different
+    doubts = () if misplaced else outcome.doubts
+    if findings and all(f.kind == "below zero" for f in findings):
+        doubts, findings = (*(f"undecided: {f.text}" for f in findings), *doubts), []
     shift_named = any(f.kind == "shift" for f in findings)
     if findings and not outcome.doubts and shift is not None and shift.certain and not shift_named:
         findings.append(shift_finding(shift))
     comparison = made(
         findings,
         outcome.notes,
-        () if misplaced else outcome.doubts,
+        doubts,
         geometry=geometry,
         radiance=radiance,
         statistics=outcome.statistics,

@@ -30,7 +30,10 @@ Outcome = Arrays | str
 def judge_function(stage: Stage, function: Function, seed: int = 0) -> StageResult:
     """Both at once: the function called and judged in this process."""
     cases = stage.cases(seed)
-    return judge(stage, cases, call_stage(stage, function, cases))
+    found = judge(stage, cases, call_stage(stage, function, cases))
+    if not found.passed or not (last := stage.last(seed)):
+        return found
+    return judge(stage, [*cases, *last], call_stage(stage, function, [*cases, *last]))
 
 
 def repair_function(stage: Stage, function: Function, seed: int = 0, source: str = "") -> Repair | None:
@@ -41,7 +44,8 @@ def repair_function(stage: Stage, function: Function, seed: int = 0, source: str
     def is_wrong(case: Case) -> bool:
         return not is_right(stage, case, _call(function, case))
 
-    cases, further = probes(stage, stage.cases(seed), is_wrong), partial(further_probes, stage, seed)
+    cases = probes(stage, stage.cases(seed), is_wrong) or probes(stage, stage.last(seed), is_wrong)
+    further = partial(further_probes, stage, seed)
     right = right_ones(stage, cases, is_wrong)
     return repair_here(function, cases, partial(is_repaired, stage), source, further, (), right, words_of(stage.name))
 
@@ -128,12 +132,12 @@ def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> S
         where = "" if all(isinstance(got, str) for got in checked) else f" ({cases[worst].shows})"
         return replace(base, sentence=broken + where, inputs=_short_args(stage, cases[worst]))
     arrays = [got for got in checked if not isinstance(got, str)]
-    causes = [] if stage.name in NEEDED else explain(stage, cases, arrays)
+    causes = explain(stage, cases, arrays)
     inputs, expected, found = _worst_value(stage, cases[worst], arrays[worst])
     sentence = _blame(causes) if causes else f"no single common mistake fits. {_where(results)}"
     made = ((causes[0].name, causes[0].sentence),) if causes else ()
     base = replace(base, sentence=sentence, faults=made, inputs=inputs, expected=expected, got=found)
-    if stage.name in NEEDED:
+    if stage.name in NEEDED and not causes:
         return _diagnosed(base, stage, cases, arrays)
     return replace(base, causes=tuple(dict.fromkeys(v.name for v in causes)))
 

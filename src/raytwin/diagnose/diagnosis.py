@@ -167,7 +167,7 @@ def _one_value(views: Sequence[SubmittedImage]) -> Cause | None:
     value = values.pop()
     if value == 0 and not values and not any(view.points for view in views):
         return Cause("empty", OUTPUT, "the image is black everywhere")
-    skies = [x for view in views if view.scene for x in view.scene.sky.radiance]
+    skies = [x for view in views if view.scene for x in view.scene.sky_radiance]
     if values or not np.isfinite(value) or value == 0 or any(abs(value - x) <= 1e-6 * abs(value) for x in skies):
         return None
     if any(view.right is not None and np.ptp(view.right) <= 1e-6 * value for view in views):

@@ -14,7 +14,7 @@ from scipy import ndimage
 from raytwin.diagnose.predict import RIGHT, Array, Pipeline, Predictor, UnknownScene, output, steps_of
 from raytwin.image import Image
 from raytwin.rungs import RUNGS
-from raytwin.scene import Scene, Sphere
+from raytwin.scene import Scene
 from raytwin.scene.lens import without_ray
 from raytwin.tracer import RADIANCE, trace
 
@@ -236,8 +236,7 @@ def _frame(view: SubmittedImage) -> Frame:
         return Frame(replace(view, shown=shown), 1, np.asarray(view.right, float), slack, none, ~none, 1.0)
     camera, scene = view.scene.camera, view.scene
     if view.points:
-        spheres = tuple(x for x in scene.objects if isinstance(x, Sphere))
-        scene = msgspec.structs.replace(scene, objects=spheres)
+        scene = msgspec.structs.replace(scene, planes=())
     step = math.ceil(math.sqrt(camera.width * camera.height / GRID))
     cut = slice(None, None, step), slice(None, None, step)
     thin = scene.with_camera(camera.every(step))

@@ -15,7 +15,7 @@ import numpy as np
 from raytwin.diagnose import fast_textbook
 from raytwin.diagnose.textbook import FUNCTIONS, Changes, namespace, slipped
 from raytwin.renderers.scene_exchange import as_arrays
-from raytwin.scene import Camera, Scene, Sphere
+from raytwin.scene import Camera, Scene
 
 Array = np.ndarray
 Pipeline = tuple[tuple[str, Any], ...]
@@ -103,8 +103,7 @@ CACHED = 12
 def as_dict(scene: Scene, shadows: bool) -> SceneDict:
     """The contract's dict, with `things`: all objects in the scene's order."""
     made = as_arrays(scene, "shadow" if shadows else "lambert")
-    balls, flats = iter(made["spheres"]), iter(made["planes"])
-    return made | {"things": [next(balls if isinstance(x, Sphere) else flats) for x in scene.objects]}
+    return made | {"things": [*made["spheres"], *made["planes"]]}
 
 
 QUIET = np.errstate(all="ignore")

@@ -41,6 +41,8 @@ from raytwin.files.scene_files import (
     read_camera,
     read_scene,
     read_sky_map,
+    scene_and_photos,
+    scene_name,
     scene_text,
     write_camera,
     write_scene,

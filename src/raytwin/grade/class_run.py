@@ -44,7 +44,7 @@ def jobs_of(submissions: Path, rubric_path: Path, whole: bool = False) -> list[J
     paths = (
         [submissions]
         if whole or _is_one(submissions, rubric)
-        else sorted(p for p in submissions.iterdir() if _counts(p))
+        else sorted((p for p in submissions.iterdir() if _counts(p)), key=lambda p: (p.name.casefold(), p.name))
     )
     if not paths:
         raise InputError(submissions, "submissions: files, or folders, of students", "an empty folder")
@@ -125,6 +125,8 @@ def with_class(results: Sequence[Result], out: Path, rubric: Rubric) -> list[Res
                 raise InputError(
                     out / RESULTS / f"{key}.json", f"the stored result of {student}", "none that can be read"
                 )
+            if other.exercises and [e.stage for e in other.exercises] != [e.stage for e in rubric.exercises]:
+                raise InputError(listed, "was graded by other exercises. Grade the whole class again.")
             found[student] = marked_by(other, rubric)
     return [found[student] for student in dict.fromkeys([*(name for name, _ in keys), results[0].student])]
 

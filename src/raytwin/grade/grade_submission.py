@@ -4,6 +4,7 @@ The submission runs in a sandbox and gives arrays. Everything else happens here,
 scenes are drawn from the seed, numbers compared, causes named.
 """
 
+import os
 import time
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,6 +12,7 @@ from pathlib import Path
 import msgspec
 
 from raytwin.errors import InputError
+from raytwin.grade.excerpt import with_own_text
 from raytwin.grade.job import Job
 from raytwin.grade.marks import marked
 from raytwin.grade.points import with_points
@@ -50,7 +52,8 @@ def _graded(job: Job) -> tuple[Result, bool]:
     except InputError as error:
         for one in asked:
             one.answer = Answer(problem=error.fault, sort="missing")
-        return with_points(marked(result, rubric, asked, plain(error)), rubric), False
-    result = with_points(marked(result, rubric, asked, problem, code), rubric)
+        said = plain(error).replace(f"{Path(job.path).parent}{os.sep}", "")
+        return with_points(marked(result, rubric, asked, said), rubric), False
+    result = with_points(with_own_text(marked(result, rubric, asked, problem, code), code), rubric)
     result = msgspec.structs.replace(result, seconds=round(time.perf_counter() - began, 4))
     return result, any(refused(one.answer) for one in asked)

@@ -58,10 +58,16 @@ def _marked(
     marks |= {m.name: m for m in look.at([*marks.values()], right, beside=[*beside])}
     failed = [marks[m.name] for m in failed]
     mended = {id(a) for a in spoilt if a.exercise.stage in look.found}
-    causes = _Causes(checked, helped, [m for m in failed if m.stage in helped.names], result.seed, mended)
-    pictures = []
-    for exercise in drawn_ones:
-        one, wrong = _mark_pictures(exercise, of[exercise.name], causes)
+    outside = {id(a) for a in asked if not a.exercise.inside}
+    seen = {k: c for k, c in checked.items() if k in outside}
+    again = replace(helped, again={k: pair for k, pair in helped.again.items() if k in outside})
+    causes = _Causes(seen, again, [m for m in failed if m.stage in helped.names], result.seed, mended)
+    pictures: list[Picture] = []
+    for exercise in sorted(drawn_ones, key=lambda e: e.inside):
+        mine = of[exercise.name]
+        before = [marks[e.name] for e in drawn_ones if e.name in marks]
+        found = _from_inside(mine, checked, before, helped) if exercise.inside else causes.of(mine)
+        one, wrong = _mark_pictures(exercise, mine, checked, found)
         pictures += wrong
         marks[exercise.name] = with_again(one, of[exercise.name], helped)
     unclear = [m for e in drawn_ones if not ((m := marks[e.name]).follows or says_why(m.sureness, m.faults))]
@@ -139,14 +145,14 @@ def _mark_stage(asked: list[Question]) -> Marked:
 class _Found(NamedTuple):
     """What is said of an exercise's pictures; `faults`: (name, sentence) of each mistake.
 
-    `because`: functions that make them wrong; `alone`: whether nothing else is wrong.
+    `because`: functions that make them wrong; `mistakes`: what explains each all that is wrong.
     """
 
     sentences: tuple[str, ...] = ()
     faults: tuple[tuple[str, str], ...] = ()
     sureness: str = ""
     because: tuple[str, ...] = ()
-    alone: bool = False
+    mistakes: tuple[str, ...] = ()
 
 
 class _Causes:
@@ -216,7 +222,8 @@ class _Causes:
         makes = "makes" if len(self.helped.names) == 1 else "make"
         beside = (f"{self.functions} {makes} it wrong, too",) if self.rest is not None else ()
         said = (*student_words(found), *beside)
-        return _Found(said, faults, found.certainty if faults else "", alone=self.rest is None)
+        alone = self.rest is None and says_why(found.certainty, faults)
+        return _Found(said, faults, found.certainty if faults else "", (), tuple(n for n, _ in faults) if alone else ())
 
 
 def _has_wrong_numbers(checked: Sequence[CheckedPicture]) -> bool:
@@ -232,15 +239,32 @@ def _is_nearer(before: CheckedPicture, after: CheckedPicture) -> bool:
     return not same and not worse
 
 
-def _mark_pictures(exercise: Exercise, asked: list[Question], causes: _Causes) -> tuple[Marked, list[Picture]]:
-    checked = [causes.checked[id(a)] for a in asked]
+def _from_inside(
+    asked: Sequence[Question], checked: Mapping[int, CheckedPicture], others: Sequence[Marked], helped: Rerun
+) -> _Found:
+    """What is said of pictures from inside a sphere. They tell little, so other pictures that are wrong come first."""
+    if not (wrong := [a for a in asked if not checked[id(a)].part.passed]):
+        return _Found()
+    if failed := [m for m in others if m.status != "pass"]:
+        first = next((m for m in failed if m.because or m.mistakes), failed[0])
+        said = f"Pictures from outside are wrong, too. Start with {first.name}."
+        return _Found((said,), (), "", first.because if all(map(helped.fixed_by, wrong)) else (), first.mistakes)
+    outcomes = [a.answer.problem or tuple(x.astype(float) for x in a.answer.arrays) for a in asked]
+    found = judge(LESSONS[asked[0].exercise.stage], [a.case for a in asked], outcomes)
+    mistakes = found.causes if says_why(found.sureness, found.faults) else ()
+    return _Found(() if found.passed else (found.sentence,), found.faults, found.sureness, (), mistakes)
+
+
+def _mark_pictures(
+    exercise: Exercise, asked: list[Question], every: Mapping[int, CheckedPicture], found: _Found
+) -> tuple[Marked, list[Picture]]:
+    checked = [every[id(a)] for a in asked]
     parts = [c.part for c in checked]
     status = _status(parts, asked)
-    found = causes.of(asked)
     sentences = (*found.sentences, *dict.fromkeys(p.problem for p in parts if p.problem))
     if not sentences and status == "pass":
         sentences = (f"right in all {len(parts)} pictures" if len(parts) > 1 else "the picture is right",)
-    why, made_of = says_why(found.sureness, found.faults), tuple(dict.fromkeys(a.made_of for a in asked if a.made_of))
+    made_of = tuple(dict.fromkeys(a.made_of for a in asked if a.made_of))
     sentences = (*sentences, *made_of)
     # Pixel by pixel the worst; the others stay small.
     wrong = [(a, c.got, c) for a, c in zip(asked, checked, strict=True) if c.got is not None]
@@ -256,7 +280,7 @@ def _mark_pictures(exercise: Exercise, asked: list[Question], causes: _Causes) -
         causes=tuple(name for name, _ in found.faults),
         sureness=found.sureness,
         faults=found.faults,
-        mistakes=tuple(name for name, _ in found.faults) if found.alone and why and not made_of else (),
+        mistakes=() if made_of else found.mistakes,
         because=found.because,
         fingerprint=_fingerprint(asked, checked) if status == "fail" else "",
         parts=tuple(parts),

@@ -48,7 +48,7 @@ def _paid_once(marked: Sequence[Marked], rubric: Rubric) -> list[Marked]:
     """The exercises with what they keep, each beside the one that pays for its mistake."""
     payers: dict[str, str] = {}
     for group in _one_mistake_each(marked):
-        payer = max(group, key=lambda m: (m.points < m.of, m.stage not in PICTURES, m.of - m.points))
+        payer = max(group, key=_pays_first)
         payers |= {m.name: payer.name for m in group if m is not payer}
     rate, made = rubric.follow_through, []
     for m, e in zip(marked, rubric.exercises, strict=True):
@@ -58,6 +58,10 @@ def _paid_once(marked: Sequence[Marked], rubric: Rubric) -> list[Marked]:
         else:
             made.append(_scored(m, e, [_share_again(p, e, rate) for p in m.parts]))
     return made
+
+
+def _pays_first(m: Marked) -> tuple[bool, bool, float, bool]:
+    return m.points < m.of, m.stage not in PICTURES, m.of - m.points, m.visibility == "visible"
 
 
 def _one_mistake_each(marked: Sequence[Marked]) -> list[list[Marked]]:

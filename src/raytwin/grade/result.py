@@ -36,10 +36,19 @@ class Part(Record, frozen=True):
     again: Again | None = None
 
 
+class CodeLine(Record, frozen=True):
+    """A line of the submission's text; `here`: the one to look at."""
+
+    number: int
+    text: str
+    here: bool
+
+
 class Marked(Record, frozen=True):
     """An exercise, marked. `sentences`: for the student, the first is the cause where one is named (`causes`, by name).
 
     `faults`: (name, sentence) of each mistake that was made; `causes` has those, too, that explain it as well.
+    `code`: lines of the submission that the sentences speak of.
     `inputs`, `expected`, `got`: of the worst value of a stage's cases. `fingerprint`: of the wrong numbers.
     `repair`: what was wrong where one change of the text makes all right, in an operator's words; `hints`: that change
     in each of three levels of detail. `mistakes`: what each explains all that is wrong here, and shows elsewhere, too.
@@ -66,6 +75,7 @@ class Marked(Record, frozen=True):
     because: tuple[str, ...] = ()
     same_as: str = ""
     followed: float = 0.0
+    code: tuple[CodeLine, ...] = ()
     inputs: str = ""
     expected: str = ""
     got: str = ""
@@ -78,6 +88,13 @@ class Marked(Record, frozen=True):
         return None if None in errors or not errors else max(e for e in errors if e is not None)
 
     @property
+    def named(self) -> dict[str, str]:
+        """Name -> sentence of what is wrong. A line that one change repairs is surer than names that are not proved."""
+        proved = {name: sentence for name, sentence in self.faults if name in self.mistakes}
+        guessed = self.repair and self.sureness != "named"
+        return proved or ({f"{self.stage}: {self.repair}": ""} if guessed else dict(self.faults))
+
+    @property
     def follows(self) -> bool:
         """Whether it is wrong only by a mistake that another exercise pays for."""
         return bool(self.because or self.same_as)
@@ -87,7 +104,7 @@ class Marked(Record, frozen=True):
         """The sentences, and what is kept."""
         if not self.followed:
             return self.sentences
-        payer = " and ".join(f"`{name}`" for name in self.because) or f"The same mistake in `{self.same_as}`"
+        payer = " and ".join(f"`{name}`" for name in self.because) or f"The same mistake in {self.same_as}"
         have = "have" if len(self.because) > 1 else "has"
         kept = f"{self.followed:.2f}".rstrip("0").rstrip(".")
         return (*self.sentences, f"{payer} {have} cost you points already, so you keep {kept} here.")
@@ -99,8 +116,10 @@ class Marked(Record, frozen=True):
 
 
 class Picture(Record, frozen=True):
-    """A picture that is wrong. `thumb`: expected, got and error side by side, a PNG as a data URL; `planes`: as the
-    viewer takes them, JSON, empty where others are worse."""
+    """A picture that is wrong. `thumb`: expected, got and error side by side, a PNG as a data URL.
+
+    `planes`: as the viewer takes them, JSON, empty where others are worse. `full`: the error of full colour, 0: none.
+    """
 
     exercise: str
     shows: str
@@ -109,6 +128,7 @@ class Picture(Record, frozen=True):
     stops: float = 0.0
     share: float = 1e-5
     scale: float = 1.0
+    full: float = 0.0
 
 
 class Result(Record, frozen=True):
@@ -148,8 +168,13 @@ class Result(Record, frozen=True):
 
     @property
     def faults(self) -> dict[str, str]:
-        """Name -> sentence of each mistake."""
-        return {name: sentence for e in self.exercises for name, sentence in e.faults}
+        """Name -> sentence of each mistake, once."""
+        return {name: sentence for e in self.exercises if not e.follows for name, sentence in e.named.items()}
+
+    @property
+    def to_mend(self) -> int:
+        """Exercises with a mistake of their own."""
+        return sum(e.status != "pass" and not e.follows for e in self.exercises)
 
     @property
     def all_passed(self) -> bool:

@@ -43,6 +43,7 @@ class Exercise(Record, frozen=True):
     """One row: a `stage` tested on its own cases, or a picture on `scenes` by name and on as many `drawn` ones.
 
     `tolerance`: of the stage's error, or of a picture's, relative to its scale; None: the stage's own, the scene's own.
+    `inside`: the drawn scenes are seen from inside a sphere, whose wall hides the sun.
     A case or scene that passes earns its share of the points whole; one that does not earns what `credit` says of its
     error (`measure`: `wrong`, the share of values that are off), interpolated over the error's logarithm: the first
     row's share below it, nothing above the last.
@@ -53,6 +54,7 @@ class Exercise(Record, frozen=True):
     name: str = ""
     scenes: tuple[str, ...] = ()
     drawn: Annotated[int, msgspec.Meta(ge=0, le=100)] = 0
+    inside: bool = False
     rung: str = "shadow"
     tolerance: Positive | None = None
     visibility: Visibility = "visible"
@@ -153,7 +155,7 @@ class Rubric(Record, frozen=True):
     @property
     def questions(self) -> tuple[Any, ...]:
         """What decides the answers and what is found of them: all other keys are arithmetic with stored results."""
-        exercises = [(e.stage, e.scenes, e.drawn, e.rung, e.tolerance) for e in self.exercises]
+        exercises = [(e.stage, e.scenes, e.drawn, e.inside, e.rung, e.tolerance) for e in self.exercises]
         return exercises, self.limits, self.file, self.command, self.packages, self.hints > 0
 
     def seed_of(self, content: bytes) -> int:
@@ -204,11 +206,13 @@ def _check(where: str, e: Exercise) -> None:
         raise InputError(f"{where}.rung", f"a rung without noise ({', '.join(ONE_RAY)})", e.rung)
     if e.stage not in PICTURES and (e.scenes or e.drawn):
         raise InputError(f"{where}.scenes", f"none: {e.stage} has cases of its own", e.scenes or e.drawn)
+    if e.inside and not (e.stage == "render" and e.drawn and not e.scenes):
+        raise InputError(f"{where}.inside", "an exercise of render with drawn scenes alone", e.stage)
     errors = [row[0] for row in e.credit]
     if errors != sorted(errors):
         raise InputError(f"{where}.credit", "rows by rising error", errors)
 
 
 def _name(e: Exercise) -> str:
-    of = ", ".join([*e.scenes, *([f"{e.drawn} drawn"] if e.drawn else [])])
+    of = ", ".join([*e.scenes, *([f"{e.drawn} drawn{' from inside' if e.inside else ''}"] if e.drawn else [])])
     return f"{e.stage} ({e.rung}: {of})" if of and e.stage == "render" else f"{e.stage} ({of})" if of else e.stage

@@ -14,7 +14,7 @@ from raytwin.progress import Progress, silent
 from raytwin.scene.mitsuba_scene import MitsubaScene
 from raytwin.twin import render_cache
 from raytwin.twin.backend import activate, made_with
-from raytwin.twin.plain import LANES
+from raytwin.twin.plain import render_plain
 
 BATCHES = 16
 """Independent renders behind a variance."""
@@ -82,24 +82,15 @@ def _loaded(scene: MitsubaScene) -> Any:
 
 def _rendered(scene: MitsubaScene, loaded: Any, samples: int, seed: tuple[int, int]) -> np.ndarray:
     """(H, W, 3): the film's colours, or its grey, without what an `aov` integrator adds after them."""
-    import mitsuba as mi
-
     width, height = scene.image_size
     colours = _colours(scene)
-    most = max(1, LANES // (width * height))
-    passes = -(-samples // most)
-    total: np.ndarray = np.zeros((height, width, 3))
-    for k in range(passes):
-        part = samples // passes + (k < samples % passes)
-        number = int(np.random.SeedSequence([*seed, k]).generate_state(1)[0])
-        try:
-            made = np.asarray(mi.render(loaded, spp=part, seed=number))
-        except Exception as error:
-            raise _refused(scene, error) from None
-        if made.shape[:2] != (height, width) or made.shape[2] < colours:
-            raise InputError(scene.file, f"a film of {width} x {height} pixels in grey or RGB", made.shape)
-        total += part * np.broadcast_to(made[..., :colours], total.shape)
-    return total / samples
+    try:
+        made = render_plain(loaded, samples, seed)
+    except Exception as error:
+        raise _refused(scene, error) from None
+    if made.shape[:2] != (height, width) or made.shape[2] < colours:
+        raise InputError(scene.file, f"a film of {width} x {height} pixels in grey or RGB", made.shape)
+    return np.broadcast_to(made[..., :colours], (height, width, 3))
 
 
 def _colours(scene: MitsubaScene) -> int:

@@ -152,7 +152,7 @@ def _plan(
 
 
 def _about(scene: Scene, plan: _Plan, textures: Mapping[int, np.ndarray], variant: str | None) -> dict[str, str]:
-    seen = (scene.camera, scene.objects, scene.lights)
+    seen = (scene.camera, scene.spheres, scene.planes, scene.sun, scene.sky)
     content = hashlib.sha256(msgspec.json.encode(seen, enc_hook=files.plain))
     for i, texture in textures.items():
         content.update(f"{i} {texture.shape}".encode() + texture.tobytes())

@@ -27,7 +27,7 @@ from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.rungs import RUNGS
-from raytwin.scene import MitsubaScene, Scene, SceneFile
+from raytwin.scene import MitsubaScene, Scene
 from raytwin.scene.lens import without_ray
 from raytwin.workflows.compared import Compared
 from raytwin.workflows.nothing_in_view import judged_in_view
@@ -72,7 +72,7 @@ class _Job:
     subject: Renderer
     chosen: CompareSettings
     stages: Stages
-    written: SceneFile
+    path: str | Path | Scene
     scene: Scene
     backend: "Backend"
     light: "WrittenLight | None" = None
@@ -104,7 +104,7 @@ class _Job:
 
 
 def compare_scene(
-    path: str | Path | Scene | SceneFile,
+    path: str | Path | Scene,
     settings: CompareSettings | None = None,
     *,
     progress: Progress = silent,
@@ -119,32 +119,33 @@ def compare_scene(
     is called as work goes on. Raises InputError for a scene, an option or a subject that is wrong.
     """
     chosen = replace(settings or CompareSettings(), **options)
-    if not isinstance(path, Scene | SceneFile) and files.is_mitsuba(path):
+    if not isinstance(path, Scene) and files.is_mitsuba(path):
         from raytwin.workflows.compare_mitsuba import compare_mitsuba
 
         return compare_mitsuba(path, chosen, progress=progress)
     job = _prepared(path, chosen, Stages(progress))
     noisy = RUNGS[chosen.rung].sampled(chosen.sampling)
-    judge = partial(compare_with_twin, scene=job.scene, tolerance=job.written.tolerance, flip=chosen.flip)
+    judge = partial(compare_with_twin, scene=job.scene, tolerance=job.scene.tolerance, flip=chosen.flip)
     made, reference, found = render_sides(job.subject, job.scene, job.twin, judge, chosen, job.stages, noisy, job.alike)
     return _result(job, made, reference, *_explained(job, made, reference, found))
 
 
-def _prepared(path: str | Path | Scene | SceneFile, chosen: CompareSettings, stages: Stages) -> _Job:
+def _prepared(path: str | Path | Scene, chosen: CompareSettings, stages: Stages) -> _Job:
     """Read the scene, find its camera, and wake the backend."""
-    subject, written, light = _subject(chosen), files.read_scene(path), None
+    subject, light = _subject(chosen), None
     if chosen.light is not None:
         from raytwin.calib.lighting.light_file import read_light
 
         light = read_light(chosen.light)
-        written = light.on(written)
     with stages.stage("calibrate"):
-        scene, photo, calibration, pose = find_camera(written, chosen.photo, stages)
+        scene, photo, calibration, pose = find_camera(path, chosen.photo, stages)
+    if light is not None:
+        scene = light.on(scene)
     with stages.stage("backend"):
         backend = twin.activate()
     if chosen.size is not None:
         scene = scene.with_camera(scene.camera.resized(*chosen.size))
-    return _Job(subject, chosen, stages, written, scene, backend, light, photo, calibration, pose)
+    return _Job(subject, chosen, stages, path, scene, backend, light, photo, calibration, pose)
 
 
 def _result(job: _Job, made: Image, reference: Image, comparison: Comparison, ledger: Ledger | None) -> Result:
@@ -163,7 +164,7 @@ def _result(job: _Job, made: Image, reference: Image, comparison: Comparison, le
     )
     return Result(
         scene=scene,
-        tolerance=job.written.tolerance,
+        tolerance=job.scene.tolerance,
         report=report,
         test=made,
         reference=reference,
@@ -199,8 +200,8 @@ def _photos(job: _Job) -> tuple[np.ndarray | None, np.ndarray | None]:
         exposure: float | np.ndarray = 1.0
         if job.chosen.size is not None:
             return picture, None
-        if job.light is not None and job.written.photos is not None:
-            board = boards.read_board(Path(job.written.folder) / job.written.photos.board)
+        if job.light is not None and not isinstance(job.path, Scene) and (asked := files.scene_and_photos(job.path)[1]):
+            board = boards.read_board(files.find_scene(job.path).parent / asked.board)
             exposure = photo_exposure(job.photo, job.scene.camera, board, job.light)
         return picture, augment(picture, job.scene, engine=job.engine, exposure=exposure).pixels
 
@@ -221,7 +222,7 @@ def _explained(job: _Job, made: Image, reference: Image, comparison: Comparison)
     if not job.alike and comparison.verdict != "pass":
         with stages.stage("compare"):
             level = job.twin_at_own_level()
-            own = compare_with_twin(made, level, scene, job.written.tolerance)
+            own = compare_with_twin(made, level, scene, job.scene.tolerance)
         if subject.rung != chosen.rung:
             compared_with = level
         elif own.verdict == "pass":

@@ -10,7 +10,8 @@ import numpy as np
 
 from raytwin import files
 from raytwin.calib import boards, photos
-from raytwin.calib.augment import augment
+from raytwin.calib.augment import augment, printed
+from raytwin.calib.boards.board import PAPER, draw_board
 from raytwin.calib.lighting import light_models as models
 from raytwin.calib.lighting.board_plane import Sheet
 from raytwin.calib.lighting.linear_photo import LinearPhoto, read_linear, value_of_one
@@ -19,7 +20,7 @@ from raytwin.calib.lighting.mirror_map import mirrored
 from raytwin.calib.lighting.stand_shadow import LOWEST, THIN, find_shadow
 from raytwin.errors import InputError
 from raytwin.progress import Progress, silent
-from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Rectangle, Scene, Sphere, Sun
 from raytwin.scene.scene import NO_SUN
 
 POSE_PX = 3.0
@@ -162,13 +163,13 @@ def _drawn(found: LightEstimate, light: models.Light) -> np.ndarray:
     photo, (x, y) = found.photos[0], middle_of(found.board)
     mirrors = found.evidence.mirrors
     radius = mirrors[0].ball.radius if mirrors else 1.5 * found.board.tag_edge
-    ball = Sphere((x, y, radius), radius, Lambert((0.5, 0.5, 0.5)))
-    reach = 20 * radius + float(np.ptp(list(found.board.centers().values()), axis=0).max())
-    ground = Rectangle((x, y, 0.0), (reach, 0.0, 0.0), (0.0, reach, 0.0), in_photo=True)
+    ball = Sphere((x, y, radius), radius, (0.5, 0.5, 0.5))
+    x0, x1, y0, y1 = draw_board(found.board, 100.0)[1]
+    half_u, half_v = ((x1 - x0) / 2, 0.0, 0.0), (0.0, (y1 - y0) / 2, 0.0)
+    sheet = Rectangle(((x0 + x1) / 2, (y0 + y1) / 2, 0.0), half_u, half_v, (PAPER, PAPER, PAPER), in_photo=True)
     sun = Sun(tuple(light.to_light.tolist()), tuple(light.E.tolist())) if light.to_light is not None else NO_SUN
-    sky = light.environment or Sky(tuple(light.Ls.tolist()))
-    scene = Scene("light", photo.camera, (ball, ground), (sun, sky))
-    return augment(photo.pixels, scene, exposure=value_of_one(photo, found.paper), ground=True).pixels
+    scene = printed(Scene("light", photo.camera, (ball,), (sheet,), sun, light.sky), found.board)
+    return augment(photo.pixels, scene, exposure=value_of_one(photo, found.paper)).pixels
 
 
 def _stand_of(path: Path, lens: Camera, definition: boards.Board) -> Camera:

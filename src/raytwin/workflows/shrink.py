@@ -24,7 +24,8 @@ from raytwin.image import Image
 from raytwin.progress import Progress, silent
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.user_renderers import UserRenderer
-from raytwin.scene import SceneFile, WrittenSky, WrittenSun
+from raytwin.scene import Scene, Sky
+from raytwin.scene.scene import NO_SUN
 from raytwin.workflows.compare_scene import stage_causes
 from raytwin.workflows.make_reference import find_scene
 from raytwin.workflows.settings import MANY, CompareSettings
@@ -53,8 +54,8 @@ class Shrunk:
     `cause`: what the smallest scene says of it, empty where nothing.
     """
 
-    before: SceneFile
-    after: SceneFile
+    before: Scene
+    after: Scene
     rung: str
     failure: Failure
     cause: str
@@ -82,8 +83,8 @@ class Shrunk:
         return {
             "kind": self.failure.kind, "reason": self.failure.reason, "cause": self.cause or None,
             "removed": self.removed, "kept": self.kept, "simpler": self.simpler,
-            "objects": {when: len(scene.scene.objects) for when, scene in both.items()},
-            "image_size": {when: scene.scene.camera.image_size for when, scene in both.items()},
+            "objects": {when: len(scene.objects) for when, scene in both.items()},
+            "image_size": {when: scene.camera.image_size for when, scene in both.items()},
             "evaluations": self.evaluations, "seconds": self.seconds, "stopped": self.stopped,
         }  # fmt: skip
 
@@ -104,7 +105,7 @@ def shrink(
     if files.is_mitsuba(path):
         raise InputError("`shrink` of a Mitsuba file", "was removed in 0.2.0. Delete shapes from a copy by hand.")
     found = find_scene(path, progress)
-    assert isinstance(found, SceneFile)
+    assert isinstance(found, Scene)
     subject = find_subject(chosen.subject, chosen.rung)
     if isinstance(subject, UserRenderer) and isinstance(subject.render, Shown):
         raise InputError("--subject", "a renderer, since an image shows one scene alone", subject.name)
@@ -112,7 +113,7 @@ def shrink(
         from raytwin.calib.lighting.light_file import read_light  # with OpenCV
 
         found = read_light(chosen.light).on(found)
-    camera = found.scene.camera
+    camera = found.camera
     scene = found.with_camera(camera.resized(*(chosen.size or camera.image_size)))
     return _Search(subject, chosen, time.perf_counter() + time_limit, progress).shrunk(scene)
 
@@ -124,7 +125,7 @@ class _Search:
         self.subject, self.chosen, self.until, self.progress = subject, chosen, until, progress
         self.count, self.stopped, self.failure = 0, False, Failure("", "")
 
-    def shrunk(self, scene: SceneFile) -> Shrunk:
+    def shrunk(self, scene: Scene) -> Shrunk:
         """Take the steps one after the other, from the one that saves most."""
         began, first = time.perf_counter(), self._look(scene)
         if first is None:
@@ -136,7 +137,7 @@ class _Search:
             raise InputError("--subject", "a renderer that fails alike each time", got)
         self.failure, parts = first, parts_of(scene)
 
-        def only(kept: Iterable[str], small: SceneFile) -> SceneFile:
+        def only(kept: Iterable[str], small: Scene) -> Scene:
             for name in (name for name in parts if name not in kept):
                 small = parts[name](small)
             return small
@@ -144,10 +145,10 @@ class _Search:
         whole = self._cropped(scene)
         kept = minimized(list(parts), lambda kept: self._fails(only(kept, whole)))
         small = self._cropped(only(kept, whole))
-        sizes = [s.scene.camera.image_size for s in (small, scene)]
+        sizes = [s.camera.image_size for s in (small, scene)]
         cropped = "most of the picture ({} x {} of {} x {} pixels remain)".format(*sizes[0], *sizes[1])
         images = self.failure.images
-        causes = stage_causes(self.subject) or (explain(*images, small.scene, self.subject.rung) if images else ())
+        causes = stage_causes(self.subject) or (explain(*images, small, self.subject.rung) if images else ())
         cause = causes[0].text if causes and causes[0].names_a_cause else ""
         removed = tuple(name for name in parts if name not in kept)
         return Shrunk(
@@ -155,7 +156,7 @@ class _Search:
             (cropped,) if sizes[0] != sizes[1] else (), self.count, time.perf_counter() - began, self.stopped,
         )  # fmt: skip
 
-    def _fails(self, scene: SceneFile) -> bool:
+    def _fails(self, scene: Scene) -> bool:
         """Whether the subject fails on it as on the whole scene; the last failure is remembered."""
         if time.perf_counter() > self.until:
             self.stopped = True
@@ -166,28 +167,28 @@ class _Search:
         self.failure = found
         return True
 
-    def _cropped(self, scene: SceneFile) -> SceneFile:
+    def _cropped(self, scene: Scene) -> Scene:
         """Take a half of the picture while one fails, along its longer side first."""
         while (found := next(filter(self._fails, _halves(scene)), None)) is not None:
             scene = found
         return scene
 
-    def _look(self, scene: SceneFile) -> Failure | None:
+    def _look(self, scene: Scene) -> Failure | None:
         """How it fails beyond doubt."""
         self.progress("shrink", self.count, self.count + 1)
         self.count += 1
         seed, samples, subject = self.chosen.seed + self.count, self.chosen.samples or MANY, self.subject
         try:
-            made = subject.prepare(scene.scene)(seed)
+            made = subject.prepare(scene)(seed)
         except InputError as broken:
             if isinstance(broken, MachineError) or (self.count == 1 and broken.where.startswith("--")):
                 raise
             return Failure("error", str(broken))
         try:
             reference = twin.render(
-                scene.scene, subject.rung, sampling=subject.sampling, samples=samples, seed=seed, cache=False
+                scene, subject.rung, sampling=subject.sampling, samples=samples, seed=seed, cache=False
             )
-            found = compare_with_twin(made, reference, scene.scene, scene.tolerance, false_alarm_rate=RATE)
+            found = compare_with_twin(made, reference, scene, scene.tolerance, false_alarm_rate=RATE)
         except InputError:  # the twin cannot render such a scene
             if self.count == 1:
                 raise
@@ -197,9 +198,9 @@ class _Search:
         return Failure(KINDS[found.findings[0].kind].failure, found.reasons[0], (made, reference))
 
 
-def _halves(scene: SceneFile) -> Iterable[SceneFile]:
+def _halves(scene: Scene) -> Iterable[Scene]:
     """The scene seen in each half of its picture, where a half is not too small."""
-    camera = scene.scene.camera
+    camera = scene.camera
     width, height = camera.image_size
     for across, length in sorted(((True, width), (False, height)), key=lambda side: -side[1]):
         size = (-(-length // 2), height) if across else (width, -(-length // 2))
@@ -207,22 +208,22 @@ def _halves(scene: SceneFile) -> Iterable[SceneFile]:
             yield scene.with_camera(camera.grid(first * across, first * (not across), size=size))
 
 
-def parts_of(scene: SceneFile) -> dict[str, Callable[[SceneFile], SceneFile]]:
+def parts_of(scene: Scene) -> dict[str, Callable[[Scene], Scene]]:
     """Name -> what leaves the part out of this scene; the parts can be left out together."""
-    shown, things = scene.scene, (*scene.spheres, *scene.planes)
-    labels = shown.names if len(set(shown.names)) == len(things) else shown.numbers
+    things = scene.objects
+    labels = scene.names if len(set(scene.names)) == len(things) else scene.numbers
     found = {name: _without(thing) for name, thing in zip(labels, things, strict=True)}
     if any(scene.sun.irradiance):
-        found["the sun"] = lambda scene: structs.replace(scene, sun=WrittenSun((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)))
-    if scene.sky != WrittenSky():
-        found["the sky"] = lambda scene: structs.replace(scene, sky=WrittenSky())
-    if any(shown.camera.dist):
-        found["the lens's distortion"] = lambda scene: scene.with_camera(structs.replace(scene.scene.camera, dist=()))
+        found["the sun"] = lambda scene: structs.replace(scene, sun=NO_SUN)
+    if scene.sky != Sky():
+        found["the sky"] = lambda scene: structs.replace(scene, sky=Sky())
+    if any(scene.camera.dist):
+        found["the lens's distortion"] = lambda scene: scene.with_camera(structs.replace(scene.camera, dist=()))
     return found
 
 
-def _without(gone: Any) -> Callable[[SceneFile], SceneFile]:
-    def edit(scene: SceneFile) -> SceneFile:
+def _without(gone: Any) -> Callable[[Scene], Scene]:
+    def edit(scene: Scene) -> Scene:
         spheres, planes = (
             tuple(thing for thing in kind if thing is not gone) for kind in (scene.spheres, scene.planes)
         )

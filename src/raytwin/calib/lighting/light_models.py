@@ -17,12 +17,11 @@ from typing import Any
 import numpy as np
 
 from raytwin.calib.boards.board import PAPER
-from raytwin.calib.ground_rings import fibonacci
 from raytwin.calib.lighting.mirror_ball import Ball
 from raytwin.calib.lighting.mirror_map import Mirrored, fit_map
 from raytwin.calib.lighting.stand_shadow import Shadow
 from raytwin.lights.envmap_tables import REC_709, texel_directions
-from raytwin.scene import Environment
+from raytwin.scene import Environment, Sky
 
 ROWS = 8, 16, 32
 """Rows of the maps that are tried."""
@@ -47,8 +46,10 @@ LEAST_PIXELS = 50
 PATCH = 8
 """Pixels across a patch of those that are held out of a single photo."""
 
-NORMALS = fibonacci(200)[:100]
-"""Normals of a sphere at which its shading is compared: those that look up."""
+_K = np.arange(100)
+_Z = 1 - (2 * _K + 1) / 200
+NORMALS = np.stack([*(np.sqrt(1 - _Z * _Z) * f(2.399963 * _K) for f in (np.cos, np.sin)), _Z], axis=1)
+"""Normals that look up, spread evenly over a sphere along a spiral, at which its shading is compared."""
 
 BLUR_DEGREES = 20.0
 """By how much both shadings are blurred first: a terminator's place counts by what it changes over so much of it."""
@@ -119,10 +120,10 @@ class Light:
         return _repeated(self.around, rows)
 
     @property
-    def environment(self) -> Environment | None:
+    def sky(self) -> Sky:
         if self.around is None:
-            return None
-        return Environment(self.around.shape[1::-1], np.ascontiguousarray(self.around, "<f4").tobytes())
+            return Sky(tuple(self.Ls.tolist()))
+        return Sky(texels=Environment(self.around.shape[1::-1], np.ascontiguousarray(self.around, "<f4").tobytes()))
 
     def received(self, normals: np.ndarray) -> np.ndarray:
         """(n, 3): irradiance over π that the sky above gives surfaces with such `normals` (n, 3)."""

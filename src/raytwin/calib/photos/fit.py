@@ -13,8 +13,8 @@ The fit, its covariance and the fit without any one photo (`uncertainty`) are su
 omega and a shift tau of the camera's frame: p' = p + omega x p + tau.
 """
 
+import contextlib
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -30,16 +30,12 @@ from raytwin.scene import Record
 INTRINSICS = ("fx", "fy", "cx", "cy")
 
 MODELS: dict[str, tuple[str, ...]] = {"none": (), "k1k2": ("k1", "k2"), "full5": lens_model.NAMES}
-"""The coefficients that each lens model fits, smallest first; the others are 0. To add one: a row here."""
+"""The coefficients that each lens model fits, smallest first: the first ones of OpenCV's. The others are 0."""
 
-FLAT_STARTS = {
-    "none": cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3,
-    "k1k2": cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3,
-    "full5": 0,
-}
-"""OpenCV's flags for the fit that each start comes from."""
+NO_TANGENT = cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
+FLAT_STARTS = NO_TANGENT | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2, NO_TANGENT, 0
+"""OpenCV's flags for the fits that starts come from, of the lens models none, k1k2 and full5; 30 steps each."""
 
-CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 30, 1e-6)
 STEPS, SETTLED = 100, 1e-10
 """Most steps; the fit has converged once a step is predicted to lower the sum of squares by less than this fraction."""
 
@@ -59,17 +55,6 @@ RIDGE = 1e-12
 """Share of the diagonal that is added to it, so that what no photo determines does not move."""
 
 
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """OpenCV on one thread meanwhile: on several it adds up in any order, and no two fits end in the same bits."""
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(threads)
-
-
 class Sighting(Record, frozen=True):
     """The board's tags in one photo, none of them unknown to the board; internal to the fit."""
 
@@ -84,16 +69,18 @@ class ModelSpec:
     model: str
     bent: bool = False
 
+    def __str__(self) -> str:
+        return f"{self.model}, bent" if self.bent else self.model
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the parameters of K and distortion, in the order of `Fit.shared`."""
         return (*INTRINSICS, *MODELS[self.model])
 
     def camera(self, shared: np.ndarray) -> tuple[np.ndarray, tuple[float, ...]]:
-        """K and k1, k2, p1, p2, k3 from the parameters; a coefficient that is not fitted is 0."""
-        fx, fy, cx, cy = shared[:4]
-        value = dict(zip(MODELS[self.model], shared[4:].tolist(), strict=False))
-        return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), tuple(value.get(name, 0.0) for name in lens_model.NAMES)
+        """K and distortion."""
+        fx, fy, cx, cy, *dist = shared[: len(self.names)].tolist()
+        return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), tuple(dist)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,13 +137,17 @@ class Fit:
         return -(self.inverse_B @ self.residuals.reshape(len(self.R), -1, 1))[..., 0]
 
     @property
+    def lens(self) -> np.ndarray:
+        """(9,): fx, fy, cx, cy, k1, k2, p1, p2, k3; those that are not fitted are 0."""
+        return np.pad(self.shared[: len(self.form.names)], (0, 9 - len(self.form.names)))
+
+    @property
     def K(self) -> np.ndarray:
         return self.form.camera(self.shared)[0]
 
     @property
     def dist(self) -> tuple[float, ...]:
-        known = max((lens_model.NAMES.index(name) + 1 for name in MODELS[self.form.model]), default=0)
-        return self.form.camera(self.shared)[1][:known]
+        return self.form.camera(self.shared)[1]
 
     @property
     def rms_px(self) -> float:
@@ -204,15 +195,12 @@ def fit(
     """
     seen = _observe(views, image_size, board, form, start)
     if start is not None and len(start.R) == len(views):
-        starts = [(start.K, start.dist, start.R, start.t)]
+        starts = [(start.lens, start.R, start.t)]
     else:
-        starts = _flat_starts(views, image_size, board)
-    found = []
-    for K, dist, R, t in starts:
-        value = dict(zip(lens_model.NAMES, dist, strict=False))
-        shared = np.zeros(len(seen.prior))
-        shared[: len(form.names)] = K[0, 0], K[1, 1], K[0, 2], K[1, 2], *(value.get(n, 0.0) for n in MODELS[form.model])
-        made = _at(form, seen, shared, R, t)
+        starts = list(_flat_starts(views, image_size, board))
+    found, k = [], len(form.names)
+    for lens, R, t in starts:
+        made = _at(form, seen, np.pad(lens[:k], (0, len(seen.prior) - k)), R, t)
         if made is not None and ((made := _settle(made)).shared[:2] > 0).all():
             found.append(made)
     if not found:
@@ -225,31 +213,23 @@ def matched(tags: Sequence[Tag], board: Board) -> tuple[np.ndarray, np.ndarray]:
     return board.points(t.id for t in tags), np.array([t.center for t in tags]).reshape(-1, 2)
 
 
-Start = tuple[np.ndarray, tuple[float, ...], np.ndarray, np.ndarray]
-"""K, distortion, R (v, 3, 3), t (v, 3)."""
-
-
-def _flat_starts(views: Sequence[Sighting], image_size: tuple[int, int], board: Board) -> list[Start]:
-    """The flat board by OpenCV: Zhang's closed form, and steps from there, for each lens model."""
+def _flat_starts(views: Sequence[Sighting], image_size: tuple[int, int], board: Board) -> Iterator[tuple]:
+    """Yield `Fit.lens`, R (v, 3, 3), t (v, 3) of a flat board by cv2.calibrateCamera."""
     both = [matched(v.tags, board.flat()) for v in views]
     points, pixels = ([one.astype(np.float32) for one in side] for side in zip(*both, strict=True))
-    found, why = [], "none"
-    for flags in FLAT_STARTS.values():
-        try:
-            with one_thread():
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)  # on several it adds up in any order, and no two fits end in the same bits
+    try:
+        for flags in FLAT_STARTS:
+            with contextlib.suppress(cv2.error):
                 _, K, dist, turns, shifts = cv2.calibrateCamera(
-                    points, pixels, image_size, None, None, flags=flags, criteria=CRITERIA
+                    points, pixels, image_size, None, None, flags=flags, criteria=(cv2.TERM_CRITERIA_COUNT, 30, 0)
                 )
-        except cv2.error as error:
-            why = error.err or why
-            continue
-        why = f"fx, fy = {K[0, 0]:.4g}, {K[1, 1]:.4g}"
-        if np.isfinite(K).all() and np.isfinite(dist).all() and K[0, 0] > 0 and K[1, 1] > 0:
-            R = np.array([cv2.Rodrigues(turn)[0] for turn in turns])
-            found.append((K, tuple(dist.ravel()[:5].tolist()), R, np.array([s.ravel() for s in shifts])))
-    if not found:
-        raise InputError("views", "photos from which a camera follows", why)
-    return found
+                if np.isfinite(K).all() and np.isfinite(dist).all() and K[0, 0] > 0 and K[1, 1] > 0:
+                    lens = np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *dist.ravel()[:5]])
+                    yield lens, np.array([cv2.Rodrigues(turn)[0] for turn in turns]), np.reshape(shifts, (-1, 3))
+    finally:
+        cv2.setNumThreads(threads)
 
 
 def _observe(

@@ -20,7 +20,7 @@ After mrcal's projection uncertainty (Kogan, mrcal.secretsauce.net/uncertainty.h
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -56,22 +56,17 @@ class FitUncertainty:
     errors: np.ndarray
 
 
-def fit_uncertainty(found: Fit) -> FitUncertainty:
-    """Return the uncertainty of a fit."""
+def fit_uncertainty(found: Fit, gap: np.ndarray | None = None) -> FitUncertainty:
+    """Return the uncertainty of a fit; `gap` (k, k), the spread between models of the first k numbers, adds to it."""
     moves, errors = leave_one_out(found)
     s2 = max(found.variance, 1e-300)
     alike = s2 * found.inverse
     variance, jackknife = np.diag(alike), (1 - 1 / len(moves)) * (moves**2).sum(axis=0)
     wider = np.maximum(jackknife / np.where(variance > 0, variance, np.inf), 1)
     covariance = alike * np.sqrt(np.outer(wider, wider))
+    if gap is not None:
+        covariance[: len(gap), : len(gap)] += gap
     return FitUncertainty(covariance, math.sqrt(s2 * wider[:4].mean()), moves, errors)
-
-
-def with_model_gap(known: FitUncertainty, gap: np.ndarray) -> FitUncertainty:
-    """Add the spread between models, (k, k) of the first shared parameters, to the covariance."""
-    covariance = known.covariance.copy()
-    covariance[: len(gap), : len(gap)] += gap
-    return replace(known, covariance=covariance)
 
 
 def with_poses(found: Fit, known: FitUncertainty) -> np.ndarray:
