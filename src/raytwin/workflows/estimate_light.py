@@ -15,7 +15,7 @@ from raytwin.calib.boards.board import PAPER, draw_board
 from raytwin.calib.lighting import light_models as models
 from raytwin.calib.lighting.board_plane import Sheet
 from raytwin.calib.lighting.linear_photo import LinearPhoto, read_linear, value_of_one
-from raytwin.calib.lighting.mirror_ball import Ball, check_mirror, find_ball, given_ball, sun_of
+from raytwin.calib.lighting.mirror_ball import Ball, check_mirror, find_ball, given_ball, sun_of, sun_spot, views_of
 from raytwin.calib.lighting.mirror_map import mirrored
 from raytwin.calib.lighting.stand_shadow import LOWEST, THIN, find_shadow
 from raytwin.errors import InputError
@@ -25,10 +25,6 @@ from raytwin.scene.scene import NO_SUN
 
 POSE_PX = 3.0
 """A pose that leaves its tags this far off, as a root mean square, is that of another camera."""
-
-DOUBTFUL, UNEXPLAINED = 0.2, 0.5
-"""Share of a matt sphere's light by which even the best model is off held-out pixels: a warning says so; it is no light
-at all."""
 
 APART = 4.0
 """Directions to the sun that differ by so many of their joint standard deviations contradict each other."""
@@ -124,28 +120,22 @@ def _estimated(start: LightEstimate, progress: Progress) -> LightEstimate:
         elif shadow.width > THIN * shadow.height:
             said.append(f"--stand: not used: wider than {THIN:g} of its height, as no pin or pen is")
             shadow = None
+    views = views_of(linear, start.board) if start.given else []
     for k, given in enumerate(start.given):
         progress("balls", k, len(start.given))
         try:
-            ball = find_ball(linear, start.board, given)
+            ball = find_ball(views, given)
         except np.linalg.LinAlgError:
             raise InputError(given.name, "a ball whose place the photos determine", "one they do not") from None
-        reflectance = check_mirror(linear, start.board, start.paper, ball, given)
-        mirrors.append(models.MirrorBall(ball, mirrored(linear, ball, reflectance), reflectance, sun_of(linear, ball)))
+        reflectance, suns = check_mirror(views, start.paper, ball, given), [sun_spot(photo, ball) for photo in linear]
+        pixels, sun = mirrored(linear, ball, reflectance, suns), sun_of(linear, ball, suns)
+        mirrors.append(models.MirrorBall(ball, pixels, reflectance, suns, sun))
     progress("balls", len(start.given), len(start.given))
     if not (shadow or mirrors):
         wanted = "--ball x,y,z,r (a mirror ball) or --stand x,y,h (an upright), in metres or as 60mm"
         raise InputError("light", wanted, said[-1] if start.stand else "neither")
     evidence = models.Evidence(start.paper, shadow, mirrors)
-    light, trials, number = models.choose(evidence, len(linear))
-    error = trials[number].error
-    if error > UNEXPLAINED:
-        raise InputError(
-            "photos", "a mirror ball or an upright that sun and sky explain",
-            f"a matt sphere {100 * error:.0f} % off what held-out pixels show under the best light",
-        )  # fmt: skip
-    if error > DOUBTFUL:
-        said.append(f"a matt sphere is {100 * error:.0f} % off what held-out pixels show: it may not look real")
+    light, trials, number = models.choose(evidence)
     said += _contradictions(evidence.suns)
     found = replace(start, evidence=evidence, light=light, trials=trials, taken=number, warnings=said)
     return replace(found, drawn=_drawn(found, light))
