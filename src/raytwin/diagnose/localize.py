@@ -49,6 +49,19 @@ def points_of_misses(samples: Sequence[PixelSample]) -> str:
     return f"as ({', '.join(f'{x:.4g}' for x in s.shown[missed][0])})"
 
 
+SIDES = {
+    "first row": np.s_[0, :], "last row": np.s_[-1, :], "first column": np.s_[:, 0], "last column": np.s_[:, -1],
+}  # fmt: skip
+
+
+def border_alone(samples: Sequence[PixelSample]) -> str:
+    """`the last row and the last column`, where they are wrong and nothing within the border is; else empty."""
+    spoilt = [s.frame for s in samples if s.wrong.any()]
+    if any(frame.step > 1 or frame.wrong[1:-1, 1:-1].any() for frame in spoilt):
+        return ""
+    return _listed([f"the {side}" for side, at in SIDES.items() if any(f.wrong[at].mean() > 0.5 for f in spoilt)])
+
+
 def _regions(scene: Scene, seen: Seen) -> tuple[Array, Array]:
     """For each pixel the index of its row in KINDS and in LIGHTS."""
     spheres = np.array([isinstance(x, Sphere) for x in scene.objects] + [False])
