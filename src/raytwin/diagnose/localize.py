@@ -1,6 +1,7 @@
 """Where pictures are wrong, in words: on which objects, lit or in shadow, at outlines or inside, in which scenes."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -49,7 +50,7 @@ def points_of_misses(samples: Sequence[PixelSample]) -> str:
     return f"as ({', '.join(f'{x:.4g}' for x in s.shown[missed][0])})"
 
 
-SIDES = {
+SIDES: dict[str, Any] = {
     "first row": np.s_[0, :], "last row": np.s_[-1, :], "first column": np.s_[:, 0], "last column": np.s_[:, -1],
 }  # fmt: skip
 
@@ -94,8 +95,8 @@ def _said(table: Array) -> str:
 def _region(kind: int, wrong: Array, there: Array) -> str:
     if kind == 2:
         return "in the background"
-    which = [] if (wrong == there).all() and there.sum() > 1 else np.flatnonzero(wrong)
-    return f"{' or '.join(LIGHTS[k] for k in which)} on {KINDS[kind]}".strip()
+    lights = [] if (wrong == there).all() and there.sum() > 1 else [LIGHTS[k] for k in np.flatnonzero(wrong)]
+    return f"{' or '.join(lights)} on {KINDS[kind]}".strip()
 
 
 def _wrong_spheres(s: PixelSample, scene: Scene, seen: Seen, bad: Array) -> list[str]:
