@@ -326,6 +326,19 @@ def test_pixels_that_are_wrong_by_chance_are_speckled_and_regions_are_not(share)
     assert mixed(disc | (rng.random(disc.shape) < 0.05)) > SPECKLED
 
 
+def test_a_row_and_a_column_that_are_left_out_are_named_and_no_others():
+    made = []
+    for inner in (0, 1):
+        pictures = [planted(RIGHT, scene) for scene in SCENES[:2]]
+        for picture in pictures:
+            picture[-1], picture[:, -1] = 0, 0
+            picture[-1 - inner, :30] = 0
+        made.append(diagnose(views(pictures)))
+    assert names(made[0]) == ["border-alone"]
+    assert made[0].sentences[0].startswith("the last row and the last column of the image are wrong")
+    assert names(made[1]) != ["border-alone"]
+
+
 def test_acne_that_darkens_most_of_a_table_is_named_and_nothing_is_searched(monkeypatch):
     """Points in single precision, tested for shadows at t > 0: nearly all of the table, and half of the spheres."""
     monkeypatch.delattr("raytwin.diagnose.diagnosis.Search")

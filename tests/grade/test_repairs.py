@@ -89,6 +89,14 @@ def test_a_repair_that_helps_nothing_else_is_likely():
         assert _with_hint(unnamed, Repair("", 7, "the sign is wrong", "-a", "a", sure=sure), 2, "").sureness == said
 
 
+@pytest.mark.parametrize(("fault", "said"), [("shadow-offset", "likely"), ("nothing-met", "proved")])
+def test_beside_a_likely_cause_of_pictures_that_says_why_the_line_comes_first_and_neither_is_proved(fault, said):
+    likely = msgspec.structs.replace(wrong_image(fault), sureness="likely")
+    made = _with_hint(likely, Repair("", 7, "a square is missing", "a", "a**2"), 2, "")
+    assert "line 7" in made.sentences[0]
+    assert made.sureness == said
+
+
 @pytest.mark.parametrize(("runs_it", "answers", "helps"), [
     (True, [None, "right"], True), (True, [None, "wrong"], False), (False, [None, None], True),
 ])  # fmt: skip

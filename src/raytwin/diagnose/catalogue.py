@@ -21,7 +21,7 @@ ACNE = row("acne", SHADOW,
     (), slip("sun_visible", ("return visible", "return visible & False")))  # fmt: skip
 """Acne darkens points at random: it is recognised by fully lit and fully dark pixels, in a mixture."""
 
-FACTS = frozenset({"nothing-met", "empty", "no-spheres", "no-planes"})
+FACTS = frozenset({"nothing-met", "empty", "no-spheres", "no-planes", "border-alone"})
 """Faults that say what a picture lacks, and not why: most mistakes of a part look like that. What would cause the same
 is not reported beside them, and a line of the text is looked for even where one of them is proved."""
 

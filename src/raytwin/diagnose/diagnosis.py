@@ -17,7 +17,7 @@ from raytwin.diagnose.distances import depth_cause
 from raytwin.diagnose.evidence import NOTHING_LEFT, are_alike, fit_of, is_firm, is_likelier
 from raytwin.diagnose.explanation import Cause, Certainty, Explanation
 from raytwin.diagnose.light_decomposition import split
-from raytwin.diagnose.localize import points_of_misses, whereabouts
+from raytwin.diagnose.localize import border_alone, points_of_misses, whereabouts
 from raytwin.diagnose.noisy_values import noisy_cause
 from raytwin.diagnose.parametric_faults import FAMILIES, ParametricFault, radii_of
 from raytwin.diagnose.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, mixed, sample_pixels
@@ -145,6 +145,9 @@ def diagnose(
     if words := points_of_misses(samples):
         text = f"rays that meet nothing have points, too ({words}): NaN is wanted there"
         return Explanation("proved", (Cause("points-of-misses", ORDER, text),), (text,), where, 1.0)
+    if words := border_alone(samples):
+        text = f"{words} of the image are wrong, and nothing else: show all rows and columns, none is left out"
+        return Explanation("likely", (Cause("border-alone", OUTPUT, text),), (text,), explained=1.0)
     samples = [s for s in samples if s.weight.size]
     if (share := _acne(samples)) > 0:
         cause = Cause(ACNE.name, ACNE.stage, ACNE.sentence)

@@ -1,6 +1,7 @@
 """Where pictures are wrong, in words: on which objects, lit or in shadow, at outlines or inside, in which scenes."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -49,6 +50,19 @@ def points_of_misses(samples: Sequence[PixelSample]) -> str:
     return f"as ({', '.join(f'{x:.4g}' for x in s.shown[missed][0])})"
 
 
+SIDES: dict[str, Any] = {
+    "first row": np.s_[0, :], "last row": np.s_[-1, :], "first column": np.s_[:, 0], "last column": np.s_[:, -1],
+}  # fmt: skip
+
+
+def border_alone(samples: Sequence[PixelSample]) -> str:
+    """`the last row and the last column`, where they are wrong and nothing within the border is; else empty."""
+    spoilt = [s.frame for s in samples if s.wrong.any()]
+    if any(frame.step > 1 or frame.wrong[1:-1, 1:-1].any() for frame in spoilt):
+        return ""
+    return _listed([f"the {side}" for side, at in SIDES.items() if any(f.wrong[at].mean() > 0.5 for f in spoilt)])
+
+
 def _regions(scene: Scene, seen: Seen) -> tuple[Array, Array]:
     """For each pixel the index of its row in KINDS and in LIGHTS."""
     spheres = np.arange(len(scene.objects) + 1) < len(scene.spheres)
@@ -81,8 +95,8 @@ def _said(table: Array) -> str:
 def _region(kind: int, wrong: Array, there: Array) -> str:
     if kind == 2:
         return "in the background"
-    which = [] if (wrong == there).all() and there.sum() > 1 else np.flatnonzero(wrong)
-    return f"{' or '.join(LIGHTS[k] for k in which)} on {KINDS[kind]}".strip()
+    lights = [] if (wrong == there).all() and there.sum() > 1 else [LIGHTS[k] for k in np.flatnonzero(wrong)]
+    return f"{' or '.join(lights)} on {KINDS[kind]}".strip()
 
 
 def _wrong_spheres(s: PixelSample, scene: Scene, seen: Seen, bad: Array) -> list[str]:

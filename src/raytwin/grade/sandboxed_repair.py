@@ -24,6 +24,7 @@ from raytwin.contract.stage import Case, Stage
 from raytwin.contract.stage_result import says_why, with_hint
 from raytwin.contract.stage_table import LESSONS
 from raytwin.diagnose import attempt
+from raytwin.diagnose.catalogue import FACTS
 from raytwin.diagnose.edit import Edit
 from raytwin.diagnose.repair import (
     SECONDS_A_TRY,
@@ -247,7 +248,11 @@ def _with_hint(exercise: Marked, repair: Repair | None, level: int, found: str) 
         return exercise
     raised = exercise.status == "error"
     sentences = with_hint(exercise.sentences, repair.hint(level), exercise.sureness, exercise.faults, raised)
-    sureness = "proved" if repair.sure or _is_proved(exercise) else "likely"
+    # A likely cause of pictures, which saw no text, may say something else than the line: then neither is proved.
+    other = (
+        exercise.stage in PICTURES and exercise.sureness == "likely" and any(n not in FACTS for n, _ in exercise.faults)
+    )
+    sureness = "proved" if _is_proved(exercise) or (repair.sure and not other) else "likely"
     return msgspec.structs.replace(exercise, sentences=sentences, sureness=sureness, repair=kind_of(repair.operator))
 
 
