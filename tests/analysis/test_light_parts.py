@@ -11,7 +11,7 @@ from raytwin import files, speed, twin
 from raytwin.analysis import light_parts
 from raytwin.analysis.light_parts import WholeLight, sampled_parts
 from raytwin.diagnose.light_decomposition import split
-from raytwin.diagnose.pixel_sample import SubmittedImage, look
+from raytwin.diagnose.pixel_sample import SubmittedImage, sample_pixels
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def test_of_light_that_chance_finds_the_fewest_factors_are_told(scenes, fast, fa
     right = speed.walk(scene, "path", fast, samples=64, seed=7)
     half = 3 * np.sqrt(2 * right.variance)
     found = split(
-        look(
+        sample_pixels(
             SubmittedImage(
                 scene, shown, right.mean, "path", half=half, sampled=sampled_parts(scene, "path", fast, "area")
             )

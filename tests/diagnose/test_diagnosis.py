@@ -10,7 +10,7 @@ from raytwin.diagnose.changes import STAGES
 from raytwin.diagnose.diagnosis import SPECKLED, Cause, diagnose, explain
 from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import whereabouts
-from raytwin.diagnose.pixel_sample import SubmittedImage, look, mixed
+from raytwin.diagnose.pixel_sample import SubmittedImage, mixed, sample_pixels
 from raytwin.diagnose.predict import RIGHT, predictor
 from raytwin.diagnose.search import Hypothesis, ranked
 from raytwin.files.rounding import half_code
@@ -140,10 +140,10 @@ def test_points_that_are_composed_say_nothing_of_the_order_and_the_eye(composed,
     """There both are ours: correct points speak against such a mistake in the submission's own functions alone."""
     camera = SCENES[1].camera
     right = predictor(changed(SCENES[1], objects=SCENES[1].spheres)).points()
-    sight = look(
+    sample = sample_pixels(
         SubmittedImage(SCENES[1], right.reshape(camera.height, camera.width, 3), points=True, composed=composed)
     )
-    cost = sight.squared(sight.predict(fault(name).ways[0]))
+    cost = sample.squared(sample.predict(fault(name).ways[0]))
     assert (cost == 0) == composed
 
 
@@ -167,10 +167,10 @@ def test_a_second_fault_that_few_pixels_show_makes_the_first_unsure_and_it_is_to
 
 
 def test_of_few_wrong_pixels_it_is_said_where_they_are():
-    sight = look(SubmittedImage(SCENES[0], trace(SCENES[0]).mean)).everywhere(10_000)
-    errors = np.where(np.arange(sight.index.size) == 2400, 1.0, 0.0)
-    sight.weight *= 1e-3
-    assert whereabouts([sight], [errors]).startswith("wrong in single pixels (0.021 %), most ")
+    sample = sample_pixels(SubmittedImage(SCENES[0], trace(SCENES[0]).mean)).everywhere(10_000)
+    errors = np.where(np.arange(sample.index.size) == 2400, 1.0, 0.0)
+    sample.weight *= 1e-3
+    assert whereabouts([sample], [errors]).startswith("wrong in single pixels (0.021 %), most ")
 
 
 def test_no_sphere_at_all_is_told_beside_the_factor_that_does_the_same():
@@ -285,7 +285,7 @@ def test_of_an_unknown_scene_an_error_without_such_a_cause_gets_no_words():
 
 def test_parts_of_the_light_are_fitted_although_the_sky_hides_them_in_the_whole():
     scene = SCENES[1]
-    found = split(look(SubmittedImage(scene, planted(fault("pi-missing").ways[0], scene))))
+    found = split(sample_pixels(SubmittedImage(scene, planted(fault("pi-missing").ways[0], scene))))
     assert found.words == "the sun's part is 3.142 = π times too bright"
     assert {share.part: round(share.factor, 3) for share in found.shares} == {"sun": 3.142}
 
@@ -295,7 +295,7 @@ def test_parts_of_the_light_are_fitted_by_object():
     right = planted(RIGHT, scene)
     one = predictor(scene).seen().ids.reshape(right.shape[:2]) == 1
     right[one] *= 0.5
-    found = split(look(SubmittedImage(scene, right)))
+    found = split(sample_pixels(SubmittedImage(scene, right)))
     assert found.explained > 0.999
     assert f"the sun's part is too dark by a factor of 2 on {scene.names[1]}" in found.words
     assert f"the sky's part is too dark by a factor of 2 on {scene.names[1]}" in found.words
@@ -305,13 +305,13 @@ def test_parts_of_the_light_are_fitted_by_object():
 def test_sampled_parts_are_fitted_without_their_noise():
     """Noise of the parts' own size would pull a plain fit's factor to 1/2; seeded, within 4 standard errors."""
     scene = SCENES[1]
-    sight = look(SubmittedImage(scene, planted(RIGHT, scene)))
+    sample = sample_pixels(SubmittedImage(scene, planted(RIGHT, scene)))
     rng = np.random.default_rng(4)
-    bounce = rng.uniform(0, 0.2, sight.view.shown.shape)
+    bounce = rng.uniform(0, 0.2, sample.view.shown.shape)
     seen = predictor(scene).seen().ids.reshape(bounce.shape[:2]) >= 0
-    shown = sight.view.shown + np.where(seen[..., None], 0.3 * bounce, 0)
+    shown = sample.view.shown + np.where(seen[..., None], 0.3 * bounce, 0)
     halves = tuple(bounce + rng.normal(0, 0.06, bounce.shape) for _ in range(2))
-    found = split(look(SubmittedImage(scene, shown, sight.view.right)), {"bounce 1": halves})
+    found = split(sample_pixels(SubmittedImage(scene, shown, sample.view.right)), {"bounce 1": halves})
     shares = [share for share in found.shares if share.part == "bounce 1"]
     assert shares
     assert all(abs(share.factor - 0.3) < 4 * share.error < 0.15 for share in shares)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from raytwin.diagnose.draw_scene import draw_scene
-from raytwin.diagnose.pixel_sample import SubmittedImage, look
+from raytwin.diagnose.pixel_sample import SubmittedImage, sample_pixels
 from raytwin.diagnose.predict import RIGHT, predictor, slip, text_of
 from raytwin.diagnose.textbook import FUNCTIONS
 
@@ -34,6 +34,6 @@ def test_slips_in_one_function_add_up_and_those_that_exclude_one_another_are_ref
 def test_slips_that_do_not_go_with_another_change_predict_nothing():
     summed = slip("shade", ("albedo * sky", "albedo @ sky[:, None]"))
     by_point = slip("radiance", ("    lit = shade(", "    sky = sky * np.ones((3, 7, 1))\n    lit = shade("))
-    sight = look(SubmittedImage(SCENES[0], np.zeros((44, 60, 3))))
-    assert np.isnan(sight.predict((*by_point, *summed))).all()
-    assert np.isfinite(sight.predict(summed)).all()
+    sample = sample_pixels(SubmittedImage(SCENES[0], np.zeros((44, 60, 3))))
+    assert np.isnan(sample.predict((*by_point, *summed))).all()
+    assert np.isfinite(sample.predict(summed)).all()

@@ -12,7 +12,7 @@ from raytwin.diagnose.changes import moved
 from raytwin.diagnose.diagnosis import diagnose, explain
 from raytwin.diagnose.evidence import is_likelier, shows
 from raytwin.diagnose.parametric_faults import FAMILIES, bright
-from raytwin.diagnose.pixel_sample import PixelSample, SubmittedImage, look
+from raytwin.diagnose.pixel_sample import PixelSample, SubmittedImage, sample_pixels
 from raytwin.diagnose.predict import RIGHT, planted, predictor
 from raytwin.image import Image
 from raytwin.scene import Scene, Sphere
@@ -93,7 +93,7 @@ def test_a_cause_under_noise_has_to_bring_the_noisy_pixels_nearer():
     left, right = (moved(x, 0) for x in (-3, 3))
     exact, made = (planted(scene, way) for way in (RIGHT, left))
     noise = np.random.default_rng(0).normal(0, 0.3, made.shape)
-    samples = [look(SubmittedImage(scene, made + noise, exact, half=np.full(made.shape, 0.9)))]
+    samples = [sample_pixels(SubmittedImage(scene, made + noise, exact, half=np.full(made.shape, 0.9)))]
     assert is_likelier(samples, left)
     assert not is_likelier(samples, right)
     assert not is_likelier(samples, RIGHT)
@@ -106,7 +106,7 @@ def test_numbers_whose_effect_is_below_the_tolerance_are_never_named(start):
     near = [family.make(tuple(x + 3e-9 for x in family.start)) for family in some]
     predict = predictor(scene).picture
     shown = predict() + sum(predict(one) - predict() for one in near)
-    samples = [look(SubmittedImage(scene, (1.3 * shown).reshape(60, 80, 3)))]
+    samples = [sample_pixels(SubmittedImage(scene, (1.3 * shown).reshape(60, 80, 3)))]
     assert not any(shows(samples, one) for one in near)
     shown[np.random.default_rng(1).choice(4800, 12, replace=False)] += 0.05
     said = explain(Image(shown.reshape(60, 80, 3).astype(np.float32)), trace(scene), scene)
@@ -176,7 +176,7 @@ def test_the_same_words_are_said_whatever_the_clock_says_and_a_search_has_an_end
     """A clock that stands still, and one that goes by 5 ms each time it is asked, as on a busy machine."""
     right = trace(SCENES["overlap"]).mean
     predictions, predict = itertools.count(), PixelSample.predict
-    monkeypatch.setattr(PixelSample, "predict", lambda sight, steps: (next(predictions), predict(sight, steps))[1])
+    monkeypatch.setattr(PixelSample, "predict", lambda sample, steps: (next(predictions), predict(sample, steps))[1])
     said = []
     for clock in (itertools.repeat(0.0), itertools.count(step=0.005)):
         monkeypatch.setattr("raytwin.diagnose.search.time.monotonic", clock.__next__)
@@ -199,6 +199,6 @@ def test_in_a_scene_of_many_objects_fewer_pixels_are_looked_at(monkeypatch):
     balls = tuple(msgspec.structs.replace(ball, center=(0.01 * k, 5.0, 0.1)) for k in range(1200))
     scene = changed(small("overlap", (32, 24)), objects=(*SCENES["overlap"].objects, *balls))
     right = np.broadcast_to(np.arange(32 * 24 * 3, dtype=np.float32).reshape(24, 32, 3), (24, 32, 3))
-    sight = look(SubmittedImage(scene, 2 * right, right))
-    assert sight.index.size * len(scene.objects) < 8e5
-    assert sight.weight.sum() == pytest.approx(1)
+    sample = sample_pixels(SubmittedImage(scene, 2 * right, right))
+    assert sample.index.size * len(scene.objects) < 8e5
+    assert sample.weight.sum() == pytest.approx(1)

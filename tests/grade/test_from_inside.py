@@ -43,8 +43,9 @@ PI = "albedo / np.pi *", "albedo *"
     ],
     ids=["correct", "left out", "left out, on the surface", "gamma", "left out, without pi"],
 )
-def test_each_mistake_is_paid_for_where_it_shows(tmp_path, text, points, cause):
-    (tmp_path / "r.toml").write_text(RUBRIC)
+@pytest.mark.parametrize("hints", [0, 2])
+def test_each_mistake_is_paid_for_where_it_shows(tmp_path, text, points, cause, hints):
+    (tmp_path / "r.toml").write_text(RUBRIC.replace("hints = 0", f"hints = {hints}"))
     (tmp_path / "a.py").write_text(text)
     (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
     assert [pytest.approx(e.points, abs=2) for e in result.exercises] == points

@@ -68,6 +68,7 @@ def test_what_is_not_visible_is_not_handed_out_nor_the_graders_own_fault():
         Result("s", "k", "t", (), problem="KeyError: 17", grader_fault=True), RUBRIC, True
     )
     assert "not your doing" in fault.problem
+    assert "No exercise is shown yet." in student_page(Result("s", "k", "t", (hidden,)), RUBRIC, True)
 
 
 def test_one_mistake_in_two_exercises_is_one_to_mend_and_has_a_sign_of_its_own(graded):

@@ -9,11 +9,12 @@ drawn up beside them, and first looked at when the rules were finished.
 
 import math
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from measure import record
-from measure.noise_models import picture, times
+from measure.noise_models import FILTERS, picture, times
 from measure.sequences import HEIGHT, MOST, NOISES, WIDTH, Noise, Samples, chosen, gaussian, interval
 from scipy.ndimage import convolve1d
 
@@ -93,12 +94,29 @@ def two_points(p: float) -> Kind:
     return factors(lambda rng, size: (rng.random(size, np.float32) < p) / p)
 
 
+FILTERED = {
+    "tent filter": "tent",
+    "Mitsuba's default film": "Mitsuba's Gaussian",
+    "Gaussian filter, 1 pixel": "Gaussian, 1 pixel",
+}
+
+
+def blurred(name: str, truth: np.ndarray) -> np.ndarray:
+    """The mean of `measure.sequences.filtered`."""
+    radius, weight = FILTERS[FILTERED[name]]
+    kernel = weight(np.arange(-math.ceil(radius), math.ceil(radius) + 1) * 1.0)
+    for axis in (0, 1):
+        truth = convolve1d(truth, kernel / kernel.sum(), axis=axis, mode="mirror")
+    return truth
+
+
 SHAPING: dict[str, Kind] = {
     **{
         name: Kind(noise)
         for name, (noise, truth) in NOISES.items()
         if truth.shape == SMALL.shape and "log-normal" not in name
     },
+    **{name: Kind(NOISES[name][0], partial(blurred, name)) for name in FILTERED},
     "many fireflies": Kind(NOISES["many fireflies"][0], lambda truth: truth + np.float32(0.03)),
     "few fireflies": Kind(NOISES["few fireflies"][0], lambda truth: truth + np.float32(0.01)),
     "rare events": Kind(NOISES["rare events"][0], lambda truth: truth * np.float32(1.1)),

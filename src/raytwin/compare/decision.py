@@ -44,8 +44,10 @@ from raytwin.compare.blocks import SIDE, Blocks, Means, Pixels, block_counts, bl
 from raytwin.compare.exact import NoiseFree
 from raytwin.compare.finding import MOST_PLACES, Place, blocks_of
 from raytwin.compare.noise import (
+    TINY,
     block_means,
     degrees_of_freedom,
+    fireflies,
     inflation,
     larger_variance,
     regularised,
@@ -72,6 +74,12 @@ POWER = 0.9
 
 SILENT = 0.1
 """Standard deviations below this share of the tolerance count as no noise."""
+
+MOSTLY_FIREFLIES = 0.6
+"""Fireflies are left out of sums where they carry this share of the variance.
+
+Else most events may be too close together to be recognised: tiles that hold few would lose more than is granted.
+"""
 
 DIM = 0.1
 """Channels dimmer than this share of the channels' mean are left out of the detectable relative bias."""
@@ -184,17 +192,21 @@ def decide(
     found = [_block_sums(pair, strip) for strip in strips]
     grids = {key: np.concatenate([sums[key] for sums in found]) for key in found[0]}
     grids |= rare_events(grids, pair.ratio, pair.scales, share)
+    without = _without_fireflies(pair, strips, share)
     for strip in strips:
         noise_free = _exact_values(noise_free, strip)
         if by_value:
             values, failed = _noisy_values(values, strip, grids, pair.dof, pair.lacking)
             failed_pixels += failed
     blocks = ((grids["va"] + grids["vb"]) / grids["n"]).astype(np.float32)
-    estimator = Estimator(
-        grids, bound, pair.unseen, pair.lacking, pair.ratio, pair.scales, inflation(test.mean, reference.mean, blocks)
-    )
-    tile, image = (family(estimator, share, test.shape[:2]) for family in (_tiles, _image))
-    return Decision(values, tile, image, noise_free, failed_pixels, estimator.inflation)
+    shared = inflation(test.mean, reference.mean, blocks)
+    estimators = [
+        Estimator(sums, bound, pair.unseen, pair.lacking, pair.ratio, pair.scales, shared)
+        for sums in (grids, without)
+        if sums is not None
+    ]
+    tile, image = (family(estimators, share, test.shape[:2]) for family in (_tiles, _image))
+    return Decision(values, tile, image, noise_free, failed_pixels, shared)
 
 
 NoisyImage = tuple[Image, Blocks | None, float]
@@ -291,6 +303,9 @@ def _pair_of(test: Image, reference: Image, bound: Bound, share: float, rounding
 BRIGHTEST = 600.0
 """Times the light: events that are brighter are not thought of."""
 
+FEWEST_TOLD = 3
+"""Samples or renders: two batches are those of a variance that was estimated, of however many samples."""
+
 ENOUGH_SAMPLES = 80_000
 """Samples of the whole image: of events that are no rarer than one in 10 000 they have met some, but for exp(-8)."""
 
@@ -309,8 +324,10 @@ def lacking_light(test: Image, reference: Image, share: float) -> Lacking:
     if (test.variance is None) == (reference.variance is None):
         return 0.0, 0.0
     noisy = reference if test.variance is None else test
-    samples = math.prod(noisy.shape[:2]) * max(noisy.samples, noisy.batches or 2)
-    lacking = BRIGHTEST * -math.log(share) / samples if samples < ENOUGH_SAMPLES else 0.0
+    each = noisy.samples if noisy.samples > 1 else noisy.batches or 0
+    samples = math.prod(noisy.shape[:2]) * each
+    told = each >= FEWEST_TOLD
+    lacking = BRIGHTEST * -math.log(share) / samples if told and samples < ENOUGH_SAMPLES else 0.0
     return (0.0, lacking) if test.variance is None else (lacking, 0.0)
 
 
@@ -383,15 +400,15 @@ def _proven(reference: Image, unseen: float) -> Bool[np.ndarray, "h w 1"]:
 WAYS = "dark", "bright"
 
 
-def _block_sums(pair: Pair, strip: Strip) -> Sums:
+def _block_sums(pair: Pair, strip: Strip, out: Bool[np.ndarray, "h w 3"] | None = None) -> Sums:
     """Σ(t - r), Σr, n, Σv of both images, Σv²/ν, Σκ, Σrounding over blocks of 8 x 8: what z of any tile is made from.
 
         z = max(|Σ(t - r)| / n - granted, 0) / (sqrt(Σva + Σvb) / n),  ν = (Σva + Σvb)² / Σ(v²/ν) - 1
 
     κ is the third moment. Where it is not known, it is the covariance of v and t - r: a mean and its own variance share
-    just that. Values without noise are left out.
+    just that. `out`: values that are left out, by default those without noise.
     """
-    out = strip.silent
+    out = strip.silent if out is None else out
     y0, y1, some_out = strip.y0, strip.y0 + len(strip.error), bool(out.any())
     d = np.where(out, np.float32(0), strip.error) if some_out else strip.error
     found: Sums = {"d": block_sums(d, strip.rows), "r": block_sums(strip.radiance, strip.rows)}
@@ -430,8 +447,8 @@ def third_against(s: Sums, scales: Scales) -> tuple[Means, Means]:
     return up_both + other_down, down_both + other_up
 
 
-FEW = 20.0
-"""Events below which a sum may have missed them all."""
+FEW, RARE = 20.0, 60.0
+"""Events that a sum must expect, or else it may have missed them all; events of a block that tell of its neighbours'."""
 
 
 def rare_events(s: Sums, ratio: float | None, scales: Scales, share: float) -> Sums:
@@ -446,7 +463,7 @@ def rare_events(s: Sums, ratio: float | None, scales: Scales, share: float) -> S
     for way, third in zip(WAYS, third_against(s, scales), strict=True):
         with np.errstate(divide="ignore", invalid="ignore"):
             number = np.where(third > 0, v**3 / np.square(third), np.inf)
-            rare = number < FEW
+            rare = number < RARE
             seen = np.where(rare, v * v / third, 0.0), np.where(rare, v, 0.0), np.where(rare, number, 0.0)
         if not rare.any():
             found |= {f"{what} {way}": np.zeros_like(v) for what in ("lent", "spread", "number", "wide")}
@@ -464,6 +481,54 @@ def rare_events(s: Sums, ratio: float | None, scales: Scales, share: float) -> S
             )
             found[f"{what} {way}"] = np.maximum(near, everywhere * bright)
     return found
+
+
+# ------------------------------------------------------------------------------------------------ without fireflies
+
+
+def _without_fireflies(pair: Pair, strips: list[Strip], share: float) -> Sums | None:
+    """The sums over the values that are no firefly of either image, if fireflies carry most of the variance; else None.
+
+    What is left is too dark by the fireflies' mean, or too bright if they are dark, which is granted: for k of one size
+    the upper limit of a Poisson mean, (sqrt(k) + c / 2)² + 1, c the Gaussian's quantile; with more light, more.
+    """
+    from scipy.special import ndtri
+
+    carried, total, masks = 0.0, 0.0, []
+    first, second = np.zeros((2, 3)), np.zeros((2, 3))  # of those that are brighter than the other image, and darker
+    for strip in strips:
+        out = strip.silent.copy()
+        for sign, (image, _, _) in zip((1, -1), pair.sides, strict=True):
+            if image.variance is None:
+                continue
+            v = image.variance[strip.y0 : strip.y0 + len(out)]
+            total += float(v.sum(dtype=np.float64))
+            y, x, c = np.nonzero(fireflies(v, strip.rows))
+            out[y, x, c] = True
+            own = v[y, x, c].astype(np.float64)
+            carried += float(own.sum())
+            kind = c + 3 * (sign * strip.error[y, x, c] < 0)
+            # A single event of size S in n samples lifts the mean by S/n and makes its variance (S/n)^2.
+            first += np.bincount(kind, np.sqrt(own), 6).reshape(2, 3)
+            second += np.bincount(kind, own, 6).reshape(2, 3)
+        masks.append(out)
+    if not carried > MOSTLY_FIREFLIES * total:
+        return None
+    found = [_block_sums(pair, strip, out) for strip, out in zip(strips, masks, strict=True)]
+    sums = {key: np.concatenate([part[key] for part in found]) for key in found[0]}
+    c = -float(ndtri(share))
+    size = np.divide(second, first, out=np.zeros((2, 3)), where=first > 0)
+    most = (first + c * np.sqrt(second) + (c * c / 4 + 1) * size) / sums["n"].sum()
+    light = np.maximum(sums["r"].sum(axis=(0, 1)) / sums["n"].sum(), TINY)
+    (bright, dark), more = most, np.maximum(sums["r"] / light, sums["n"])
+    tested, referred = (image.variance is not None for image, _, _ in pair.sides)
+    sums |= {"lent dark": more * (tested * bright + referred * dark)}
+    sums |= {"lent bright": more * (tested * dark + referred * bright)}
+    none = np.zeros_like(sums["d"])
+    return sums | {f"{what} {way}": none for what in ("spread", "number") for way in WAYS}
+
+
+# ------------------------------------------------------------------------------------------------ tiles and the image
 
 
 class Estimator(NamedTuple):
@@ -532,35 +597,44 @@ def _estimate(estimator: Estimator, level: float) -> _Tested:
     )
 
 
+def _more_sensitive(estimators: list[Estimator], level: float) -> _Tested:
+    """For each sum take the more sensitive estimator: with its fireflies, or without them, allowing for their mean."""
+    made = [_estimate(estimator, level) for estimator in estimators]
+    if len(made) == 1:
+        return made[0]
+    least = [t.granted + t.sd * as_skewed(quantile(level, t.dof), t.skewness) for t in made]
+    return _Tested(*(np.where(least[1] < least[0], y, x) for x, y in zip(*made, strict=True)))
+
+
 def _missed(s: Sums, way: str, variance: Means) -> Means:
     """The light of the few events that a sum may have missed: all, unless it shows their variance."""
     spread = s[f"spread {way}"]
-    shown = np.divide(variance, spread, out=np.ones_like(variance), where=spread > 0)
+    shown = np.divide(variance, spread, out=np.zeros_like(variance), where=spread > 0)
     return np.asarray(s[f"lent {way}"] * np.maximum(1 - shown, 0) * (s[f"number {way}"] < FEW))
 
 
-def _tiles(estimator: Estimator, share: float, size: Size) -> Family:
+def _tiles(estimators: list[Estimator], share: float, size: Size) -> Family:
     """Tiles of 8, 16, 32, ... pixels, up to half of the image's longer side; `detectable` is for 24 x 24, anywhere."""
     height, width = size
-    scales = [(SIDE, SIDE, estimator)]
+    scales = [(SIDE, SIDE, estimators)]
     while 4 * scales[-1][0] <= max(height, width):
         side, step, finer = scales[-1]
         apart = side // step
-        coarser = finer._replace(sums={k: slide(x[::apart, ::apart]) for k, x in finer.sums.items()})
+        coarser = [w._replace(sums={k: slide(x[::apart, ::apart]) for k, x in w.sums.items()}) for w in finer]
         scales.append((2 * side, side, coarser))
-    tests = sum(w.sums["d"].size for _, _, w in scales)
+    tests = sum(w[0].sums["d"].size for _, _, w in scales)
     level = sidak(share, tests)
     doubtful = float(quantile(level, math.inf))
     worst, failed, sure, detectable = Worst(width=SIDE, height=SIDE), 0, 0, math.nan
     found: list[Place] = []
     for k, (side, step, here) in enumerate(scales):
-        t = _estimate(here, level)
+        t = _more_sensitive(here, level)
         # Student's tails are wider than the Gaussian's: only what a Gaussian would doubt needs them.
         unsure = t.z >= min(doubtful, float(t.z.max()))
         p = np.ones_like(t.z)
         p[unsure] = two_sided(t.z[unsure], t.dof[unsure])
         failed += int(np.count_nonzero(p < level))
-        sure += int(np.count_nonzero((p < level) & ~excusable(t.error, t.radiance, estimator.lacking)))
+        sure += int(np.count_nonzero((p < level) & ~excusable(t.error, t.radiance, estimators[0].lacking)))
         for y, x in np.argwhere((p < level).any(axis=-1))[: MOST_PLACES - len(found)].tolist():
             place = Place(x * step, y * step, min(side, width - x * step), min(side, height - y * step))
             if not any(_holds(place, finer) for finer in found):
@@ -608,19 +682,21 @@ def _seen_somewhere(t: _Tested, level: float) -> float:
     return math.exp(brentq(lambda x: power(x) - POWER, low, high, xtol=1e-3)) if power(low) < POWER else 0.0
 
 
-def _image(estimator: Estimator, share: float, size: Size) -> Family:
+def _image(estimators: list[Estimator], share: float, size: Size) -> Family:
     """The mean over everything; `detectable`: relative to its mean, in the worst channel that is not DIM."""
     from scipy.special import ndtri
 
     level = sidak(share, 3)
-    t = _estimate(estimator._replace(sums={k: x.sum(axis=(0, 1)) for k, x in estimator.sums.items()}), level)
+    t = _more_sensitive(
+        [w._replace(sums={k: x.sum(axis=(0, 1)) for k, x in w.sums.items()}) for w in estimators], level
+    )
     p = two_sided(t.z, t.dof)
     c = int(t.z.argmax())
     worst = Worst(float(t.z[c]), float(p[c]), 0, 0, size[1], size[0], c, float(t.error[c]))
     least = t.granted + t.sd * (as_skewed(quantile(level, t.dof), t.skewness) + ndtri(POWER))
     lit = t.radiance > DIM * t.radiance.mean()
     failed = p < level
-    sure = int((failed & ~excusable(t.error, t.radiance, estimator.lacking)).sum())
+    sure = int((failed & ~excusable(t.error, t.radiance, estimators[0].lacking)).sum())
     if not lit.any():
         return Family(worst, level, int(failed.sum()), 3, sure=sure)
     detectable, excluded = (float((x / t.radiance)[lit].max()) for x in (least, _excluded(t)))

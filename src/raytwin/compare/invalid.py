@@ -70,7 +70,7 @@ def value_findings(test: Image, reference: Image, least: float, noisy: bool = Tr
 
 
 def _noise_of(image: Image, other: Image) -> Pixels | float:
-    """How far below 0 noise may take a value: as its block or a neighbour scatters, and its variance, if any, allows."""
+    """How far below 0 noise may take a value: as its block or a neighbour scatters, and its variance, if any."""
     from scipy.ndimage import maximum_filter
 
     if image.variance is None and image.samples == 1:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.array_types import Float, Float32, Float64
+from raytwin.array_types import Bool, Float, Float32, Float64
 from raytwin.compare.blocks import (
     SIDE,
     Blocks,
@@ -17,6 +17,9 @@ from raytwin.compare.blocks import (
     unblock,
 )
 from raytwin.image import Image
+
+FIREFLY = 25.0
+"""A firefly's variance over that of its block: five times the standard deviation."""
 
 EVENTS = 8.0
 """A pixel of mean m and variance v is the sum of some m²/v events of one size; of fewer than this it is rare light."""
@@ -65,6 +68,12 @@ def samples_behind(image: Image, side: Blocks | None, least: float) -> int:
     if side is None or not float(side.max()) > least**2:
         return 0
     return image.samples if image.samples > 1 else max(image.batches or 0, 2)
+
+
+def fireflies(v: Pixels, rows: int) -> Bool[np.ndarray, "h w 3"]:
+    """Values of FIREFLY times the variance that is typical of their block, (mean sqrt(v))²: few events made them."""
+    typical = np.square(block_sums(np.sqrt(v), rows) / block_counts(v, rows))
+    return np.asarray(unblock(v, rows) > spread((FIREFLY * typical).astype(np.float32), v.shape[1])).reshape(v.shape)
 
 
 def regularised(

@@ -52,6 +52,11 @@ UNSAMPLED = (
     "least {} samples per pixel"
 )
 
+SCALED = (
+    "undecided: single pixels are off by more than the other image's noise, scaled by the samples, explains, but that says "
+    "nothing of rare events: give a variance or several renders"
+)
+
 MOSTLY_RARE = 0.25
 """Share of an image's light in rare events above which no tile shows how many it missed."""
 
@@ -103,6 +108,10 @@ class RadianceTest:
         sides = ("the test", filled.test), ("the reference", filled.reference)
         unstated = [name for name, image in sides if not states_noise(image)]
         first = filled._by_stated_noise()
+        if filled is not self and any(f.kind == "value" for f in first.findings):
+            # Of rare events in a pixel the other image says nothing.
+            sums = [f for f in first.findings if f.kind != "value"]
+            first = first._replace(findings=sums, doubts=first.doubts if sums else (SCALED,))
         if first.findings and any(hardly_sampled(image) for _, image in sides):
             return first._replace(doubts=(FEW_SAMPLES,))
         claims = [block_means(i.variance) for i in (self.test, self.reference) if i.variance is not None]
@@ -178,7 +187,11 @@ class RadianceTest:
             return outcome._replace(doubts=(RARE.format(100 * max(rare)[0], max(rare)[1]),))
         if much > 0.5 and outcome.findings and self._shares_noise(shown):
             return outcome._replace(doubts=(SHARED,))
-        if a.variance is not None and not outcome.findings and patterned(a.mean, b.mean, block_means(a.variance)):
+        if (
+            a.variance is not None
+            and not outcome.findings
+            and patterned(a.mean, b.mean, block_means(a.variance), made.inflation)
+        ):
             bare = replace(self, test=replace(self.test, variance=None, samples=0, batches=None))._by_stated_noise()
             if bare.findings:
                 return bare._replace(findings=[Finding("tile", PATTERN), *bare.findings])

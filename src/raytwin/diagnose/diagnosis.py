@@ -20,7 +20,7 @@ from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import points_of_misses, whereabouts
 from raytwin.diagnose.noisy_values import noisy_cause
 from raytwin.diagnose.parametric_faults import FAMILIES, ParametricFault, radii_of
-from raytwin.diagnose.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, look, mixed
+from raytwin.diagnose.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, mixed, sample_pixels
 from raytwin.diagnose.predict import RIGHT, Pipeline
 from raytwin.diagnose.premultiplied import alpha_cause
 from raytwin.diagnose.search import STOPPED, Hypothesis, Search, StoppedEarly
@@ -92,7 +92,7 @@ def explain(
         words = alpha_cause(test, reference, rounding, of_reference)
     if words:
         return (Finding("likely", words),)
-    view = view_of(test, reference, scene, rung, rounding, sampled, of_reference)
+    view = _view(test, reference, scene, rung, rounding, of_reference, sampled)
     made = diagnose([view]) if view.scene else diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES)
     exact = made.certainty == "correct" or (made.cause is not None and made.explained > EXACT)
     if not noisy and not exact and (words := curve_cause(view)):
@@ -100,30 +100,24 @@ def explain(
     return made.findings if made.cause or view.scene else ()
 
 
-def view_of(
-    test: Image,
-    reference: Image,
-    scene: Scene | None,
-    rung: str,
-    rounding: Rounding = Rounding(),  # noqa: B008 (frozen)
-    sampled: Sampled | None = None,
-    of_reference: Rounding = Rounding(),  # noqa: B008 (frozen)
-) -> SubmittedImage:
-    """Return what `diagnose` looks at: noise is slack, and a scene that no fault can be predicted in is unknown."""
-    shown = test.mean
+def _view(
+    test: Image, reference: Image, scene: Scene | None, rung: str, rounding: Rounding, of_reference: Rounding,
+    sampled: Sampled | None,
+) -> SubmittedImage:  # fmt: skip
+    """What `diagnose` takes: noise is slack, and a scene that no fault can be predicted in is unknown."""
+    shown, right = test.mean, reference.mean
     slack = np.zeros(shown.shape) if rounding.half is None else rounding.half.astype(float)
     variances = [image.variance for image in (test, reference) if image.variance is not None]
     if variances:
         slack = slack + 3 * np.sqrt(np.maximum(np.sum(variances, axis=0, dtype=float), 0))
-    # Faults are predicted under a constant sky, without highlights.
-    fits = scene and shown.shape == (scene.camera.height, scene.camera.width, 3)
-    known = scene and fits and RUNGS[rung].lit and scene.objects and not (scene.glossy or scene.environment)
-    right: np.ndarray = reference.mean
     bounds: tuple[np.ndarray, ...] = ()
     if of_reference.half is not None:
         above = np.where(of_reference.clipped & (right >= 1), BRIGHT, right + of_reference.half)
         bounds = right - of_reference.half, above
     clipped = rounding.clipped or of_reference.clipped
+    fits = scene and shown.shape == (scene.camera.height, scene.camera.width, 3)
+    # Faults are predicted under a constant sky, without highlights.
+    known = scene and fits and RUNGS[rung].lit and scene.objects and not (scene.glossy or scene.environment)
     return SubmittedImage(
         scene if known else None, shown, right, rung, half=slack, clipped=clipped, sampled=sampled, bounds=bounds
     )
@@ -139,7 +133,7 @@ def diagnose(
 
     Give the views that are correct too: a fault that would have spoiled them is none.
     """
-    samples = [look(view, seed) for view in views]
+    samples = [sample_pixels(view, seed) for view in views]
     where = whereabouts(samples, [s.errors(RIGHT) for s in samples])
     count = sum(int(s.wrong.sum()) for s in samples)
     if count == 0:
@@ -273,7 +267,7 @@ def left_over(samples: Sequence[PixelSample], steps: Pipeline) -> tuple[int, str
     return count, whereabouts(samples, errors).split("; ")[0] if count else ""
 
 
-def _most(sight: PixelSample) -> int:
+def _most(sample: PixelSample) -> int:
     """Pixels that are looked at in the end: fewer where a scene has many objects."""
-    objects = len(sight.view.scene.objects) if sight.view.scene else 0
+    objects = len(sample.view.scene.objects) if sample.view.scene else 0
     return min(MOST, max(MET // max(objects, 1), 1))

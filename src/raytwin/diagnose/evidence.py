@@ -99,10 +99,10 @@ def is_likelier(samples: Sequence[PixelSample], steps: Pipeline) -> bool:
     return bool(gain.sum() > SIGNIFICANT * np.sqrt(np.square(gain).sum()))
 
 
-def are_alike(sight: PixelSample, a: Array, b: Array) -> bool:
+def are_alike(sample: PixelSample, a: Array, b: Array) -> bool:
     """Two predictions that these pixels do not tell apart."""
     with np.errstate(invalid="ignore"):
-        apart = np.abs(a - b) - sight.slack
-    if sight.view.points:
+        apart = np.abs(a - b) - sample.slack
+    if sample.view.points:
         apart = np.where(np.isnan(a) & np.isnan(b), 0.0, apart)
-    return float((sight.weight * ~(apart.max(axis=-1) <= 4 * sight.tau)).sum()) < 1e-3
+    return float((sample.weight * ~(apart.max(axis=-1) <= 4 * sample.tau)).sum()) < 1e-3

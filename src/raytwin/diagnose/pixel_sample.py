@@ -258,7 +258,7 @@ def _frame(view: SubmittedImage) -> Frame:
     return Frame(made, step, view.stored(right), slack[cut], edge, rays, 1.0)
 
 
-def look(view: SubmittedImage, seed: int = 0) -> PixelSample:
+def sample_pixels(view: SubmittedImage, seed: int = 0) -> PixelSample:
     """Choose pixels: all kinds of wrong ones, and correct ones that a wrong cause would spoil."""
     frame = _frame(view)
     view, scale = frame.view, _scale(frame)

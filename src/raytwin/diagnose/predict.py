@@ -8,7 +8,6 @@ two mistakes are one tuple after the other. What a mistake leaves alone is compu
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
-from types import FunctionType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,11 +30,10 @@ FACES_AWAY = (("return visible", "return visible & (np.sum(normals * to_light, a
 
 
 class Seen(NamedTuple):
-    """(N,) `ids` (-1: nothing), `cos` n·l and `visible`, the sun; (N, 3) `points`, `normals`, `albedo`, 0 for none."""
+    """(N,) `ids` (-1: nothing), `cos` n·l and `visible`, the sun; (N, 3) `points`, `albedo`, 0 for none."""
 
     ids: Array
     points: Array
-    normals: Array
     albedo: Array
     cos: Array
     visible: Array
@@ -88,11 +86,6 @@ def written(pipeline: Pipeline) -> dict[str, Any]:
         if name != SPREAD and not isinstance(what, tuple):
             space[name] = what(space.get(name))
     return space
-
-
-def rewritten(function: Any, code: Any = None, **others: Any) -> Any:
-    """The same function, or one of another code in its place, which calls these others."""
-    return FunctionType(code or function.__code__, {**function.__globals__, **others})
 
 
 DEPENDS = {
@@ -194,7 +187,7 @@ class Predictor:
             normals[hit] = space["normals_at"](points[hit], which[hit], eye, things)
             if self.shadows and scene["sun"]["irradiance"].any():
                 visible[hit] = space["sun_visible"](points[hit], normals[hit], which[hit], to_light, eye, things)
-        return Seen(which, np.where(hit[:, None], points, 0), normals, albedo, normals @ to_light, visible)
+        return Seen(which, np.where(hit[:, None], points, 0), albedo, normals @ to_light, visible)
 
     @QUIET
     def radiance(self, pipeline: Pipeline = RIGHT) -> Array:

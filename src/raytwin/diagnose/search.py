@@ -121,9 +121,9 @@ class Search:
         sums, wrong, views = np.zeros(len(guesses)), 0.0, self.few
         if len(guesses) > 2 * FINALISTS:
             views = [views[0].only(slice(None, None, THIN)), *views]
-        for sight in views:
-            sums = sums + list(self._costs(sight, guesses))
-            wrong += total([sight], RIGHT)
+        for sample in views:
+            sums = sums + list(self._costs(sample, guesses))
+            wrong += total([sample], RIGHT)
             few = max(FINALISTS, sums.size // 4)
             limit = float(np.sort(sums)[few - 1]) + TIED if few < sums.size else np.inf
             if sums.size and sums.min() < CLEAR * wrong:  # where one explains all, the others have to
@@ -132,10 +132,10 @@ class Search:
             guesses, sums = [guesses[k] for k in chosen], sums[chosen]
         return [replace(g, cost=cost / len(views)) for g, cost in zip(guesses, sums.tolist(), strict=True)]
 
-    def _costs(self, sight: PixelSample, guesses: Sequence[Hypothesis]) -> Iterator[float]:
+    def _costs(self, sample: PixelSample, guesses: Sequence[Hypothesis]) -> Iterator[float]:
         for guess in guesses:
             self._in_time()
-            yield sight.cost(sight.errors(guess.steps))
+            yield sample.cost(sample.errors(guess.steps))
 
     def _fitted(self, families: Sequence[ParametricFault]) -> Iterator[Hypothesis]:
         """The numbers that explain most, of the families that are worth fitting."""

@@ -22,7 +22,7 @@ from raytwin.grade.sandboxed_repair import SecondLook
 from raytwin.grade.wrong_picture import wrong_picture
 from raytwin.sandbox.sandbox import Code
 
-SEARCHES = 4
+SEARCHES = 3
 """Searches for the causes of a submission's pictures, at most: of all of them, and of those of single exercises."""
 FURTHER = 1.25
 """Multiple of the wrong pixels: if right functions leave more, they do not fit the submission's own ways."""
@@ -70,22 +70,30 @@ def _marked(
         one, wrong = _mark_pictures(exercise, mine, checked, found)
         pictures += wrong
         marks[exercise.name] = with_again(one, of[exercise.name], helped)
-    unclear = [m for e in drawn_ones if not ((m := marks[e.name]).follows or says_why(m.sureness, m.faults))]
+    first = [e for e in drawn_ones if not e.inside]
+    if all(marks[e.name].status == "pass" for e in first):
+        first = drawn_ones
+    unclear = [m for e in first if not ((m := marks[e.name]).follows or says_why(m.sureness, m.faults))]
     shown = [(a.exercise.stage, a.case) for a in spoilt]
     marks |= {m.name: m for m in look.at(unclear, right, helped.names if causes.beside else (), pictures=shown)}
     return msgspec.structs.replace(
         result,
-        exercises=tuple(_with_repair(marks[e.name], look) for e in rubric.exercises),
+        exercises=tuple(_with_repair(marks[e.name], look, of[e.name]) for e in rubric.exercises),
         pictures=tuple(pictures),
         problem=problem,
         own_seconds=round(sum(a.answer.seconds for a in asked), 4),
     )
 
 
-def _with_repair(m: Marked, look: SecondLook) -> Marked:
-    """The exercise with the hints of the change that repairs it, if one does, and that change as its mistake."""
+def _with_repair(m: Marked, look: SecondLook, asked: Sequence[Question]) -> Marked:
+    """The exercise with the hints of the change that repairs it, if one does, and that change as its mistake.
+
+    What repairs pictures from outside is tried on those from inside a sphere.
+    """
     found = look.found.get(m.stage)
     if found is None or m.status == "pass" or m.because:
+        return m
+    if asked[0].exercise.inside and not look.mends(m.stage, [a.case for a in asked]):
         return m
     hints = tuple(found.hint(level) for level in (1, 2, 3))
     return msgspec.structs.replace(m, hints=hints, mistakes=(*m.mistakes, hints[-1]))

@@ -61,7 +61,7 @@ def _around_eye(scene: Scene) -> Scene:
     eye = -np.transpose(camera.R_cam_board) @ camera.t_cam_board
     x, y, z = (0.5 * eye).tolist()
     wall = Sphere((x, y, z), 0.9 * float(np.linalg.norm(eye)), (0.7, 0.55, 0.8))
-    return msgspec.structs.replace(scene, name=f"{scene.name}, from inside", objects=(*scene.objects, wall))
+    return msgspec.structs.replace(scene, name=f"{scene.name}, from inside", spheres=(*scene.spheres, wall))
 
 
 def _reference_question(rubric: Rubric, exercise: Exercise, name: str) -> Question:

@@ -89,18 +89,13 @@ class _Job:
         """Whether both sides hold the same light: whatever differs is a fault or noise."""
         return (self.subject.rung, self.subject.sampling) == (self.chosen.rung, self.chosen.sampling)
 
-    def twin(self, samples: int, seed: int) -> Image:
-        return self._twin(self.chosen.rung, self.chosen.sampling, samples, seed)
-
-    def twin_at_own_level(self) -> Image:
-        """The twin with the subject's light."""
-        return self._twin(self.subject.rung, self.subject.sampling, self.chosen.twin_samples, self.chosen.seed)
-
-    def _twin(self, rung: str, sampling: str, samples: int, seed: int) -> Image:
-        show = self.stages if self.chosen.samples else silent
+    def twin(self, samples: int, seed: int, like: Renderer | CompareSettings | None = None) -> Image:
+        """The twin with the light that was asked for, or with that of another."""
+        lit, show = like or self.chosen, self.stages if self.chosen.samples else silent
         return twin.render(
-            self.scene, rung, sampling=sampling, samples=samples, seed=seed, cache=self.chosen.cache, progress=show
-        )
+            self.scene, lit.rung, sampling=lit.sampling, samples=samples, seed=seed, cache=self.chosen.cache,
+            progress=show,
+        )  # fmt: skip
 
 
 def compare_scene(
@@ -221,7 +216,7 @@ def _explained(job: _Job, made: Image, reference: Image, comparison: Comparison)
     own, compared_with = None, reference
     if not job.alike and comparison.verdict != "pass":
         with stages.stage("compare"):
-            level = job.twin_at_own_level()
+            level = job.twin(chosen.twin_samples, chosen.seed, like=subject)
             own = compare_with_twin(made, level, scene, job.scene.tolerance)
         if subject.rung != chosen.rung:
             compared_with = level

@@ -134,14 +134,6 @@ class Change:
         return lines
 
 
-def change_of(new: Reference, old: Reference | None, notes: tuple[str, ...] = ()) -> Change:
-    """Return how the new differs from the old; `notes`: why there is no old one."""
-    if old is None:
-        return Change(new, None, notes)
-    compared = compare(new.image, old.image, tolerance=new.tolerance)
-    return Change(new, old, tuple(header_changes(old.header, new.header)), compared)
-
-
 def make(
     scene: str | Path,
     rung: str,
@@ -183,7 +175,11 @@ def make(
         image = twin.render_mitsuba(placed, *how[1:], STINTS * BATCHES, progress=progress)
     else:
         image = render(placed, rung, *how, progress)
-    return change_of(sealed(path, image, header, sealed_scene), old, notes)
+    new = sealed(path, image, header, sealed_scene)
+    if old is None:
+        return Change(new, None, notes)
+    compared = compare(new.image, old.image, tolerance=new.tolerance)
+    return Change(new, old, tuple(header_changes(old.header, new.header)), compared)
 
 
 def _there(path: Path) -> tuple[Reference | None, tuple[str, ...]]:

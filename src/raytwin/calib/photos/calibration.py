@@ -126,7 +126,7 @@ def calibrate_detections(
         views, straight = _inliers(views, board, result, wrong)
         _check_enough(views, wrong, where)
         result, trials, gap = select_model(straight, image_size, board, model, result)
-    _check_explained(straight, result, where)
+    _check_explained(result, where)
     read = [{t.id for t in v.tags} for v in views]
     outliers = {v.photo: sorted(ids - {t.id for t in v.tags}) for ids, v in zip(read, straight, strict=True)}
     known = fit_uncertainty(result, gap)
@@ -294,8 +294,8 @@ def _check_enough(views: Sequence[Sighting], wrong: dict[str, str], where: str) 
         raise InputError(where, f"at least {LEAST_VIEWS} photos that show the board", f"{len(views)}{reasons}")
 
 
-def _check_explained(views: Sequence[Sighting], result: Fit, where: str) -> None:
-    if (share := misfit(views, result)) > UNEXPLAINED:
+def _check_explained(result: Fit, where: str) -> None:
+    if (share := misfit(result)) > UNEXPLAINED:
         limit = UNEXPLAINED / share * result.rms_px
         got = f"{result.rms_px:.3g} px: the board's file does not describe this board, or the lens is a fisheye"
         raise InputError(where, f"tags at most {limit:.2g} px (rms) off where some camera sees them", got)

@@ -169,19 +169,14 @@ def detect_photos(
     tags: dict[str, list[Tag]] = {}
     wrong: dict[str, str] = {}
 
-    def look(photo: str | os.PathLike) -> list[Tag] | InputError:
-        try:
-            return detect_photo(photo, kind, find)
-        except InputError as error:
-            return error
-
     # Decoding and detecting both let other threads run.
     progress("detect", 0, len(photos))
     with ThreadPoolExecutor(min(len(photos), threads or os.cpu_count() or 1) or 1) as pool:
-        for done, (photo, found) in enumerate(zip(photos, pool.map(look, photos), strict=True), start=1):
-            if isinstance(found, InputError):
-                wrong[str(photo)] = found.got
-            else:
-                tags[str(photo)] = found
+        searches = [pool.submit(detect_photo, photo, kind, find) for photo in photos]
+        for done, (photo, search) in enumerate(zip(photos, searches, strict=True), start=1):
+            try:
+                tags[str(photo)] = search.result()
+            except InputError as error:
+                wrong[str(photo)] = error.got
             progress("detect", done, len(photos))
     return tags, wrong

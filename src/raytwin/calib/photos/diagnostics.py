@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from raytwin.calib.boards import Board
 from raytwin.calib.photos import pose
@@ -104,13 +105,11 @@ def line_of_sight(found: Fit, board: Board) -> tuple[np.ndarray, np.ndarray]:
     return metres, -(found.R[:, :, 2] * sights).sum(axis=1) / metres
 
 
-def misfit(views: Sequence[Sighting], found: Fit) -> float:
+def misfit(found: Fit) -> float:
     """The rms as a share of the median distance from a tag to the nearest."""
-    apart = []
-    for view in views:
-        at = np.array([t.center for t in view.tags])
-        apart += (np.linalg.norm(at[:, None] - at, axis=-1) + np.diag(np.full(len(at), np.inf))).min(axis=0).tolist()
-    return found.rms_px / float(np.median(apart))
+    of = found.observations
+    views = (pixels[seen] for pixels, seen in zip(of.pixels, of.seen, strict=True))
+    return found.rms_px / float(np.median(np.concatenate([KDTree(at).query(at, 2)[0][:, 1] for at in views])))
 
 
 def warnings_for(case: Case) -> list[tuple[str, str]]:
@@ -140,12 +139,11 @@ def _degenerate(case: Case) -> Warnings:
     for name, value in (("fx", fx), ("fy", fy)):
         if sd[name] > FOCAL_SD * value:
             found.append(f"{name} = {value:.0f} ± {sd[name]:.0f} px")
-    for name, side in (("cx", width), ("cy", height)):
-        if sd[name] > CENTER_SD * side:
-            found.append(f"{name} is known to ± {sd[name]:.0f} px only")
     if abs(fx / fy - 1) > ASPECT:
         found.append(f"fx / fy = {fx / fy:.3f}, where cameras have 1: is the board's pitch alike both ways?")
     for name, value, side in (("cx", cx, width), ("cy", cy, height)):
+        if sd[name] > CENTER_SD * side:
+            found.append(f"{name} is known to ± {sd[name]:.0f} px only")
         if abs(off := value - (side - 1) / 2) > CENTER_OFFSET * side:
             found.append(f"{name} = {value:.0f} lies {abs(off):.0f} px from the image's middle")
     spread = normal_spread(list(case.found.R))
@@ -154,7 +152,7 @@ def _degenerate(case: Case) -> Warnings:
     share = coverage(np.array([t.center for v in case.views for t in v.tags]), case.image_size)
     if share < COVERAGE:
         found.append(f"tags cover {100 * share:.0f} % of the frame: fill its corners too")
-    if (off := misfit(case.views, case.found)) > MISFIT:
+    if (off := misfit(case.found)) > MISFIT:
         found.append(f"tags lie {100 * off:.1f} % of their pitch off: is it alike both ways, as the board's file says?")
     if found:
         yield "degenerate-views", "; ".join(found)

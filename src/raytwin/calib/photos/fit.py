@@ -13,8 +13,7 @@ The fit, its covariance and the fit without any one photo (`uncertainty`) are su
 omega and a shift tau of the camera's frame: p' = p + omega x p + tau.
 """
 
-import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -31,10 +30,6 @@ INTRINSICS = ("fx", "fy", "cx", "cy")
 
 MODELS: dict[str, tuple[str, ...]] = {"none": (), "k1k2": ("k1", "k2"), "full5": lens_model.NAMES}
 """The coefficients that each lens model fits, smallest first: the first ones of OpenCV's. The others are 0."""
-
-NO_TANGENT = cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
-FLAT_STARTS = NO_TANGENT | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2, NO_TANGENT, 0
-"""OpenCV's flags for the fits that starts come from, of the lens models none, k1k2 and full5; 30 steps each."""
 
 STEPS, SETTLED = 100, 1e-10
 """Most steps; the fit has converged once a step is predicted to lower the sum of squares by less than this fraction."""
@@ -189,23 +184,17 @@ def fit(
     form: ModelSpec,
     start: Fit | None = None,
 ) -> Fit:
-    """The camera, poses and offsets of least cost: from `start`, a fit of as many views, where given.
-
-    Else the best of the fits from each of FLAT_STARTS: of few photos one of them alone may be lost.
-    """
+    """The camera, poses and offsets of least cost: from `start`, a fit of as many views, where given."""
     seen = _observe(views, image_size, board, form, start)
+    k = len(form.names)
     if start is not None and len(start.R) == len(views):
-        starts = [(start.lens, start.R, start.t)]
+        lens, R, t = start.lens, start.R, start.t
     else:
-        starts = list(_flat_starts(views, image_size, board))
-    found, k = [], len(form.names)
-    for lens, R, t in starts:
-        made = _at(form, seen, np.pad(lens[:k], (0, len(seen.prior) - k)), R, t)
-        if made is not None and ((made := _settle(made)).shared[:2] > 0).all():
-            found.append(made)
-    if not found:
+        lens, R, t = _flat_start(views, image_size, board)
+    found = _at(form, seen, np.pad(lens[:k], (0, len(seen.prior) - k)), R, t)
+    if found is None or not ((found := _settle(found)).shared[:2] > 0).all():
         raise InputError("views", "photos from which a camera follows", "none from which a fit converges")
-    return min(found, key=lambda f: f.cost)
+    return found
 
 
 def matched(tags: Sequence[Tag], board: Board) -> tuple[np.ndarray, np.ndarray]:
@@ -213,23 +202,25 @@ def matched(tags: Sequence[Tag], board: Board) -> tuple[np.ndarray, np.ndarray]:
     return board.points(t.id for t in tags), np.array([t.center for t in tags]).reshape(-1, 2)
 
 
-def _flat_starts(views: Sequence[Sighting], image_size: tuple[int, int], board: Board) -> Iterator[tuple]:
-    """Yield `Fit.lens`, R (v, 3, 3), t (v, 3) of a flat board by cv2.calibrateCamera."""
+def _flat_start(
+    views: Sequence[Sighting], image_size: tuple[int, int], board: Board
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`Fit.lens` of the model k1k2, R (v, 3, 3) and t (v, 3) of a flat board by cv2.calibrateCamera."""
     both = [matched(v.tags, board.flat()) for v in views]
     points, pixels = ([one.astype(np.float32) for one in side] for side in zip(*both, strict=True))
+    flags, stop = cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3, (cv2.TERM_CRITERIA_COUNT, 30, 0)
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)  # on several it adds up in any order, and no two fits end in the same bits
     try:
-        for flags in FLAT_STARTS:
-            with contextlib.suppress(cv2.error):
-                _, K, dist, turns, shifts = cv2.calibrateCamera(
-                    points, pixels, image_size, None, None, flags=flags, criteria=(cv2.TERM_CRITERIA_COUNT, 30, 0)
-                )
-                if np.isfinite(K).all() and np.isfinite(dist).all() and K[0, 0] > 0 and K[1, 1] > 0:
-                    lens = np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *dist.ravel()[:5]])
-                    yield lens, np.array([cv2.Rodrigues(turn)[0] for turn in turns]), np.reshape(shifts, (-1, 3))
+        _, K, dist, turns, shifts = cv2.calibrateCamera(
+            points, pixels, image_size, None, None, flags=flags, criteria=stop
+        )
+    except cv2.error as error:
+        raise InputError("views", "photos from which a camera follows", error.err) from None
     finally:
         cv2.setNumThreads(threads)
+    lens = np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *dist.ravel()[:5]])
+    return lens, np.array([cv2.Rodrigues(turn)[0] for turn in turns]), np.reshape(shifts, (-1, 3))
 
 
 def _observe(
