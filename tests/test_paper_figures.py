@@ -66,7 +66,7 @@ def test_of_overlapping_spheres_the_nearest_is_seen(studio, augmented):
     """Which sphere a pixel shows is told by the truth's hue: red, blue and green albedos."""
     truth = synthetic_photos.read_truth(studio / "photos" / "truth.toml")
     cameras = [Camera(truth.image_size, truth.K, R, t, truth.dist) for R, t in truth.photos.values()]
-    written, shown = files.read_scene(studio), set()
+    written, shown = files.scene_and_photos(studio)[0], set()
     for (drawn, true, _), camera in zip(augmented, cameras, strict=True):
         ids = trace(written.with_camera(camera), "surface").surface.ids
         # Inner pixels alone, where the light is good enough for a hue.

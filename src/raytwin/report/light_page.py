@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from raytwin import files, viewer
+from raytwin import viewer
 from raytwin.image import Image
-from raytwin.report.data_urls import stops
+from raytwin.report.data_urls import small_jpeg, stops
 from raytwin.report.page import write_page
 
 if TYPE_CHECKING:
@@ -191,8 +191,5 @@ def _turned(pixels: np.ndarray, turn: int) -> np.ndarray:
 
 
 def _jpeg(pixels: np.ndarray, turn: int) -> str:
-    from PIL import Image as Pillow
-
-    picture = Pillow.fromarray(np.ascontiguousarray(_turned(pixels, turn)))
-    picture.thumbnail((1400, 1400))
-    return files.data_url(picture, "jpeg", quality=85)
+    h, w = pixels.shape[:2]
+    return small_jpeg(np.ascontiguousarray(_turned(pixels, turn)), (2 * h, 2 * w))[0]  # a quarter: a page has up to six

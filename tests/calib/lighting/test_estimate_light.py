@@ -94,7 +94,7 @@ def test_a_light_file_is_read_back_and_puts_its_light_on_a_scene(found, lit, tmp
     write_light(tmp_path / "light.toml", found.light, found.paper)
     assert files.read_image(tmp_path / "light.exr").samples == 0  # of a map, nobody counts rays
     light = read_light(tmp_path / "light.toml")
-    scene = light.on(files.read_scene(lit.parent / "lit.toml")).scene
+    scene = light.on(files.read_scene(lit.parent / "lit.toml"))
     assert scene.sun.to_light == pytest.approx(found.light.to_light, abs=1e-9)
     assert scene.environment.radiance == pytest.approx(found.light.around, rel=1e-2)
     camera = files.read_camera(lit / "camera.toml")

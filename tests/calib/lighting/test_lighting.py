@@ -83,6 +83,20 @@ def test_a_ball_that_cannot_be_measured_is_refused_with_the_reason(center, radiu
         mirror_ball.find_ball(views, mirror_ball.given_ball(np.array(center), radius))
 
 
+def test_a_ball_whose_outline_touches_the_frame_is_fitted_or_refused_and_breaks_nothing():
+    """Edges are looked for two pixels to either side of the outline, and beyond the frame there are no pixels."""
+    whole = picture(np.random.default_rng(0).uniform(0.2, 0.6, (300, 400, 3)))
+    rim = mirror_ball.outline(whole, ball_of())
+    x, y = np.floor(rim.min(axis=0)).astype(int)
+    size = tuple((np.ceil(rim.max(axis=0)).astype(int) + 2 - (x, y)).tolist())
+    cut = picture(np.ones((size[1], size[0], 3)) * 0.4, CAMERA.grid(x, y, 1, size))
+    mirror_ball.check_seen(cut, ball_of())
+    given = mirror_ball.given_ball(CENTER, RADIUS)
+    found = mirror_ball._refined(mirror_ball.views_of([cut], BOARD), given, given)
+    assert np.isfinite(found.numbers).all()
+    assert np.isfinite(found.sigma).all()
+
+
 def test_a_mirrored_map_is_found_the_right_way_round_and_weighs_by_solid_angle():
     around, reflectance = a_map(), np.array([0.9, 0.8, 0.7])
     light = environment_map(around)

@@ -32,7 +32,7 @@ def draw_pyramid(photo: np.ndarray, camera: Camera, pyramid: Pyramid, space: np.
     out = files.from_bytes(photo)
     faces = [(i, vertices[[j for j in range(4) if j != i]]) for i in range(4)]
     for _, corners in sorted(faces, key=lambda face: _faces_eye(face[1], middle, eye)):
-        outline = _outline(corners, camera)
+        outline = np.concatenate([_segment(corners[i], corners[(i + 1) % 3], camera)[:-1] for i in range(3)])
         coverage = np.zeros(photo.shape[:2], np.uint8)
         cv2.fillPoly(coverage, [np.round(outline * (1 << SHIFT)).astype(np.int32)], 255, cv2.LINE_AA, SHIFT)
         _blend(out, coverage, color, pyramid.opacity)
@@ -42,20 +42,13 @@ def draw_pyramid(photo: np.ndarray, camera: Camera, pyramid: Pyramid, space: np.
         width = max(1, round(min(photo.shape[:2]) / 500))
         cv2.polylines(line, [points], False, 255, width, cv2.LINE_AA, SHIFT)
         _blend(out, line, 0.25 * color, 1.0)
-    touched = np.any(out != files.from_bytes(photo), axis=-1)
-    result = photo.copy()
-    result[touched] = files.to_bytes(out[touched])
-    return result
+    return files.to_bytes(out)  # what nothing covers comes back as it was
 
 
 def _faces_eye(corners: np.ndarray, middle: np.ndarray, eye: np.ndarray) -> bool:
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     outwards = normal if normal @ (corners[0] - middle) > 0 else -normal
     return bool(outwards @ (eye - corners[0]) > 0)
-
-
-def _outline(corners: np.ndarray, camera: Camera) -> np.ndarray:
-    return np.concatenate([_segment(corners[i], corners[(i + 1) % 3], camera)[:-1] for i in range(3)])
 
 
 def _segment(a: np.ndarray, b: np.ndarray, camera: Camera) -> np.ndarray:

@@ -33,9 +33,6 @@ SUN_SIGMAS = 3.0
 PAPER_SD, REFLECTANCE_SD = 0.01, 0.03
 """As shares: how well the paper's light, and a mirror's reflectance, are known."""
 
-CONTRADICTS = 4.0
-"""Reduced chi-squared of the measured sun directions above which they contradict each other and sigma is raised."""
-
 _K = np.arange(100)
 _Z = 1 - (2 * _K + 1) / 200
 NORMALS = np.stack([*(np.sqrt(1 - _Z * _Z) * f(2.399963 * _K) for f in (np.cos, np.sin)), _Z], axis=1)
@@ -148,14 +145,10 @@ def upward(around: np.ndarray) -> np.ndarray:
 
 
 def _mean_direction(directions: list[tuple[str, np.ndarray, float]]) -> Sun:
-    """Weighed by inverse variance; what contradicts each other is known as badly as it differs (Birge 1932)."""
+    """Weighed by inverse variance."""
     weight = np.array([sd for *_, sd in directions]) ** -2.0
     d = weight @ np.array([d for _, d, _ in directions])
-    d, sigma = d / np.linalg.norm(d), float(1 / np.sqrt(weight.sum()))
-    if len(directions) == 1:
-        return d, sigma
-    spread = sum(((a - d) ** 2).sum() / (2 * sd**2) for _, a, sd in directions) / (len(directions) - 1)
-    return d, sigma * float(np.sqrt(spread)) if spread > CONTRADICTS else sigma
+    return d / np.linalg.norm(d), float(1 / np.sqrt(weight.sum()))
 
 
 def solve(found: Evidence, rows: int, sun: Sun | None) -> Light:

@@ -105,11 +105,11 @@ class _Cells:
 
 
 def read_linear(
-    paths: list[Path], cameras: list[Camera], board: Board, reference: np.ndarray | None = None
+    paths: list[Path], cameras: list[Camera], board: Board
 ) -> tuple[list[LinearPhoto], np.ndarray, list[str]]:
     """The photos taken by `cameras`, what paper in full light has in each of them (3), and warnings in words.
 
-    `reference` (3), luminance 1: the paper's colour, by default that of the first photo.
+    The paper's colour is that of the first photo, of luminance 1.
     """
     raw = [(files.read_photo(p), files.photo_extras(p)) for p in paths]
     linear = [files.from_bytes(px) @ to_rec709(x.get("icc_profile")).T.astype(np.float32) for px, x in raw]
@@ -118,7 +118,7 @@ def read_linear(
         for image, (pixels, _), camera, path in zip(linear, raw, cameras, paths, strict=True)
     ]
     exponent, papers = _falloff(cells)
-    colour = papers[0] / (papers[0] @ REC_709) if reference is None else reference
+    colour = papers[0] / (papers[0] @ REC_709)
     found = []
     for path, camera, image, (pixels, _), paper in zip(paths, cameras, linear, raw, papers, strict=True):
         shade = _cosines(camera) ** np.float32(exponent)

@@ -346,7 +346,7 @@ def _off_outline(view: View, rim: np.ndarray, ball: Ball) -> np.ndarray:
     """How far the outline is off the edges beside `rim`, weighed by how much of an edge each is."""
     normal, offsets = _normals(rim), np.arange(-2.0, 2.1, 0.25)
     across = sample(view.codes, (rim + offsets[:, None, None] * normal).reshape(-1, 2)).reshape(len(offsets), RIM, 3)
-    slope = (np.gradient(across, 0.25, axis=0) ** 2).sum(axis=-1)
+    slope = np.nan_to_num(np.gradient(across, 0.25, axis=0) ** 2).sum(axis=-1)  # beyond the frame there is none
     weight = slope * (1 - (offsets[:, None] / 2.25) ** 2)
     edge = (weight * offsets[:, None]).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)
     clear = np.sqrt(slope.max(axis=0)) / (np.sqrt(slope.max(axis=0)) + EDGE)
