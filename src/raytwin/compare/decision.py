@@ -81,6 +81,9 @@ MOSTLY_FIREFLIES = 0.6
 Else most events may be too close together to be recognised: tiles that hold few would lose more than is granted.
 """
 
+FEWEST_FIREFLIES = 50
+"""Fireflies of an image that show whether they fall everywhere alike."""
+
 DIM = 0.1
 """Channels dimmer than this share of the channels' mean are left out of the detectable relative bias."""
 
@@ -448,38 +451,34 @@ def third_against(s: Sums, scales: Scales) -> tuple[Means, Means]:
 
 
 FEW, RARE = 20.0, 60.0
-"""Events that a sum must expect, or else it may have missed them all; events of a block that tell of its neighbours'."""
+"""A sum that expects fewer events may have missed them all; a block that saw fewer tells of its neighbours' events."""
 
 
 def rare_events(s: Sums, ratio: float | None, scales: Scales, share: float) -> Sums:
-    """What blocks may have missed of few events: light, variance and number, as their neighbours or all of them saw."""
+    """What blocks may have missed of few events: their light, variance and number, and how far a value may be off.
+
+    k events of size S make the light k S, the variance k S² and the third moment k S³. A block lacks what its
+    neighbours saw on average, or all blocks: at most (sqrt(k) + c / 2)² + 1 of k, c the Gaussian's quantile.
+    """
     from scipy.ndimage import maximum_filter, uniform_filter
     from scipy.special import ndtri
 
-    c = -float(ndtri(share))
-    v = larger_variance(s["va"], s["vb"], ratio)
+    variance, n, c = larger_variance(s["va"], s["vb"], ratio), s["n"], -float(ndtri(share))
+    lit = s["r"] / n
+    lit = np.maximum(lit / np.maximum(lit.mean(axis=(0, 1)), TINY), 1)  # where there is more light there may be more
     found: Sums = {}
-    light = np.maximum(s["r"], 0)
     for way, third in zip(WAYS, third_against(s, scales), strict=True):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            number = np.where(third > 0, v**3 / np.square(third), np.inf)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            number = np.where(third > 0, variance**3 / np.square(third), np.inf)
             rare = number < RARE
-            seen = np.where(rare, v * v / third, 0.0), np.where(rare, v, 0.0), np.where(rare, number, 0.0)
-        if not rare.any():
-            found |= {f"{what} {way}": np.zeros_like(v) for what in ("lent", "spread", "number", "wide")}
-            continue
-        found[f"wide {way}"] = maximum_filter(seen[1] / np.square(s["n"]) * s["n"], (3, 3, 1))
-        n = seen[2].sum(axis=(0, 1))
-        limit = np.divide((np.sqrt(n) + c / 2) ** 2 + 1, n, out=np.zeros_like(n), where=n > 0)
-        for what, x in zip(("lent", "spread", "number"), seen, strict=True):
-            near = uniform_filter(x, (3, 3, 1), mode="nearest")
-            power = {"lent": 1, "spread": 2, "number": 0}[what]
-            everywhere = x.sum(axis=(0, 1)) / s["n"].sum() * s["n"] * limit
-            mean_light = light.sum(axis=(0, 1)) / s["n"].sum() * s["n"]
-            bright = (
-                np.maximum(np.divide(light, mean_light, out=np.zeros_like(light), where=mean_light > 0), 1) ** power
-            )
-            found[f"{what} {way}"] = np.maximum(near, everywhere * bright)
+            light = np.where(rare, variance * variance / third, 0)
+        number, spread = np.where(rare, number, 0), np.where(rare, variance, 0)
+        k = number.sum(axis=(0, 1))
+        most = np.divide((np.sqrt(k) + c / 2) ** 2 + 1, k, out=np.zeros_like(k), where=k > 0)
+        for what, seen, factor in (("lent", light, lit), ("spread", spread, lit * lit), ("number", number, 1.0)):
+            everywhere = n * (most * seen.sum(axis=(0, 1)) / n.sum())
+            found[f"{what} {way}"] = np.maximum(uniform_filter(seen, (3, 3, 1), mode="nearest"), everywhere * factor)
+        found[f"wide {way}"] = maximum_filter(spread / n, (3, 3, 1))
     return found
 
 
@@ -512,13 +511,14 @@ def _without_fireflies(pair: Pair, strips: list[Strip], share: float) -> Sums | 
             first += np.bincount(kind, np.sqrt(own), 6).reshape(2, 3)
             second += np.bincount(kind, own, 6).reshape(2, 3)
         masks.append(out)
-    if not carried > MOSTLY_FIREFLIES * total:
+    if not carried > MOSTLY_FIREFLIES * total or not _scattered(strips, masks):
         return None
     found = [_block_sums(pair, strip, out) for strip, out in zip(strips, masks, strict=True)]
     sums = {key: np.concatenate([part[key] for part in found]) for key in found[0]}
     c = -float(ndtri(share))
     size = np.divide(second, first, out=np.zeros((2, 3)), where=first > 0)
-    most = (first + c * np.sqrt(second) + (c * c / 4 + 1) * size) / sums["n"].sum()
+    # Some of them have hidden among others.
+    most = 1.2 * (first + c * np.sqrt(second) + (c * c / 4 + 1) * size) / sums["n"].sum()
     light = np.maximum(sums["r"].sum(axis=(0, 1)) / sums["n"].sum(), TINY)
     (bright, dark), more = most, np.maximum(sums["r"] / light, sums["n"])
     tested, referred = (image.variance is not None for image, _, _ in pair.sides)
@@ -529,6 +529,22 @@ def _without_fireflies(pair: Pair, strips: list[Strip], share: float) -> Sums | 
 
 
 # ------------------------------------------------------------------------------------------------ tiles and the image
+
+
+def _scattered(strips: list[Strip], fireflies: list[Bool[np.ndarray, "h w 3"]]) -> bool:
+    """Whether fireflies are enough to tell that they fall anywhere alike, and so few that none hides among others.
+
+    Poisson numbers have the variance of their mean, within sqrt(2 / blocks).
+    """
+    counts = np.concatenate(
+        [
+            block_sums((out & ~strip.silent).astype(np.float32), strip.rows).max(axis=-1)
+            for strip, out in zip(strips, fireflies, strict=True)
+        ]
+    )
+    pixels, mean = sum(strip.error[..., 0].size for strip in strips), float(counts.mean())
+    alike = float(counts.var()) < mean * (1 + 3 * math.sqrt(2 / counts.size))
+    return bool(alike and FEWEST_FIREFLIES <= counts.sum() < pixels / 10)
 
 
 class Estimator(NamedTuple):

@@ -7,7 +7,7 @@ import numpy as np
 
 from raytwin.compare.blocks import Pixels, to_pixels
 from raytwin.compare.finding import Finding, Place, at, plural
-from raytwin.compare.noise import estimated, residual
+from raytwin.compare.noise import FIREFLY, block_means, estimated, residual
 from raytwin.image import Image
 
 NOISE_BELOW = 8.0
@@ -86,6 +86,9 @@ def _noise_of(image: Image, other: Image) -> Pixels | float:
     square = np.maximum(square, to_pixels(maximum_filter(scatter, footprint=around, mode="constant"), *image.shape[:2]))
     if image.variance is not None:
         square = np.minimum(square, maximum_filter(image.variance, (3, 3, 1)))
+        # A sample far below 0 shows in the variance of its own pixel, where a claim is alike in all.
+        typical = to_pixels(np.square(block_means(np.sqrt(np.maximum(image.variance, 0)))), *image.shape[:2])
+        square = np.where(image.variance > FIREFLY * typical, image.variance, square)
     return np.asarray(NOISE_BELOW * np.sqrt(np.maximum(square, 0)))
 
 

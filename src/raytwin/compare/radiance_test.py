@@ -53,8 +53,8 @@ UNSAMPLED = (
 )
 
 SCALED = (
-    "undecided: single pixels are off by more than the other image's noise, scaled by the samples, explains, but that says "
-    "nothing of rare events: give a variance or several renders"
+    "undecided: single pixels are off by more than the other image's noise, scaled by the samples, explains, but that "
+    "says nothing of rare events: give a variance or several renders"
 )
 
 MOSTLY_RARE = 0.25
