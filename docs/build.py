@@ -23,7 +23,7 @@ import gallery
 
 ROOT = Path(__file__).resolve().parent.parent
 SITE = ROOT / "site"
-QUIET = {"NO_MKDOCS_2_WARNING": "1"}
+QUIET = {"NO_MKDOCS_2_WARNING": "1", "DISABLE_MKDOCS_2_WARNING": "true"}
 MOST_BYTES = 15e6
 """Of the whole site."""
 STAGES = {"gallery": gallery.make, "figures": figures.make, "faults": fault_gallery.make}

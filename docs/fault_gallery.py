@@ -49,7 +49,7 @@ HEADINGS = {
 @cache
 def scenes() -> tuple[tuple[Predictor, Array], ...]:
     """Return what faults are shown with, best first, each with its right picture."""
-    shipped = [raytwin.read_scene(f"scenes/{name}").scene for name in ("overlap", "eclipse", "distorted")]
+    shipped = [raytwin.read_scene(f"scenes/{name}") for name in ("overlap", "eclipse", "distorted")]
     every = (*shipped, *(draw_scene(seed) for seed in range(3)))
     made = [predictor(scene.with_camera(scene.camera.resized(WIDTH, HEIGHT))) for scene in every]
     return tuple((one, one.radiance()) for one in made)

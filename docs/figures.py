@@ -32,7 +32,7 @@ COLOURS = "#0f8b8d", "#e07b00", "#7a3e9d"
 
 def scene_of(name: str, width: int = WIDTH) -> raytwin.Scene:
     """Return a built-in scene at the figures' width."""
-    scene = raytwin.read_scene(f"scenes/{name}").scene
+    scene = raytwin.read_scene(f"scenes/{name}")
     return scene.with_camera(scene.camera.resized(width, width * HEIGHT // WIDTH))
 
 

@@ -88,7 +88,7 @@ ENTRIES = (
         "light", "light.html", "The light of a photo",
         "Sun and sky from a mirror ball and a pin in two photos, with what each model predicts.",
         (
-            "light {root}/scenes/desk/lit --board {root}/scenes/desk/board.toml"
+            "photo light {root}/scenes/desk/lit --board {root}/scenes/desk/board.toml"
             " --camera {root}/scenes/desk/lit/camera.toml --ball=-0.075,0.05,0.028,0.03"
             " --stand 0.095,0.095,0.03 -o light.toml",
         ),
@@ -97,11 +97,12 @@ ENTRIES = (
         "augment", "out/report.html", "Spheres drawn into photos",
         "Synthetic photos with a known camera: calibrated, drawn into, and compared with the truth.",
         (
-            "board --columns 5 --rows 7 --tag 30mm --pitch 38mm --paper letter -o board.pdf",
-            "photograph --board board.toml --scene desk --count 6 --size 480x360 --samples 4 -o plain",
-            "photograph --board board.toml --scene desk --count 6 --size 480x360 --samples 4 --with-objects -o true",
-            "calibrate plain --board board.toml -o camera.toml",
-            "augment plain/photo_00.jpg --scene desk --board board.toml --camera camera.toml --against true -o out",
+            "photo board --columns 5 --rows 7 --tag 30mm --pitch 38mm --paper letter -o board.pdf",
+            "photo simulate --board board.toml --scene desk --count 6 --size 480x360 --samples 4 -o plain",
+            "photo simulate --board board.toml --scene desk --count 6 --size 480x360 --samples 4"
+            " --with-objects -o true",
+            "photo calibrate plain --board board.toml -o camera.toml",
+            "photo draw plain/photo_00.jpg --scene desk --board board.toml --camera camera.toml --against true -o out",
             "diff out/photo_00.jpg true/photo_00.jpg -o out",
         ), (1,),
     ),

@@ -27,8 +27,8 @@ WIDTH = 100
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages, which lie in no folder, to the written ones."""
     pages = {
-        "reference/commands.md": commands_page(),
-        "reference/api.md": api_page(),
+        "commands.md": commands_page(),
+        "api.md": api_page(),
         "gallery.md": gallery.page(),
         "faults.md": fault_gallery.page(),
         "changelog.md": (gallery.ROOT / "CHANGELOG.md").read_text(encoding="utf-8"),
@@ -54,7 +54,7 @@ def commands_page() -> str:
     """Return the page of all commands: one heading each, with the text that `--help` prints."""
     parts = [
         "# Commands\n\nThis page is what each command prints under `--help`. A scene is a folder, a `scene.toml`, or"
-        " the name of a built-in scene. [Exit codes](exit-codes.md) mean the same for all of them.\n"
+        " the name of a built-in scene. [Exit codes](files.md#exit-codes) mean the same for all of them.\n"
     ]
     for name, context in walk(get_command(app), "raytwin", None):
         parts.append(f"## {name}\n\n```text\n{context.get_help()}\n```\n")
@@ -76,7 +76,8 @@ def api_page() -> str:
     parts = [
         "# Python API\n\n`import raytwin` gives these names and imports nothing heavy before it is needed. Lengths are"
         " metres, images are linear Rec. 709 in float32 (H, W, 3) with row 0 on top:"
-        " see [conventions](conventions.md).\n"
+        " see [conventions](scene.md#conventions). The examples build on each other: paste them into a Python prompt"
+        " from the top.\n"
     ]
     shown = examples()
     for name in raytwin.__all__:
@@ -85,14 +86,14 @@ def api_page() -> str:
             parts.append(
                 f"## raytwin.{name}\n\n::: {defined_in(f'raytwin.{module}', own or name)}\n    options:\n"
                 "      show_root_heading: false\n      show_root_toc_entry: false\n      heading_level: 3\n"
-                f"\n[Example](examples.md#raytwin{name.lower()}):\n\n{shown[name]}\n"
+                f"\n{shown[name]}\n"
             )
     return "\n".join(parts)
 
 
 def examples() -> dict[str, str]:
-    """Return the block of code of each name's section in reference/examples.md."""
-    text = (gallery.ROOT / "docs" / "reference" / "examples.md").read_text(encoding="utf-8")
+    """Return the block of code of each name's section in sessions.md."""
+    text = (gallery.ROOT / "docs" / "sessions.md").read_text(encoding="utf-8")
     return dict(re.findall(r"^### raytwin\.(\w+)\n.*?^(```pycon\n.*?^```)$", text, re.DOTALL | re.MULTILINE))
 
 

@@ -1,9 +1,9 @@
-"""Copy the measured tables of docs/measured/data/*.json into the pages of docs/measured, between their markers.
+"""Copy measured tables of docs/measured/data/*.json into docs/measured.md, between their markers.
 
 python docs/tables.py
 
-A page has `<!-- table: NAME -->` where a table begins and `<!-- end -->` where it ends. The commands that the tables
-name write the JSON under `--record`; nothing between the markers is written by hand.
+The page has `<!-- table: FILE/NAME -->` where a table begins and `<!-- end -->` where it ends. The commands that the
+tables name write the JSON under `--record`; nothing between the markers is written by hand.
 """
 
 import json
@@ -11,8 +11,8 @@ import re
 from pathlib import Path
 from typing import Any
 
-MEASURED = Path(__file__).resolve().parent / "measured"
-BLOCK = re.compile(r"(<!-- table: (\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
+PAGE = Path(__file__).resolve().parent / "measured.md"
+BLOCK = re.compile(r"(<!-- table: (\S+)/(\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
 NUMBER = re.compile(r"[-+]?[\d.]|$")
 """What a cell of a right-aligned column begins with."""
 
@@ -31,11 +31,13 @@ def markdown(table: dict[str, Any]) -> str:
 
 
 def filled(page: Path) -> str:
-    """Return a page's text with its tables as they were last measured."""
-    data = page.parent / "data" / f"{page.stem}.json"
-    tables = json.loads(data.read_text(encoding="utf-8")) if data.exists() else {}
-    text = page.read_text(encoding="utf-8")
-    return BLOCK.sub(lambda found: f"{found[1]}{markdown(tables[found[2]])}{found[3]}", text)
+    """Return a page's text with its tables as they were last measured; the files lie in measured/data/ beside it."""
+
+    def table(found: re.Match[str]) -> str:
+        tables = json.loads((page.parent / "measured" / "data" / f"{found[2]}.json").read_text(encoding="utf-8"))
+        return f"{found[1]}{markdown(tables[found[3]])}{found[4]}"
+
+    return BLOCK.sub(table, page.read_text(encoding="utf-8"))
 
 
 def written_by_hand(page: Path) -> list[str]:
@@ -47,10 +49,5 @@ def written_by_hand(page: Path) -> list[str]:
     return [line for line in outside if line.startswith("|")] + [line for line in inside if line not in made]
 
 
-def main() -> None:
-    for page in sorted(MEASURED.glob("*.md")):
-        page.write_text(filled(page), encoding="utf-8")
-
-
 if __name__ == "__main__":
-    main()
+    PAGE.write_text(filled(PAGE), encoding="utf-8")

@@ -8,6 +8,7 @@ from math import cos, hypot, pi, radians, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
+from scene_of import scene_of
 from truths import BLACK, WHITE, element, from_element, grey, in_wedge, parallel, perpendicular, view_of, wedge
 
 from raytwin.scene import Rectangle, Scene, Shape, Sphere, Sun
@@ -27,7 +28,7 @@ class Closed(NamedTuple):
 def over_element(*things: Shape, hidden: float) -> Closed:
     """The element at the origin faces up."""
     camera = view_of((0, 0, 0), (-0.6, -0.5, 0.5), 1e-5)
-    return Closed(Scene("element", camera, (element((0, 0, 1)), *things), WHITE), 0.5 * (1 - hidden))
+    return Closed(scene_of("element", camera, (element((0, 0, 1)), *things), WHITE), 0.5 * (1 - hidden))
 
 
 def beside_sphere(h: float, c: float) -> Closed:
@@ -40,7 +41,7 @@ def beside_sphere(h: float, c: float) -> Closed:
 def under_ball(height: float, at: float) -> Closed:
     """A ball whose centre is H above the floor hides r² H / (ρ² + H²)^(3/2), ρ from its foot."""
     eye = (at + 2.5, 0.0, 0.15) if height == 1.0 else (at + 2.0, 0.3, 0.4)
-    scene = Scene("ball", view_of((at, 0, 0), eye, 1e-4), (Sphere((0, 0, height), 1.0, grey(0.3)), FLOOR), WHITE)
+    scene = scene_of("ball", view_of((at, 0, 0), eye, 1e-4), (Sphere((0, 0, height), 1.0, grey(0.3)), FLOOR), WHITE)
     return Closed(scene, 0.5 * (1 - height / hypot(at, height) ** 3), 2e-5)  # the picture is 0.002 long
 
 
@@ -50,7 +51,7 @@ def on_ball(slope: float) -> Closed:
     at = np.array([0, 0, 3.0]) + n
     floor = Rectangle((0, 0, 0), (3000, 0, 0), (0, 3000, 0), BLACK)
     camera = view_of(at, at + 1.2 * n + np.array([0.0, 0.5, 0.0]), 1e-3)
-    scene = Scene("over", camera, (Sphere((0, 0, 3.0), 1.0, grey(0.5)), floor), WHITE)
+    scene = scene_of("over", camera, (Sphere((0, 0, 3.0), 1.0, grey(0.5)), floor), WHITE)
     return Closed(scene, 0.5 * (1 + slope) / 2, 0.5 * 6.4e-4 * n[0])
 
 
@@ -59,7 +60,7 @@ def beside_wall(at: float, order: int = 1) -> Closed:
     floor = Rectangle((0, 0, 0), (100, 0, 0), (0, 100, 0), grey(0.5))
     wall = Rectangle((0, 0, 0.5), (0, 100, 0), (0, 0, 0.5), grey(0.5))
     camera = view_of((at, 0, 0), (at + 0.4, 0.1, 0.8), 1e-4)
-    scene = Scene("wall", camera, (floor, wall)[::order], WHITE)
+    scene = scene_of("wall", camera, (floor, wall)[::order], WHITE)
     return Closed(scene, 0.5 * (1 - (1 - at / hypot(at, 1)) / 2), max(1e-5, 1e-4 * at))
 
 
@@ -74,7 +75,7 @@ def between_planes(
     tilt = radians(degrees / 2)
     lights = WHITE + ((Sun((cos(tilt), 0.0, sin(tilt)), (sun,) * 3),) if sun else ())
     eye = (0.005 + 0.15 * cos(radians(35)), 0.04, 0.15 * sin(radians(35)))
-    scene = Scene("wedge", view_of((0.005, 0, 0), eye, 1e-5), wedge(degrees, one, other, half), lights)
+    scene = scene_of("wedge", view_of((0.005, 0, 0), eye, 1e-5), wedge(degrees, one, other, half), lights)
     share = sun * sin(tilt) / pi
     return Closed(scene, in_wedge(degrees, one, other, bounces, (share, share)), 0.005 / half, bounces + 2)
 

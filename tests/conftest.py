@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Long files first: in the end no process waits for another's."""
-    long = {item.path for item in items if item.get_closest_marker("slow")}
+    long = {item.path for item in items if item.get_closest_marker("nightly")}
     items.sort(key=lambda item: item.path not in long)
 
 

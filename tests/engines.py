@@ -64,18 +64,18 @@ def engine(request, packages) -> str:
 @pytest.fixture(scope="session", params=SHIPPED)
 def shipped(request, scenes) -> Scene:
     """Each shipped scene whose camera is given, in a picture of several tiles, those at its edges cut."""
-    scene = files.read_scene(scenes / request.param).scene
+    scene = files.read_scene(scenes / request.param)
     return scene.with_camera(scene.camera.resized(400, 300))
 
 
 @pytest.fixture(scope="session")
 def single(scenes) -> Scene:
-    return files.read_scene(scenes / "single").scene
+    return files.read_scene(scenes / "single")
 
 
 @pytest.fixture(scope="session")
 def overlap(scenes) -> Scene:
-    return files.read_scene(scenes / "overlap").scene
+    return files.read_scene(scenes / "overlap")
 
 
 def sample_indices(samples: int) -> list[tuple[int, int]]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from scene_of import changed
 
 from raytwin.image import Image
 from raytwin.renderers.renderer import Call, Renderer
@@ -36,15 +37,15 @@ class Planted(Renderer):
 
 def objects(change: Callable[[Any], Any]) -> Fault:
     def render(scene: Scene, rung: str) -> Image:
-        return trace(msgspec.structs.replace(scene, objects=tuple(map(change, scene.objects))), rung)
+        return trace(changed(scene, objects=tuple(map(change, scene.objects))), rung)
 
     return render
 
 
 def light(kind: type, change: Callable[[Any], Any]) -> Fault:
     def render(scene: Scene, rung: str) -> Image:
-        lights = tuple(change(one) if isinstance(one, kind) else one for one in scene.lights)
-        return trace(msgspec.structs.replace(scene, lights=lights), rung)
+        lights = tuple(change(one) if isinstance(one, kind) else one for one in (scene.sun, scene.sky))
+        return trace(changed(scene, lights=lights), rung)
 
     return render
 
@@ -67,9 +68,7 @@ def only(kind: type, **changes: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 
 def material(change: Callable[[tuple], tuple]) -> Callable[[Any], Any]:
-    return lambda thing: msgspec.structs.replace(
-        thing, material=msgspec.structs.replace(thing.material, albedo=change(thing.material.albedo))
-    )
+    return lambda thing: msgspec.structs.replace(thing, albedo=change(thing.albedo))
 
 
 def scaled(factor: float) -> Callable[[Any], Any]:
@@ -79,14 +78,14 @@ def scaled(factor: float) -> Callable[[Any], Any]:
 def without(kind: type) -> Fault:
     def render(scene: Scene, rung: str) -> Image:
         left = tuple(thing for thing in scene.objects if not isinstance(thing, kind))
-        return trace(msgspec.structs.replace(scene, objects=left), rung)
+        return trace(changed(scene, objects=left), rung)
 
     return render
 
 
 def first_last(scene: Scene, rung: str) -> Image:
     """The first object is drawn over all others."""
-    whole, alone = trace(scene, rung), trace(msgspec.structs.replace(scene, objects=scene.objects[:1]), rung)
+    whole, alone = trace(scene, rung), trace(changed(scene, objects=scene.objects[:1]), rung)
     assert alone.surface is not None
     return Image(np.where(alone.surface.mask[..., None], alone.mean, whole.mean))
 
@@ -112,7 +111,7 @@ FAULTS: dict[str, Fault] = {
     "spheres too high": objects(only(Sphere, center=lambda c: (c[0], c[1], c[2] + 0.01))),
     "planes too low": objects(only(Rectangle, center=lambda c: (c[0], c[1], c[2] - 0.01))),
     "planes too wide": objects(only(Rectangle, half_u=scaled(1.1))),
-    "one sphere forgotten": lambda scene, rung: trace(msgspec.structs.replace(scene, objects=scene.objects[1:]), rung),
+    "one sphere forgotten": lambda scene, rung: trace(changed(scene, objects=scene.objects[1:]), rung),
     "no planes": without(Rectangle),
     "red and blue exchanged": objects(material(lambda a: a[::-1])),
     "albedo squared": objects(material(lambda a: tuple(v * v for v in a))),

@@ -95,7 +95,7 @@ def in_shadow(p, light, scene, skip):
     dark = np.zeros(len(p), bool)
     l = np.broadcast_to(light, p.shape)
     for k, s in enumerate(scene["spheres"]):
-        dark |= np.isfinite(intersect_sphere(p, l, s["center"], s["radius"])) & (skip != k)
+        dark |= np.isfinite(intersect_sphere(p, l, s["center"], s["radius"]))
     for k, q in enumerate(scene["planes"]):
         dark |= np.isfinite(intersect_plane(p, l, q["center"], q["half_u"], q["half_v"])) & (skip != k + len(scene["spheres"]))
     return dark
@@ -115,7 +115,7 @@ def render(scene):
         best[m] = t[m]
         which[m] = k
         p = o[m] + t[m][:, None] * d[m]
-        normal[m] = (p - s["center"]) / s["radius"]
+        normal[m] = (p - s["center"]) / s["radius"] * np.sign(np.linalg.norm(o[m] - s["center"], axis=1) - s["radius"])[:, None]
         albedo[m] = s["albedo"]
         k += 1
     for q in scene["planes"]:
@@ -133,7 +133,7 @@ def render(scene):
     out = np.tile(sky, (len(d), 1))
     out[hit] = shade(p, normal[hit], albedo[hit], light, E, sky)
     if scene["rung"] == "shadow":
-        dark = in_shadow(p, light, scene, which[hit])
+        dark = in_shadow(p + 1e-6 * normal[hit], light, scene, which[hit])
         black = shade(p, normal[hit], albedo[hit], light, 0 * E, sky)
         out[hit] = np.where(dark[:, None], black, out[hit])
     return out.reshape(scene["height"], scene["width"], 3)

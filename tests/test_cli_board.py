@@ -1,4 +1,4 @@
-"""`raytwin board` as a user meets it."""
+"""`raytwin photo board` as a user meets it."""
 
 import shutil
 

@@ -1,4 +1,4 @@
-"""raytwin export: what other renderers are told is the scene, and they render the same picture from it."""
+"""raytwin scenes export: what other renderers are told is the scene, and they render the same picture from it."""
 
 import json
 import os
@@ -6,13 +6,14 @@ import os
 import numpy as np
 import pytest
 from program import raytwin, refused
+from scene_of import scene_of
 from truths import view_of
 
 from raytwin import files, image_input, twin
 from raytwin.compare import compare
-from raytwin.renderers.mitsuba_xml import mitsuba_xml, moved_by
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.scene import Camera, Rectangle, Scene, Shape, Sky, Sphere, Sun
+from raytwin.twin.mitsuba_xml import mitsuba_xml, moved_by
 
 
 def test_json_says_the_scene_to_the_last_bit_and_a_look_at_camera_too(tmp_path, overlap):
@@ -39,7 +40,7 @@ EYE = np.array((0.5, -0.7, 0.6))
 def from_afar(far: float, *objects: Shape) -> Scene:
     """The objects about the origin, seen from `far` metres away."""
     camera = view_of((0, 0, 0), EYE * far, 0.5 * far, 48)
-    return Scene("far", camera, objects, (Sun((0.4, 0.5, 0.8)), Sky((0.5, 0.7, 1.0))))
+    return scene_of("far", camera, objects, (Sun((0.4, 0.5, 0.8)), Sky((0.5, 0.7, 1.0))))
 
 
 def sheet(half: float) -> Rectangle:
@@ -64,7 +65,7 @@ def test_mitsuba_renders_the_same_picture_from_the_file(scenes, tmp_path, name, 
     twin.activate()
     import mitsuba as mi
 
-    scene = BUILT.get(name) or files.read_scene(scenes / name).scene
+    scene = BUILT.get(name) or files.read_scene(scenes / name)
     w, h = scene.camera.image_size
     scene = scene.with_camera(scene.camera.resized(64, round(64 * h / w)))
     (tmp_path / "scene.xml").write_text(mitsuba_xml(scene, rung))
@@ -85,13 +86,13 @@ def test_objects_that_float32_cannot_hold_are_named():
 
 def test_what_a_file_of_mitsubas_cannot_say_is_told_in_one_line(tmp_path, scenes):
     run = raytwin("export", "distorted", "--mitsuba-xml", "-o", tmp_path / "a.xml")
-    camera = files.read_scene(scenes / "distorted").scene.camera
+    camera = files.read_scene(scenes / "distorted").camera
     x, y = np.array([camera.cx, camera.cy]) / [camera.fx, camera.fy]
     assert run.returncode == 0
     assert run.stderr.count("\n") == 1
     assert "neither distortion nor a second focal length: it sees up to" in run.stderr
-    assert moved_by(files.read_scene(scenes / "distorted").scene) > 1
-    assert moved_by(files.read_scene(scenes / "overlap").scene) < 1e-9
+    assert moved_by(files.read_scene(scenes / "distorted")) > 1
+    assert moved_by(files.read_scene(scenes / "overlap")) < 1e-9
     assert x > 0
     assert y > 0
 

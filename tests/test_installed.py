@@ -22,7 +22,7 @@ import raytwin
 from raytwin import files
 from raytwin.image import Image
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 ROOT = Path(__file__).resolve().parent.parent
 MOST_BYTES = 13e6
@@ -173,9 +173,9 @@ def test_every_extra_that_is_missing_is_named_at_once_in_one_line(run):
 
 def test_from_python_too_the_missing_extra_is_named(run):
     calls = {
-        "render(raytwin.read_scene('single').scene)": "twin,llvm",
+        "render(raytwin.read_scene('single'))": "twin,llvm",
         "compare_scene('single')": "twin,llvm",
-        "mitsuba_sensor(raytwin.read_scene('single').scene.camera)": "twin,llvm",
+        "mitsuba_sensor(raytwin.read_scene('single').camera)": "twin,llvm",
         "levels('single', 0.1)": "twin,llvm",
         "read_board('board.toml')": "photos",
         "calibrate": "photos",

@@ -9,16 +9,16 @@ import pytest
 
 from raytwin import files, twin
 from raytwin.calib import boards, photos, synthetic_photos
-from raytwin.scene import Camera, WrittenSphere
+from raytwin.scene import Camera, Sphere
 from raytwin.speed import trace
 from raytwin.workflows.augment_photos import augment_photos
 from raytwin.workflows.photograph import photograph_board
 
 SIZE, COUNT = (504, 378), 3
 SPHERES = (
-    WrittenSphere((0.05, 0.09, 0.03), 0.03, (0.75, 0.3, 0.2)),
-    WrittenSphere((0.085, 0.105, 0.024), 0.024, (0.2, 0.45, 0.7)),
-    WrittenSphere((0.07, 0.06, 0.02), 0.02, (0.3, 0.6, 0.25)),
+    Sphere((0.05, 0.09, 0.03), 0.03, (0.75, 0.3, 0.2)),
+    Sphere((0.085, 0.105, 0.024), 0.024, (0.2, 0.45, 0.7)),
+    Sphere((0.07, 0.06, 0.02), 0.02, (0.3, 0.6, 0.25)),
 )
 
 
@@ -68,7 +68,7 @@ def test_of_overlapping_spheres_the_nearest_is_seen(studio, augmented):
     cameras = [Camera(truth.image_size, truth.K, R, t, truth.dist) for R, t in truth.photos.values()]
     written, shown = files.read_scene(studio), set()
     for (drawn, true, _), camera in zip(augmented, cameras, strict=True):
-        ids = trace(written.at(camera), "surface").surface.ids
+        ids = trace(written.with_camera(camera), "surface").surface.ids
         # Inner pixels alone, where the light is good enough for a hue.
         inner = np.zeros(ids.shape, bool)
         inner[2:-2, 2:-2] = np.all([ids[2 + y : ids.shape[0] - 2 + y, 2 + x : ids.shape[1] - 2 + x] == ids[2:-2, 2:-2]

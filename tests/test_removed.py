@@ -18,6 +18,14 @@ def test_a_removed_command_or_option_says_what_to_use_instead(name):
     assert run.stderr.splitlines() == [f"raytwin: `{name}` was removed in 0.2.0. {removed.COMMANDS[name]}"]
 
 
+@pytest.mark.parametrize(("old", "new"), removed.MOVED.items())
+def test_a_command_that_moved_answers_to_its_old_name(old, new):
+    for word in ("--help", "--nonsense"):
+        was, now = raytwin(*old.split(), word), raytwin(*new.split(), word)
+        assert (was.returncode, was.stdout, was.stderr) == (now.returncode, now.stdout, now.stderr)
+    assert f"raytwin {new}" in was.stderr
+
+
 @pytest.mark.parametrize("name", removed.NAMES)
 def test_a_removed_name_says_what_to_use_instead(name):
     with pytest.raises(AttributeError, match=r"removed in 0\.2\.0"):
@@ -52,4 +60,6 @@ def test_words_behind_two_dashes_are_no_options():
 def test_a_second_board_is_refused(tmp_path):
     run = raytwin("calibrate", tmp_path, "--board", "a.toml", "--board", "b.toml")
     assert run.returncode == 2
-    assert run.stderr == "raytwin: `calibrate --board` more than once was removed in 0.2.0. Use one board per call.\n"
+    assert run.stderr.startswith(
+        "raytwin: `photo calibrate --board` more than once was removed in 0.2.0. Use one board"
+    )

@@ -74,7 +74,7 @@ def test_a_scene_is_given_out_resolved_and_in_float64(overlap):
     assert given["dist"].shape == (5,)
     assert np.linalg.norm(given["sun"]["to_light"]) == pytest.approx(1, abs=1e-15)
     assert {a.dtype for s in given["spheres"] for a in s.values() if isinstance(a, np.ndarray)} == {np.dtype(float)}
-    np.testing.assert_array_equal(given["planes"][0]["half_u"], overlap.rectangles[0].half_u)
+    np.testing.assert_array_equal(given["planes"][0]["half_u"], overlap.planes[0].half_u)
 
 
 def test_a_learners_function_is_compared_in_the_tracers_place(theirs, scenes, monkeypatch):
@@ -154,7 +154,7 @@ def test_a_row_of_the_table_is_a_subject_and_tells_what_its_rays_met(single, pac
 
 @pytest.mark.parametrize("in_place", [True, False])
 def test_only_a_renderer_in_place_leaves_what_lies_outside_the_objects_boxes(in_place):
-    scene = files.read_scene(files.find_scene(files.SCENES / "single")).scene
+    scene = files.read_scene(files.find_scene(files.SCENES / "single"))
     scene = scene.with_camera(scene.camera.resized(16, 12))
     call = Traced("lambert", "numpy32", in_place=in_place).prepare(scene)
     one = call(0).mean

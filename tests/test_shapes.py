@@ -16,7 +16,7 @@ DEEP = np.zeros((6, 8, 3))
 
 @pytest.fixture
 def scene(scenes):
-    scene = files.read_scene(scenes / "single").scene
+    scene = files.read_scene(scenes / "single")
     return scene.with_camera(scene.camera.resized(8, 6))
 
 

@@ -145,7 +145,7 @@ def test_a_number_that_is_written_otherwise_is_found(text, wrong):
     assert len([what for what, found in MISWRITTEN.items() if re.search(found, text)]) == wrong
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_commands_write_numbers_in_one_form(scenes, tmp_path):
     photos = sorted((scenes / "desk" / "photos").glob("*.jpg"))[:4]
     board = scenes / "desk" / "board.toml"

@@ -4,6 +4,7 @@ from math import acos, atan, cos, hypot, inf, pi, radians, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
+from scene_of import scene_of
 
 from raytwin.image import Image
 from raytwin.scene import Camera, Lambert, Phong, Rectangle, Scene, Shape, Sky, Sun
@@ -51,7 +52,7 @@ def glare(exponent: float) -> tuple[Scene, np.ndarray]:
     material = Phong((0.3, 0.2, 0.1), (0.4, 0.3, 0.2), exponent)
     sun, eye = Sun(tuple(to_light.tolist()), (10.0,) * 3), np.array((-0.48, -0.36, 0.8)) * 1.5
     camera = view_of((0.0, 0.0, 0.0), eye, 2 / exponent**0.5, 48)
-    scene = Scene("glare", camera, (Rectangle((0, 0, 0), (9, 0, 0), (0, 9, 0), material),), (sun,))
+    scene = scene_of("glare", camera, (Rectangle((0, 0, 0), (9, 0, 0), (0, 9, 0), material),), (sun,))
     v, u = np.mgrid[:48, :48].astype(float)
     d = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(u)], axis=-1)
     d = d @ np.array(camera.R_cam_board)

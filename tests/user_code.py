@@ -8,23 +8,19 @@ import raytwin
 
 
 def compare_my_renderer(folder: Path) -> str:
-    written: raytwin.SceneFile = raytwin.read_scene(folder)
-    scene: raytwin.Scene = written.scene
+    scene: raytwin.Scene = raytwin.read_scene(folder)
     mine = raytwin.Image(np.zeros((scene.camera.height, scene.camera.width, 3), np.float32))
     truth: raytwin.Image = raytwin.render(scene, "path", samples=64)
-    comparison = raytwin.compare_images(mine, truth, tolerance=written.tolerance)
+    comparison = raytwin.compare_images(mine, truth, tolerance=scene.tolerance)
     for reason in comparison.reasons:
         print(reason.upper())
     return comparison.verdict
 
 
 def move_a_sphere(scene: raytwin.Scene) -> raytwin.Scene:
-    moved = [
-        raytwin.Sphere(thing.center, 2 * thing.radius, thing.material) if isinstance(thing, raytwin.Sphere) else thing
-        for thing in scene.objects
-    ]
-    lights = (raytwin.Sun((0.0, 0.0, 1.0), (3.0, 3.0, 3.0)), raytwin.Sky((0.1, 0.1, 0.1)))
-    return raytwin.Scene(scene.name, scene.camera, tuple(moved), lights)
+    moved = tuple(raytwin.Sphere(ball.center, 2 * ball.radius, ball.albedo) for ball in scene.spheres)
+    sun, sky = raytwin.Sun((0.0, 0.0, 1.0), (3.0, 3.0, 3.0)), raytwin.Sky((0.1, 0.1, 0.1))
+    return raytwin.Scene(scene.name, scene.camera, moved, scene.planes, sun, sky)
 
 
 def radiance_of(scene: raytwin.Scene) -> float:

@@ -1,7 +1,7 @@
 """Compare a hand-written ray tracer (the subject) with Mitsuba 3 (its twin), and explain the difference.
 
     photos of a board -> calibrate -> Camera --+
-                                scene.toml ----+-> read_scene -> SceneFile -> Scene
+                                scene.toml ----+-> read_scene -> Scene
     Scene -> trace   (the subject, hand-written)  -> Image --+
     Scene -> render  (the twin, Mitsuba 3)        -> Image --+-> compare_images -> Comparison: verdict, reasons, numbers
     a scene -------------------------------------------------> compare_scene --> Result: all of this at once
@@ -17,7 +17,7 @@ InputError(where, expected, got). Heavy libraries are imported when a function f
 themselves in a notebook.
 
 >>> import raytwin
->>> scene = raytwin.read_scene("scenes/single").scene
+>>> scene = raytwin.read_scene("scenes/single")
 >>> image = raytwin.trace(scene, "shadow")
 >>> image.shape
 (480, 640, 3)
@@ -53,7 +53,6 @@ if TYPE_CHECKING:
     from raytwin.scene import Lambert as Lambert
     from raytwin.scene import Rectangle as Rectangle
     from raytwin.scene import Scene as Scene
-    from raytwin.scene import SceneFile as SceneFile
     from raytwin.scene import Sky as Sky
     from raytwin.scene import Sphere as Sphere
     from raytwin.scene import Sun as Sun
@@ -78,7 +77,6 @@ _HOME = {
     "Lambert": "scene",
     "Rectangle": "scene",
     "Scene": "scene",
-    "SceneFile": "scene",
     "SequentialComparison": "compare",
     "Sky": "scene",
     "Sphere": "scene",

@@ -1,7 +1,7 @@
 """What a user hands over, as an Image: arrays, files, repeated renders, or a function that renders from a seed."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -105,32 +105,48 @@ def _repeated(renders: Iterable[LoadedImage], samples: int = 0, all_equal: int |
 
     `samples` per pixel count for renders that state none. No more are asked for once the first `all_equal` are equal.
     """
-    pool, counts, first = ImagePool(), list[int](), None
+    pool, counts, first, last, steps = ImagePool(), list[int](), None, None, list[float]()
     for one in renders:
         if counts and one.image.shape != pool.shape:
             raise InputError("renders", "images of one shape", f"{pool.shape}, {one.image.shape}")
         pool.add(one_batch(one.image))
         counts.append(one.image.samples or samples)
         first = first or one
+        if last is not None:
+            steps.append(float(np.square(one.image.mean - last).mean(dtype=float)))
+        last = one.image.mean
         if len(counts) == all_equal and pool.images == 1:
             break
     if first is None or len(counts) < FEWEST:
         raise InputError("repeated renders", f"at least {FEWEST}", len(counts))
+    if _grow(steps):
+        raise InputError(
+            "repeated renders", "independent ones", "each the mean of all samples up to it (one growing render)"
+        )
     notes = first.notes
     if pool.repeats:
         earlier, later = pool.repeats[0]
         others = f", and {len(pool.repeats) - 1} more repeat" if len(pool.repeats) > 1 else ""
         note = f"renders {earlier} and {later} (counted from 0, as seeds are) are equal{others}: is the seed used?"
-        if 1 < pool.images < FEWEST:
-            raise InputError("repeated renders", f"at least {FEWEST} that differ", f"{pool.images}: {note}")
+        if pool.images > 1:
+            raise InputError("repeated renders", "renders that all differ, or none", note)
         notes = (*notes, note)
     image = replace(pool.image, samples=sum(counts) if all(counts) and not pool.repeats else 0)
     return LoadedImage(image, first.rounding, notes, measured=True)
 
 
+def _grow(steps: Sequence[float]) -> bool:
+    """Whether renders are the means of one that grows: the mean squares of their `steps` are 2 to 1/2, 1/6, 1/12, ...
+
+    The k-th and the (k + 1)-th mean of samples of variance 1 differ by 1 / (k (k + 1)) in the mean square.
+    """
+    as_first = [step * k * (k + 1) / 2 for k, step in enumerate(steps, 1)]
+    return len(steps) >= 3 and steps[0] > 0 and all(0.7 < x / steps[0] < 1.4 for x in as_first)
+
+
 def one_batch(image: Image) -> Image:
     """Return one of several renders without its own variance: the noise is measured by their scatter alone."""
-    return replace(image, variance=None, samples=0, batches=None)
+    return replace(image, variance=None, samples=0, batches=None, third=None)
 
 
 def _single(thing: Any) -> LoadedImage:

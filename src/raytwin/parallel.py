@@ -97,36 +97,20 @@ class Stored(Generic[R]):
     ) -> list[R]:
         """Return the results in the jobs' order: those that are there, unless `again` or to `redo`.
 
-        `failed` is what becomes of an error; `each` is called with every new result as it comes. Workers write what
-        they make, but for a cluster's, whose disk may be another one: the caller does.
+        `failed` is what becomes of an error; `each` is called with every new result as it comes, once it is written.
         """
         found = {} if again else {job.key: self.read(job.key) for job in jobs}
         done = {key: result for key, result in found.items() if result is not None and not redo(result)}
         todo = [job for job in jobs if job.key not in done]
         progress(stage, len(done), len(jobs))
-        for one in map_parallel(_Storing(function, None if workers.dask else self), todo, workers):
+        for one in map_parallel(function, todo, workers):
             result = one.result if one.error is None else failed(one.thing, one.error)
-            if workers.dask or one.error is not None:
-                self.write(one.thing.key, msgspec.json.encode(result))
+            self.write(one.thing.key, msgspec.json.encode(result))
             done[one.thing.key] = result
             if each is not None:
                 each(result)
             progress(stage, len(done), len(jobs))
         return [done[job.key] for job in jobs]
-
-
-@dataclass(frozen=True)
-class _Storing:
-    """What a worker does: `function`, and then store what it gave."""
-
-    function: Callable[[Any], Any]
-    store: Stored[Any] | None
-
-    def __call__(self, job: Any) -> Any:
-        result = self.function(job)
-        if self.store is not None:
-            self.store.write(job.key, msgspec.json.encode(result))
-        return result
 
 
 def _here(function: Callable[[T], Any], thing: T) -> Done:

@@ -20,7 +20,7 @@ from raytwin import files
 from raytwin.errors import InputError, check_one_of
 from raytwin.image import Image, Surface
 from raytwin.rungs import RUNGS
-from raytwin.scene import Camera, Scene, SceneFile, Tolerance
+from raytwin.scene import Camera, Scene, Tolerance
 from raytwin.scene.scene_changes import summary
 
 SHIPPED = files.REFERENCES
@@ -43,38 +43,34 @@ FILES = "files"
 """The header's key for the files that a Mitsuba file pulls in, each with its SHA-256."""
 
 SET_UP = ("name", "camera", "spheres", "planes", "sun", "sky", "tolerance")
-"""What a header holds of a SceneFile whose camera has been found."""
+"""What a header holds of a Scene."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The image, and its header: what made it, as text. `written` (camera found) is None for a golden image."""
+    """The image, and its header: what made it, as text. `scene` is None for one that was made from an image."""
 
     path: Path
     image: Image
     header: dict[str, str] = field(default_factory=dict)
-    written: SceneFile | None = None
-
-    @property
-    def scene(self) -> Scene | None:
-        return self.written.scene if self.written else None
+    scene: Scene | None = None
 
     @property
     def camera(self) -> Camera | None:
-        return self.written.camera if self.written else None
+        return self.scene.camera if self.scene else None
 
     def __repr__(self) -> str:
         return f"<raytwin.reference {self.path.parent.name}/{self.path.stem}: {self.image!r}>"
 
     def origin(self) -> Scene:
         """The scene that it was made from. Raises InputError for one that was made from an image."""
-        if self.written is None:
+        if self.scene is None:
             raise InputError(self.path, "a reference made from a scene", "one made from an image")
-        return self.written.scene
+        return self.scene
 
     @property
     def tolerance(self) -> Tolerance:
-        return self.written.tolerance if self.written else Tolerance()
+        return self.scene.tolerance if self.scene else Tolerance()
 
     @property
     def of_file(self) -> bool:
@@ -84,7 +80,7 @@ class Reference:
     @property
     def golden(self) -> bool:
         """Whether it was made from an image, and of no scene."""
-        return self.written is None and not self.of_file
+        return self.scene is None and not self.of_file
 
 
 # ------------------------------------------------------------------------------------------ files
@@ -135,10 +131,10 @@ def load(path: str | Path) -> Reference:
     named = header.get("scene"), header.get("rung")
     if named != (path.parent.name, path.stem):
         raise InputError(path, "the reference of its scene and rung", f"that of {named[0]}, rung {named[1]}")
-    written = None
+    scene = None
     if "set_up" in header:
-        written = files.to_record(f"{path}: set_up", msgspec.json.decode(header["set_up"]), SceneFile)
-    return Reference(path, image, header, written)
+        scene = files.to_record(f"{path}: set_up", msgspec.json.decode(header["set_up"]), Scene)
+    return Reference(path, image, header, scene)
 
 
 def save(reference: Reference) -> None:
@@ -162,7 +158,7 @@ def checksum(image: Image, header: dict[str, str]) -> str:
     return total.hexdigest()[:32]
 
 
-def sealed(path: Path, image: Image, header: dict[str, str], written: SceneFile | None) -> Reference:
+def sealed(path: Path, image: Image, header: dict[str, str], scene: Scene | None) -> Reference:
     """The reference as it will be read back: rounded as far as noise lets, scene and checksum in the header."""
     mean, variance, surface = np.asarray(image.mean, np.float32), image.variance, image.surface
     if variance is not None:
@@ -171,10 +167,10 @@ def sealed(path: Path, image: Image, header: dict[str, str], written: SceneFile 
         surface = Surface(surface.ids, rounded(surface.depth, SURFACE_BITS), rounded(surface.normal, SURFACE_BITS))
     image = replace(image, mean=stepped(mean, variance), variance=variance, surface=surface)
     header = {k: v for k, v in header.items() if k not in ("checksum", "batches")} | {"format": FORMAT}
-    if written is not None:
-        header["set_up"] = msgspec.json.encode({name: getattr(written, name) for name in SET_UP}).decode()
+    if scene is not None:
+        header["set_up"] = msgspec.json.encode({name: getattr(scene, name) for name in SET_UP}).decode()
     header |= {"samples": str(image.samples)} | ({"batches": str(image.batches)} if image.batches else {})
-    return Reference(path, image, header | {"checksum": checksum(image, header)}, written)
+    return Reference(path, image, header | {"checksum": checksum(image, header)}, scene)
 
 
 def rounded(x: ArrayLike, bits: int) -> np.ndarray:
@@ -206,39 +202,40 @@ def stepped(mean: np.ndarray, variance: np.ndarray | None) -> np.ndarray:
 # ------------------------------------------------------------------------------------------ scenes
 
 
-def scene_hash(written: SceneFile) -> str:
-    """SHA-256 of the scene as written, 32 hexadecimal digits: camera, objects, lights; no names, no tolerance.
+def scene_hash(path: str | Path) -> str:
+    """SHA-256 of the scene as its file says it, 32 hexadecimal digits: camera, objects, lights; no names, no tolerance.
 
     Where the camera is to be calibrated, of its photos' bytes and of its board, not of what the calibration finds:
     another version of OpenCV changes that in its last digits.
     """
-    seen: dict[str, Any] = {"sun": written.sun, "sky": written.sky}
+    file, (scene, asked) = files.find_scene(path), files.scene_and_photos(path)
+    sun = msgspec.to_builtins(scene.sun)
+    if "to_light" in (written := files.read_toml(file).get("sun", {})):
+        sun["to_light"] = [float(x) for x in written["to_light"]]  # of any length
+    seen: dict[str, Any] = {"sun": sun, "sky": scene.sky, "camera": asked or scene.camera}
     for kind in ("spheres", "planes"):  # what an object is called changes no pixel
-        seen[kind] = [msgspec.structs.replace(thing, name=msgspec.UNSET) for thing in getattr(written, kind)]
-    seen["camera"] = written.photos or written.camera
+        seen[kind] = [msgspec.structs.replace(thing, name=msgspec.UNSET) for thing in getattr(scene, kind)]
     total = hashlib.sha256(msgspec.json.encode(seen, order="sorted"))
-    if asked := written.photos:
-        folder = Path(written.folder)
-        total.update(msgspec.json.encode(files.read_toml(folder / asked.board), order="sorted"))
-        for photo in files.list_photos(folder / asked.photos):
+    if asked:
+        total.update(msgspec.json.encode(files.read_toml(file.parent / asked.board), order="sorted"))
+        for photo in files.list_photos(file.parent / asked.photos):
             total.update(photo.name.encode() + hashlib.sha256(photo.read_bytes()).digest())
     return total.hexdigest()[:32]
 
 
-def stale(old: Reference, scene: str | Path) -> str | None:
+def stale(old: Reference, path: str | Path) -> str | None:
     """Why the reference no longer fits the scene as it is written; None where it does."""
-    if files.is_mitsuba(scene):
-        return _stale_file(old, scene)
-    written = files.read_scene(scene)
-    if old.written is None:
-        return f"it was made from an image, but now there is a scene: {scene}"
-    if old.header["scene_hash"] != scene_hash(written):
-        # The reference's camera has its own size; one that was found in photos is none of the file's.
-        before = old.origin().camera
-        camera = written.camera.resized(*before.image_size) if written.camera is not None else before
-        changed = summary(old.written, written.with_camera(camera))
+    if files.is_mitsuba(path):
+        return _stale_file(old, path)
+    scene, photos = files.scene_and_photos(path)
+    if old.scene is None:
+        return f"it was made from an image, but now there is a scene: {path}"
+    # The reference's camera has its own size; one that was found in photos is none of the file's.
+    before = old.scene.camera
+    if old.header["scene_hash"] != scene_hash(path):
+        changed = summary(old.scene, scene.with_camera(before if photos else scene.camera.resized(*before.image_size)))
         return "the scene has changed since" + (f": {changed}" if changed else "")
-    if old.tolerance != written.tolerance:
+    if old.tolerance != scene.tolerance:
         return "the scene's tolerance has changed since"
     return None
 

@@ -2,51 +2,59 @@
 
 from collections.abc import Sequence
 
+IDIFF = (
+    "allow-failures", "allowfailures", "fail", "fail-percent", "fail-relative", "failpercent", "failrelative",
+    "hard-fail", "hard-warn", "hardfail", "hardwarn", "warn", "warn-percent", "warn-relative", "warnpercent",
+    "warnrelative",
+)  # fmt: skip
+"""Options of OpenImageIO's idiff that `diff` had."""
+
 COMMANDS: dict[str, str] = {
-    "bench --against": "Use pytest-benchmark (pip install 'raytwin[bench]'), as docs/howto/measure-speed.md shows.",
+    "bench --against": "Use pytest-benchmark (pip install 'raytwin[bench]'), as docs/renderer.md shows.",
     "bench --flip": "Use diff --flip on two images.",
-    "bench --save": "Use pytest-benchmark (pip install 'raytwin[bench]'), as docs/howto/measure-speed.md shows.",
+    "bench --save": "Use pytest-benchmark (pip install 'raytwin[bench]'), as docs/renderer.md shows.",
     "bench --spheres": "Use pytest-benchmark (pip install 'raytwin[bench]') with scenes of so many spheres.",
     "bench calibration": "Use `python -m measure.calibration_cost`, in tests/ of the repository.",
     "bench paper": "Use `python -m measure.paper`, in tests/ of the repository.",
-    "board --import": 'Use a board.toml: "Use your own photos" in the docs writes one from a trusted pickle.',
-    "board --name": "Use a board.toml: one file per board.",
-    "board --unit": "Use a board.toml, whose lengths are metres.",
-    "board --y-down": "Use a board.toml, whose Y points up.",
-    "calibrate --bend": "Use the number in mm that calibrate prints; --json has each tag's offset.",
-    "calibrate --uncertainty": "Use -o camera.toml: the page beside it has the map of uncertainty.",
-    "diff --allow-failures": "Use OpenImageIO's idiff -allowfailures.",
-    "diff --allowfailures": "Use OpenImageIO's idiff -allowfailures.",
-    "diff --fail": "Use OpenImageIO's idiff -fail.",
-    "diff --fail-percent": "Use OpenImageIO's idiff -failpercent.",
-    "diff --fail-relative": "Use OpenImageIO's idiff -failrelative.",
-    "diff --failpercent": "Use OpenImageIO's idiff -failpercent.",
-    "diff --failrelative": "Use OpenImageIO's idiff -failrelative.",
-    "diff --hard-fail": "Use OpenImageIO's idiff -hardfail.",
-    "diff --hard-warn": "Use OpenImageIO's idiff -hardwarn.",
-    "diff --hardfail": "Use OpenImageIO's idiff -hardfail.",
-    "diff --hardwarn": "Use OpenImageIO's idiff -hardwarn.",
-    "diff --warn": "Use OpenImageIO's idiff -warn.",
-    "diff --warn-percent": "Use OpenImageIO's idiff -warnpercent.",
-    "diff --warn-relative": "Use OpenImageIO's idiff -warnrelative.",
-    "diff --warnpercent": "Use OpenImageIO's idiff -warnpercent.",
-    "diff --warnrelative": "Use OpenImageIO's idiff -warnrelative.",
+    "photo board --import": "Use a board.toml: docs/photos.md writes one from a trusted pickle.",
+    "photo board --name": "Use a board.toml: one file per board.",
+    "photo board --unit": "Use a board.toml, whose lengths are metres.",
+    "photo board --y-down": "Use a board.toml, whose Y points up.",
+    "photo calibrate --bend": "Use the number in mm that it prints; --json has each tag's offset.",
+    "photo calibrate --uncertainty": "Use -o camera.toml: the page beside it has the map of uncertainty.",
+    **{f"diff --{option}": f"Use OpenImageIO's idiff -{option.replace('-', '')}." for option in IDIFF},
     "grade --shard": "Use --jobs N on one machine, or --dask ADDRESS on several.",
     "ladder": "Use `raytwin levels SCENE`.",
-    "matrix": "Use `raytwin bench SCENE... --subject A --subject B`, or pytest as docs/howto/pytest.md shows.",
+    "matrix": "Use `raytwin bench SCENE... --subject A --subject B`, or pytest as docs/renderer.md shows.",
     "needs": "Use `raytwin levels SCENE --tolerance T`.",
-    "photograph --ball": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
-    "photograph --exposure": "Scale the sun and the sky of the scene that --scene names.",
-    "photograph --mirror": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
-    "photograph --stand": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
-    "reference make --shard": "Use --jobs N on one machine, or --dask ADDRESS on several.",
+    "photo simulate --ball": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
+    "photo simulate --exposure": "Scale the sun and the sky of the scene that --scene names.",
+    "photo simulate --mirror": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
+    "photo simulate --stand": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
+    "reference diff": "Use `reference make --again`, which shows changes and asks; `diff A B` on two folders.",
+    "reference make --dask": "Use one `reference make SCENE` per machine.",
+    "reference make --jobs": "Leave it out: Mitsuba renders on every core.",
+    "reference make -j": "Leave it out: Mitsuba renders on every core.",
+    "reference make --shard": "Use one `reference make SCENE` per machine.",
     "shrink --allow": "Use a scene.toml: shrink takes no Mitsuba files, which alone have plugins.",
 }
 """Words of the command line ("bench paper", "diff --fail") -> what to use instead, a sentence."""
 
+MOVED: dict[str, str] = {
+    "augment": "photo draw",
+    "board": "photo board",
+    "calibrate": "photo calibrate",
+    "export": "scenes export",
+    "grade gradescope-zip": "grade zip",
+    "light": "photo light",
+    "photograph": "photo simulate",
+}
+"""Old name of a command -> its name today. The old name does the same, and `--help` does not list it."""
+
 NAMES: dict[str, str] = {
     "ladder": "Use raytwin.levels(scene).",
     "needs": "Use raytwin.levels(scene, tolerance).",
+    "SceneFile": "Use raytwin.Scene, which read_scene returns.",
     "chart": "Use pandas.DataFrame(result.table()).plot(x=..., y=...), which draws with matplotlib.",
 }
 """Name of `raytwin` -> what to use instead, a sentence."""
@@ -69,6 +77,19 @@ def removed_renderer(name: str) -> str | None:
     """
     instead = next((text for start, text in RENDERERS.items() if name.startswith(start)), None)
     return instead and f"`{name}` was removed in 0.2.0. {instead}"
+
+
+def moved_command(words: Sequence[str]) -> list[str]:
+    """Return the command line's words with the name that a command has today.
+
+    >>> moved_command(["augment", "photo.jpg"])
+    ['photo', 'draw', 'photo.jpg']
+    """
+    for old, new in MOVED.items():
+        length = len(old.split())
+        if " ".join(words[:length]) == old:
+            return [*new.split(), *words[length:]]
+    return list(words)
 
 
 def removed_command(words: Sequence[str]) -> str | None:

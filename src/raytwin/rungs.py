@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Rung:
-    """One row: its `name` and, in words, what it `adds` and its `reach`, which ends "a tracer that stops at".
+    """One row: its `name` and, in words, its `reach`, which ends "a tracer that stops at".
 
     `shadows`: the sun may be hidden. `sky`: how its light is summed, `none`, `open` (nothing hides it) or `occluded`.
     `depth`: the surfaces that light may have met where it is followed from one to the next, counted as Mitsuba does
@@ -17,7 +17,6 @@ class Rung:
     """
 
     name: str
-    adds: str
     reach: str
     shadows: bool = True
     sky: str = "open"
@@ -44,23 +43,13 @@ class Rung:
 RUNGS = {
     rung.name: rung
     for rung in (
-        Rung(
-            "surface",
-            "which object, how far, which way it faces",
-            "geometry",
-            shadows=False,
-            sky="none",
-            background=False,
-        ),
-        Rung(
-            "lambert",
-            "sun without shadows and sky without occlusion: the paper's model",
-            "unshadowed light",
-            shadows=False,
-        ),
-        Rung("shadow", "cast shadows of the sun", "shadows"),
-        Rung("sky", "occlusion of the sky", "the sky's occlusion", sky="occluded", depth=2, noisy=True),
-        Rung("path", "interreflection", "bounced light", sky="occluded", depth=8, noisy=True),
+        # Which object, how far, which way it faces.
+        Rung("surface", "geometry", shadows=False, sky="none", background=False),
+        # Sun without shadows and sky without occlusion: the paper's model.
+        Rung("lambert", "unshadowed light", shadows=False),
+        Rung("shadow", "shadows"),
+        Rung("sky", "the sky's occlusion", sky="occluded", depth=2, noisy=True),
+        Rung("path", "bounced light", sky="occluded", depth=8, noisy=True),
     )
 }
 """name -> row, from the least light to all of it."""

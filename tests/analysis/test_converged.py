@@ -4,6 +4,7 @@ from math import cos, inf, radians, sin
 
 import numpy as np
 import pytest
+from scene_of import scene_of
 from truths import WHITE, in_wedge, view_of, wedge
 
 from raytwin.analysis.converged import converged, unbiased_error
@@ -16,7 +17,7 @@ AMPLE = 1 << 30
 def corner() -> Scene:
     """90 degrees, albedo 1/2, sky of 1: radiance 1/4 of the sky's light, 1/3 with all bounces, in each pixel."""
     eye = (0.005 + 0.15 * cos(radians(35)), 0.04, 0.15 * sin(radians(35)))
-    return Scene("wedge", view_of((0.005, 0, 0), eye, 1e-5, 32), wedge(90, 0.5, 0.5, 500.0), WHITE)
+    return scene_of("wedge", view_of((0.005, 0, 0), eye, 1e-5, 32), wedge(90, 0.5, 0.5, 500.0), WHITE)
 
 
 @pytest.mark.parametrize(("rung", "depth", "bounces"), [("sky", None, 0), ("path", 3, 1), ("path", None, inf)])

@@ -6,13 +6,13 @@ import msgspec
 import numpy as np
 import pytest
 from measure.planted_ledger import results
+from scene_of import changed, scene_of
 from truths import WHITE, in_wedge, view_of, wedge
 
 from raytwin import files, speed, twin
 from raytwin.analysis import ledger, light_parts
 from raytwin.analysis.ledger import make_ledger
 from raytwin.rungs import RUNGS
-from raytwin.scene import Scene
 
 LIT = [name for name, row in RUNGS.items() if row.lit]
 
@@ -49,7 +49,7 @@ def test_parts_add_up_to_what_is_shown_less_the_whole_light(overlap, fast, rung)
 @pytest.mark.parametrize("name", ["distorted", "wedge", "weekend", "studio"])
 def test_on_every_scene_the_parts_are_the_whole_error_pixel_by_pixel(scenes, fast, name):
     """What is shown less the walks of the ledger's own seeds, to float32's rounding of a handful of sums."""
-    scene = files.read_scene(scenes / name).scene
+    scene = files.read_scene(scenes / name)
     small = scene.with_camera(scene.camera.resized(64, 48))
     shown = speed.trace(small, "lambert", fast)
     halves = [
@@ -64,7 +64,7 @@ def test_on_every_scene_the_parts_are_the_whole_error_pixel_by_pixel(scenes, fas
 def test_in_a_wedge_each_part_is_its_term_of_the_series(fast):
     """90 degrees, albedo 1/2, sky of 1: 1/2 open, 1/4 occluded, bounces 1/16, 1/64 and 1/192 in all that follow."""
     eye = (0.005 + 0.15 * cos(radians(35)), 0.04, 0.15 * sin(radians(35)))
-    scene = Scene("wedge", view_of((0.005, 0, 0), eye, 1e-5, 32), wedge(90, 0.5, 0.5, 500.0), WHITE)
+    scene = scene_of("wedge", view_of((0.005, 0, 0), eye, 1e-5, 32), wedge(90, 0.5, 0.5, 500.0), WHITE)
     found = make_ledger(scene, speed.trace(scene, "shadow", fast), "shadow", fast, depth=30)
     terms = [in_wedge(90, 0.5, 0.5, n) for n in (0, 1, 2, inf)]
     for name, missing in {
@@ -88,7 +88,7 @@ PLANTED = {
 
 def _sun(scene, factor):
     sun = msgspec.structs.replace(scene.sun, irradiance=tuple(factor * x for x in scene.sun.irradiance))
-    return msgspec.structs.replace(scene, lights=tuple(sun if x is scene.sun else x for x in scene.lights))
+    return changed(scene, lights=tuple(sun if x is scene.sun else x for x in (scene.sun, scene.sky)))
 
 
 @pytest.mark.parametrize("name", PLANTED)

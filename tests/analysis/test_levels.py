@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 from program import raytwin, refused
+from scene_of import scene_of
 from truths import WHITE, in_wedge, view_of, wedge
 
 from raytwin import files, twin
@@ -25,7 +26,7 @@ SIZE = 80, 60
 def corner() -> Scene:
     """90 degrees, albedo 1/2, sky of 1: half of all paths go on at each surface."""
     eye = (0.005 + 0.15 * cos(radians(35)), 0.04, 0.15 * sin(radians(35)))
-    return Scene("corner", view_of((0.005, 0, 0), eye, 1e-5, 24), wedge(90, 0.5, 0.5, 500.0), WHITE)
+    return scene_of("corner", view_of((0.005, 0, 0), eye, 1e-5, 24), wedge(90, 0.5, 0.5, 500.0), WHITE)
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +50,7 @@ def test_errors_fall_with_light_and_samples_and_both_sides_agree(table):
 )
 def test_the_choice_meets_the_tolerance_with_another_seed_and_the_next_cheaper_fails(scenes, tolerance, rungs):
     """Against another reference; a twentieth is granted to another seed's noise, in so small a picture."""
-    scene = files.read_scene(scenes / "overlap").scene
+    scene = files.read_scene(scenes / "overlap")
     scene = scene.with_camera(scene.camera.resized(*SIZE))
     found = levels(scene, tolerance).found
     assert found.choice.rung in rungs
@@ -92,7 +93,7 @@ def test_each_part_is_its_term_of_the_series_and_can_be_dropped_below_the_tolera
 @pytest.mark.parametrize("name", ["overlap", "studio"])
 def test_no_part_of_the_light_exceeds_what_is_certain_without_a_render(scenes, name):
     """a E/π, a L, and a (E/π + L) a^(n+1) / (1 - a) with F <= 1. A pixel's noise is granted 4.5 standard errors."""
-    scene = files.read_scene(scenes / name).scene
+    scene = files.read_scene(scenes / name)
     small = scene.with_camera(scene.camera.resized(*SIZE))
     albedo = max(max(thing.material.albedo) for thing in scene.objects)
     sun = max(scene.sun.irradiance) / np.pi
@@ -124,7 +125,7 @@ def test_the_answer_does_not_depend_on_how_long_anything_takes(scenes, monkeypat
 
 
 def test_an_empty_scene_needs_no_tracer():
-    found = levels(Scene("empty", view_of((0, 0, 0), (0, 0, 3), 3), (), WHITE), 1e-6).found
+    found = levels(scene_of("empty", view_of((0, 0, 0), (0, 0, 3), 3), (), WHITE), 1e-6).found
     assert (found.choice.method, found.choice.rays, found.choice.error) == ("fill", 0.0, 0.0)
     assert {part.can_be_dropped for part in found.parts} == {True}
 

@@ -3,15 +3,15 @@
 import math
 from math import pi
 
-import msgspec
 import numpy as np
 import pytest
+from scene_of import changed
 
 from raytwin import files, speed, twin
 from raytwin.analysis import light_parts
 from raytwin.analysis.light_parts import WholeLight, sampled_parts
 from raytwin.diagnose.light_decomposition import split
-from raytwin.diagnose.pixel_sample import SubmittedImage, look
+from raytwin.diagnose.pixel_sample import SubmittedImage, sample_pixels
 
 
 @pytest.fixture(scope="module")
@@ -39,9 +39,9 @@ def small(scene, width=48, height=36):
 )
 def test_of_light_that_chance_finds_the_fewest_factors_are_told(scenes, fast, factors, words):
     """64 samples a pixel; a part's factor may err by 4 of its standard errors, some per cent."""
-    overlap = files.read_scene(scenes / "overlap").scene
+    overlap = files.read_scene(scenes / "overlap")
     scene = small(overlap, 120, 90)
-    dark = msgspec.structs.replace(scene, lights=(scene.sun,))
+    dark = changed(scene, lights=(scene.sun,))
     parts = speed.light_parts(scene, fast, samples=64, seed=5)
     sun = speed.light_parts(dark, fast, samples=64, seed=5)
     shown = sum(np.float32(factors.get(name, 1)) * image.mean for name, image in parts.items())
@@ -49,7 +49,7 @@ def test_of_light_that_chance_finds_the_fewest_factors_are_told(scenes, fast, fa
     right = speed.walk(scene, "path", fast, samples=64, seed=7)
     half = 3 * np.sqrt(2 * right.variance)
     found = split(
-        look(
+        sample_pixels(
             SubmittedImage(
                 scene, shown, right.mean, "path", half=half, sampled=sampled_parts(scene, "path", fast, "area")
             )
@@ -67,6 +67,6 @@ def test_of_light_that_chance_finds_the_fewest_factors_are_told(scenes, fast, fa
 @pytest.mark.parametrize(("count", "most"), [(60, 1 << 16), (640, 1 << 13), (100_000, 1 << 12)])
 def test_the_more_objects_a_scene_has_the_fewer_pixels_the_ledger_takes(single, monkeypatch, count, most):
     monkeypatch.setattr(light_parts, "light_parts", lambda *_, **__: {})
-    crowd = msgspec.structs.replace(single, objects=(single.spheres[0],) * count)
+    crowd = changed(single, objects=(single.spheres[0],) * count)
     pixels = math.prod(WholeLight(crowd, "drjit32").shape[:2])
     assert most / 4 < pixels <= most

@@ -38,7 +38,7 @@ def view(scenes):
     """A scene by name, at a small size."""
 
     def small(name: str, width: int = 48, height: int = 36):
-        scene = files.read_scene(scenes / name).scene
+        scene = files.read_scene(scenes / name)
         return scene.with_camera(scene.camera.resized(width, height))
 
     return small

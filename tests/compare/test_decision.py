@@ -8,7 +8,7 @@ from measure import noise_models
 from measure.noise_models import KINDS, UNSEEN, picture
 
 from raytwin.compare import compare
-from raytwin.compare.decision import _at_least_usual, decide
+from raytwin.compare.decision import decide
 from raytwin.compare.exact import count_noise_free
 from raytwin.compare.scale import Bound
 from raytwin.image import Image, Surface
@@ -53,7 +53,7 @@ def alarms(name, understated=1.0):
     return count
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", [name for name in KINDS if name != UNSEEN])
 def test_noise_alone_fails_no_more_often_than_stated(name):
     assert alarms(name) <= (MOST_OF_FILMS if name in FILMS else MOST)
@@ -285,19 +285,6 @@ def test_a_mean_s_deviation_is_that_of_independent_pixels():
     sd = np.sqrt(a.variance[..., image.channel].sum(dtype=float)) / (H * W)
     granted = 1e-5 * max(1.0, TRUTH[..., image.channel].mean())
     assert image.z == pytest.approx((abs(d) - granted) / sd, rel=1e-3)
-
-
-@pytest.mark.parametrize("apart", [1, 2])
-def test_a_tile_claims_no_less_than_the_third_least_of_it_and_its_neighbours_in_units_of_their_light(apart):
-    rng = np.random.default_rng(9)
-    light, relative = rng.uniform(0.1, 1, (7, 9, 3)), rng.exponential(1, (7, 9, 3))
-    relative[2, 3] = 0
-    made = _at_least_usual(relative * light**2 / 64, {"r": light, "n": np.full((7, 9, 1), 64.0)}, apart)
-    around = np.pad(relative, ((apart, apart), (apart, apart), (0, 0)), mode="edge")
-    tiles = [around[y : y + 7, x : x + 9] for y in (0, apart, 2 * apart) for x in (0, apart, 2 * apart)]
-    usual = np.sort(tiles, axis=0)[2]
-    expected = np.where(relative > 0, np.maximum(relative, usual), 0)
-    assert made * 64 / light**2 == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(("share", "noisy"), [(0.098, False), (0.102, True)])

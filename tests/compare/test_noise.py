@@ -68,114 +68,6 @@ def test_residuals_are_the_unbiased_variance_of_each_block(h, w, seed):
             assert np.allclose(noise.block_means(a)[j, i], a[rows, columns].mean(axis=(0, 1)), rtol=1e-5)
 
 
-# ------------------------------------------------------------------------------------------------------ fireflies
-
-
-def survey_of(peak, mean=0.5, beside=1.0):
-    """One value `peak` on a variance of 1, `beside` on two of its neighbours; the event lifts its pixel's mean."""
-    v = np.full((24, 24, 3), 1e-4, np.float32)
-    v[12, 12, 1] = peak * 1e-4
-    v[12, 11:14:2, 1] = beside * 1e-4
-    image = flat(v, mean)
-    image.mean[12, 12, 1] = mean
-    return noise.survey(image, np.zeros_like(v))
-
-
-def typical(peak):
-    """(mean sqrt(v))² of a block of 64 in units of 1e-4, one of them `peak`."""
-    return ((63 + math.sqrt(peak)) / 64) ** 2
-
-
-def test_a_firefly_has_more_than_25_times_what_is_typical_of_its_block_and_neighbours():
-    low = next(p for p in np.arange(25, 40, 0.1) if p > 25 * typical(p))
-    for peak, seen in ((low * 0.98, 0), (low * 1.02, 1)):
-        side = survey_of(peak, mean=0.01)
-        assert list(side.events) == pytest.approx([0, seen, 0])
-        assert side.first[0, 1] == pytest.approx(seen * math.sqrt(peak * 1e-4), rel=1e-5)
-        assert side.second[0, 1] == pytest.approx(seen * peak * 1e-4, rel=1e-5)
-        assert [len(place) for place in side.fireflies] == [seen] * 3
-    assert [int(place[0]) for place in survey_of(1e3, mean=0.01).fireflies] == [12, 12, 1]
-
-
-@pytest.mark.parametrize(("beside", "alone"), [(39, True), (41, False)])
-def test_a_firefly_with_two_neighbours_of_its_kind_is_an_edge(beside, alone):
-    assert survey_of(1000, mean=0.01, beside=beside).events.any() == alone
-
-
-def test_its_neighbours_are_the_eight_around_it():
-    """Two of its kind among them make an edge, wherever; one does not, nor do two at a distance of two pixels."""
-    steps = [(dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if dy or dx]
-    far = [(dy, dx) for dy in range(-2, 3) for dx in range(-2, 3) if max(abs(dy), abs(dx)) == 2]
-
-    def alone(*beside) -> bool:
-        v = np.full((5, 5, 3), 1e-4, np.float32)
-        for dy, dx in ((0, 0), *beside):
-            v[2 + dy, 2 + dx, 1] = 1.0
-        return len(noise._fireflies(v, *(np.array([i]) for i in (2, 2, 1)))[0]) == 1
-
-    assert alone(*far)
-    for i, one in enumerate(steps):
-        assert alone(one)
-        assert not any(alone(one, other) for other in steps[:i])
-
-
-def test_fireflies_darker_than_the_other_image_are_counted_apart():
-    v = np.full((24, 24, 3), 1e-6, np.float32)
-    v[4, 4], v[12, 12] = 1.0, 4.0
-    image, other = flat(v, 0.5), np.full_like(v, 0.5)
-    other[4, 4], other[12, 12] = 0.1, 0.9
-    side = noise.survey(image, other)
-    assert side.first.tolist() == [[1] * 3, [2] * 3]
-    assert side.second.tolist() == [[1] * 3, [4] * 3]
-
-
-def test_fireflies_are_counted_across_strips_and_at_the_frame():
-    v = np.full((130, 20, 3), 1e-6, np.float32)
-    places = [(0, 0, 0), (63, 19, 1), (64, 0, 2), (129, 19, 0)]
-    for y, x, c in places:
-        v[y, x, c] = 1.0
-    side = noise.survey(flat(v, 0.01), 0 * v)
-    assert sorted(zip(*(map(int, p) for p in side.fireflies), strict=True)) == sorted(places)
-    assert list(side.first[0]) == pytest.approx([2, 1, 1])
-    assert list(side.events) == pytest.approx([2, 1, 1])
-    assert side.mean == pytest.approx(float(v.mean(dtype=float)))
-
-
-def test_the_upper_limit_of_what_was_missed_is_that_of_a_poisson_mean():
-    """k alike: size / pixels times (sqrt(k) + c / 2)² + 1, and a fifth on top."""
-    v = np.full((64, 64, 3), 1e-8, np.float32)
-    v[4::16, 4::16] = 1.0
-    side = noise.survey(flat(v, 0.01), 0 * v)
-    share, c = 2.5e-4, 3.4807564
-    mine, theirs = noise.missed(side, None, (0, 0), 64 * 64, share, np.full(3, 0.5))
-    expected = 1.2 * ((math.sqrt(16) + c / 2) ** 2 + 1) / 64**2
-    assert list(mine.bias[0]) == pytest.approx([expected] * 3, rel=1e-6)
-    assert not mine.bias[1].any()
-    assert not theirs.bias.any()
-    # Missing all of 20 has the probability exp(-20): from there on nothing is granted, but to sums without fireflies.
-    grey = np.full(3, 0.5)
-    assert mine.of(5119, grey)[0][0] == pytest.approx(expected)
-    assert mine.of(5121, grey)[0][0] == 0
-    assert mine.always.of(10**9, grey)[0][0] == pytest.approx(expected)
-    # Where there is twice the light there may be twice as much of it.
-    for times, granted in ((2, 2), (0.1, 1)):
-        assert mine.of(64, times * grey)[0][0] == pytest.approx(granted * expected)
-
-
-@pytest.mark.parametrize(("samples", "density"), [((16, 64), 64 / 16), ((16, 0), 0), ((1, 64), 0), ((2, 4), 2)])
-def test_what_one_image_has_seen_tells_how_much_the_other_must_have(samples, density):
-    v = np.full((64, 64, 3), 1e-8, np.float32)
-    quiet = noise.survey(flat(v, 0.01), 0 * v)
-    v = v.copy()
-    v[4::16, 4::16] = 1.0
-    side = noise.survey(flat(v, 0.01), 0 * v)
-    mine, theirs = noise.missed(side, quiet, samples, 64 * 64, 1e-3, np.ones(3))
-    assert theirs.density[0] == pytest.approx(16 * density / 64**2)
-    assert mine.density[0] == pytest.approx(16 / 64**2)
-    mine = noise.missed(quiet, side, samples[::-1], 64 * 64, 1e-3, np.ones(3))[0]
-    assert mine.density[0] == pytest.approx(16 * density / 64**2)
-
-
 # -------------------------------------------------------------------------------------------------- two variances
 
 
@@ -200,14 +92,6 @@ def test_each_variance_is_its_own_or_what_the_other_says_of_it():
     va, vb = np.array([1.0, 8.0, 0.0]), np.array([1.0, 1.0, 1.0])
     assert list(noise.larger_variance(va, vb, None)) == [2, 9, 1]
     assert list(noise.larger_variance(va, vb, 4.0)) == [5, 10, 5]
-
-
-def test_doubt_is_one_over_the_degrees_of_freedom_of_each_variance():
-    """4 v / m² where few events make the mean; between 1 / dof and 1."""
-    v = np.array([[1.0, 0.01, 1e-6, 0.01]], np.float32)
-    m = np.array([[1.0, 1.0, 1.0, 0.0]], np.float32)
-    assert noise.doubt(v, m, 100.0)[0] == pytest.approx([1, 0.04, 0.01, 1])
-    assert noise.doubt(v, m, math.inf)[0] == pytest.approx([1, 0.04, 4e-6, 1])
 
 
 def test_a_claim_is_capped_at_four_times_what_its_neighbourhood_scatters():

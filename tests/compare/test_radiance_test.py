@@ -198,7 +198,7 @@ def test_what_is_untold_and_too_noisy_is_undecided_with_advice():
 
 @pytest.fixture(scope="module")
 def frames(scenes):
-    scene = read_scene(scenes / "overlap").scene
+    scene = read_scene(scenes / "overlap")
     scene = scene.with_camera(scene.camera.resized(168, 126))
     return {rung: trace(scene, rung).mean.astype(np.float32) for rung in ("lambert", "shadow")}
 

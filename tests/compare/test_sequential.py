@@ -8,9 +8,7 @@ from measure.noise_models import render
 from measure.sequences import NOISES, SMALL, faulty, pooled, sequence
 
 from raytwin.compare import SequentialComparison, compare
-from raytwin.compare.decision import Allowance, _excluded, _Tested
-from raytwin.compare.noise import Missed
-from raytwin.compare.scale import Bound
+from raytwin.compare.decision import Unseen, _excluded, _Tested
 from raytwin.compare.sequential import PER_OCTAVE, first_samples, look_level, look_number
 from raytwin.errors import InputError
 from raytwin.image import Image
@@ -78,11 +76,7 @@ def test_samples_that_agree_because_they_missed_rare_shade_fail_no_correct_pair(
 
 def test_what_agreeing_samples_missed_is_granted_once_for_all_looks():
     """A look's own level asks for more standard deviations of noise, and for no more missed events."""
-    bound = Bound(1e-5, 1.0)
-    nothing = Missed()
-    looks = [
-        Allowance(bound, nothing, nothing, 0.25, level / 1e-3).events_missed(level) for level in (1e-3, 1e-4, 1e-6)
-    ]
+    looks = [Unseen(0.25, level / 1e-3).events(level) for level in (1e-3, 1e-4, 1e-6)]
     assert looks == pytest.approx([-math.log(1e-3)] * 3)
 
 
@@ -90,7 +84,7 @@ def test_the_excluded_bias_is_the_largest_that_any_number_of_missed_events_hides
     rng = np.random.default_rng(15)
     e, sd, event, always = rng.uniform(0, 2, (4, 50, 3))
     event[:5], sd[5:10] = 0, 0
-    tested = _Tested(e, sd, np.full(e.shape, np.inf), always, e, e, always, event)
+    tested = _Tested(e, sd, np.full(e.shape, np.inf), always, e, e, always, event, 0 * e)
     events = np.linspace(0, math.log(10), 4001)[:, None, None]
     biases = always + event * events + e + np.sqrt(np.square(e) + 2 * np.square(sd) * (math.log(10) - events))
     np.testing.assert_allclose(_excluded(tested), biases.max(axis=0), rtol=1e-5)

@@ -54,7 +54,7 @@ def test_another_way_to_do_it_right_passes(stage):
 @STAGES
 def test_every_mistake_is_found_and_called_by_its_name_and_by_no_other(stage):
     """All variants' answers to the cases of a seed, held against one another as `explain` does."""
-    cases = stage.cases(3)
+    cases = [*stage.cases(3), *stage.last(3)]
     shape_checks.next_test()  # whatever was kept of these cases: it is the variants' first calls that are checked
 
     def passes(answer):
@@ -124,6 +124,23 @@ def test_misses_that_are_marked_by_another_number_are_named_with_it(marks, named
     assert said.causes == ("misses-not-infinite",)
     assert f"np.inf, not {named}:" in said.sentence
     assert "misses-not-infinite" not in judge_function(CONTRACT["intersect_sphere"], far_root).causes
+
+
+OUTSIDE = 'own = own & (np.linalg.norm(eye - thing["center"]) > thing["radius"])', "pass"
+
+
+@pytest.mark.parametrize("dark", [(), (("return visible", "return visible & (which < 1)"),)])
+def test_a_wall_that_is_lit_from_inside_its_sphere_is_seen_once_all_else_is_right(dark):
+    """The pictures from inside are asked for last: what is wrong elsewhere is told as ever."""
+    stage = CONTRACT["render"]
+    tracer = tracer_with(changes=(OUTSIDE, *dark)).render
+    found = judge_function(stage, tracer, seed=2)
+    assert not found.passed
+    assert (found.causes == ("own-wall",)) == (not dark)
+    assert len(found.cases) == len(stage.cases(2)) + (0 if dark else len(stage.last(2)))
+    if not dark:
+        assert [case.passed for case in found.cases[:5]] == [True] * 5
+        assert "from inside a sphere its own wall is lit" in found.sentence
 
 
 def test_what_nothing_explains_is_told_by_where_it_is():
@@ -220,7 +237,7 @@ def test_answers_can_be_judged_without_the_function():
 @pytest.mark.parametrize("name", ["overlap", "distorted"])
 @pytest.mark.parametrize("rung", ["lambert", "shadow"])
 def test_the_tracer_made_of_stages_is_the_tracer(scenes, name, rung):
-    scene = files.read_scene(scenes / name).scene
+    scene = files.read_scene(scenes / name)
     scene = scene.with_camera(scene.camera.resized(80, 60))
     right = tracer.trace(scene, rung).mean
     off = np.abs(compose({}).render(as_arrays(scene, rung)) - right).max(axis=-1)

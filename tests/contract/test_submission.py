@@ -155,7 +155,7 @@ def test_without_a_render_the_picture_is_our_tracers_with_the_students_stages_in
 
 @pytest.mark.parametrize("name", ["studio", "gloss"])
 def test_an_image_may_be_of_a_scene_that_no_function_is_told_of_and_what_is_wrong_with_it_is_said(tmp_path, name):
-    scene = find_camera(files.read_scene(f"scenes/{name}"))[0]
+    scene = find_camera(f"scenes/{name}")[0]
     small = scene.with_camera(scene.camera.resized(32, 24))
     right = trace(small, "shadow", "numpy64")
     files.write_image(tmp_path / "mine.exr", Image(right.mean ** np.float32(1 / 2.2)))

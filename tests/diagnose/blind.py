@@ -73,13 +73,13 @@ def _overlap(scene: Scene) -> bool:
 
 def nearest_gap(scene: Scene) -> float:
     """Metres between the two things that come nearest: spheres, panels and the floor."""
-    spheres, (floor,) = scene.spheres, (x for x in scene.rectangles if is_floor(x))
+    spheres, (floor,) = scene.spheres, (x for x in scene.planes if is_floor(x))
     gaps = [
         np.linalg.norm(np.subtract(a.center, b.center)) - a.radius - b.radius
         for i, a in enumerate(spheres)
         for b in spheres[:i]
     ]
-    for panel in scene.rectangles:
+    for panel in scene.planes:
         if panel is not floor:
             gaps.append(panel.center[2] - abs(panel.half_u[2]) - abs(panel.half_v[2]) - floor.center[2])
         for s in spheres:

@@ -45,7 +45,7 @@ def test_depths_that_are_off_by_a_formula_of_the_pixel_are_named(words):
 
 
 def test_the_textbook_solver_in_single_precision_is_told_as_rounding():
-    scene = files.read_scene(files.find_scene(files.SCENES / "single")).scene
+    scene = files.read_scene(files.find_scene(files.SCENES / "single"))
     scene = scene.with_camera(scene.camera.resized(160, 120))
     (found,) = rounding_cause(trace(scene, "shadow", "numpy32", "textbook"), trace(scene), scene, "shadow")
     said = found.reason

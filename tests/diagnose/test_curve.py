@@ -71,7 +71,7 @@ def test_few_levels_are_no_curve():
 
 
 def test_a_curve_is_told_of_a_known_scene_and_pairs_of_other_scenes_are_none():
-    scenes = [files.read_scene(name).scene for name in ("overlap", "eclipse")]
+    scenes = [files.read_scene(name) for name in ("overlap", "eclipse")]
     scenes = [scene.with_(size=(80, 60)) for scene in scenes]
     right, other = (trace(scene, "shadow") for scene in scenes)
     shown = Image(_aces(right.mean).astype(np.float32))

@@ -3,6 +3,7 @@
 import msgspec
 import numpy as np
 from blind import GAP, blind_to, nearest_gap
+from scene_of import changed
 
 from raytwin.diagnose import draw_scene as module
 from raytwin.diagnose.draw_scene import ARRANGEMENTS, draw_scene
@@ -31,7 +32,7 @@ def test_a_larger_scene_is_the_same_picture():
 
 def test_a_blind_scene_is_told():
     scene = draw_scene(1)
-    noon = msgspec.structs.replace(scene, lights=(Sun((0.0, 0.0, 1.0), (0.5, 0.5, 0.5)), scene.sky))
+    noon = changed(scene, lights=(Sun((0.0, 0.0, 1.0), (0.5, 0.5, 0.5)), scene.sky))
     assert "clipping" in blind_to(noon)
     R = np.asarray(scene.camera.R_cam_board)
     half_turn = 2 * np.outer(a := (R[2] + [0, 0, 1]) / np.linalg.norm(R[2] + [0, 0, 1]), a) - np.eye(3)

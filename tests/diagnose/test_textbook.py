@@ -13,7 +13,7 @@ SCENES = ("ball", "distorted", "eclipse", "grazing", "overlap", "single", "wedge
 
 
 def small(name):
-    scene = files.read_scene(files.find_scene(files.SCENES / name)).scene
+    scene = files.read_scene(files.find_scene(files.SCENES / name))
     camera = scene.camera
     return scene.with_camera(camera.resized(64, max(2, round(64 * camera.height / camera.width))))
 

@@ -23,9 +23,8 @@ from PIL import Image as Pillow
 
 from raytwin import files
 from raytwin.errors import InputError
-from raytwin.files import scene_files
 from raytwin.image import Image, Surface
-from raytwin.scene import Camera, Lambert, Rectangle, Sphere
+from raytwin.scene import Camera, Lambert, Rectangle, Sphere, scene
 from raytwin.scene.object_names import numbered
 
 SCENE = """
@@ -83,7 +82,7 @@ def with_map(folder: Path, scale: str) -> Path:
 
 @pytest.mark.parametrize("scale", ["0.5", "0", "10000000000000000000000"])
 def test_a_map_is_multiplied_by_its_scale(tmp_path, scale):
-    sky = files.read_scene(with_map(tmp_path, scale)).scene.environment
+    sky = files.read_scene(with_map(tmp_path, scale)).environment
     np.testing.assert_allclose(sky.radiance.max(), 10 * float(scale), rtol=1e-6)
 
 
@@ -97,12 +96,10 @@ def test_a_scene_is_read_as_it_is_written(tmp_path):
     (tmp_path / "x").mkdir()
     scene = files.read_scene(write_scene(tmp_path / "x", SCENE))
     assert scene.name == "x"
-    assert scene.folder == str(tmp_path / "x")
-    assert isinstance(scene.camera, Camera)
     assert scene.camera.image_size == (64, 48)
     assert scene.camera.coefficients == (-0.1, 0.01, 0, 0, 0)
-    assert scene.scene.objects[1] == Sphere((0.1, 0.0, 0.04), 0.04, Lambert((0.8, 0.4, 0.2)))
-    assert scene.scene.objects[2:] == (Rectangle((0.0, 0.0, 0.0), (0.2, 0.0, 0.0), (0.0, 0.3, 0.0)),)
+    assert scene.objects[1] == Sphere((0.1, 0.0, 0.04), 0.04, Lambert((0.8, 0.4, 0.2)))
+    assert scene.objects[2:] == (Rectangle((0.0, 0.0, 0.0), (0.2, 0.0, 0.0), (0.0, 0.3, 0.0)),)
     assert scene.tolerance.p999_abs == 1e-4
     assert files.read_scene(tmp_path / "x" / "scene.toml") == scene
 
@@ -202,12 +199,12 @@ def test_a_map_is_read_scaled_turned_and_part_of_the_scenes_hash(tmp_path):
     pixels[:, 4] = 0.5
     files.write_exr(tmp_path / "x.exr", Image(pixels, samples=0))
     scene = files.read_scene(write_scene(tmp_path, UNDER_A_MAP.format("x.exr")))
-    found = scene.scene.environment
+    found = scene.environment
     np.testing.assert_array_equal(found.radiance, 2 * pixels)
     np.testing.assert_allclose(np.array(found.R_map_board) @ (-1, 0, 0), (0, 1, 0), atol=1e-15)  # the middle, turned
-    before = scene_hash(scene)
+    before = scene_hash(tmp_path)
     files.write_exr(tmp_path / "x.exr", Image(pixels + 1, samples=0))
-    assert scene_hash(files.read_scene(tmp_path)) != before
+    assert scene_hash(tmp_path) != before
 
 
 @pytest.mark.parametrize(("pixels", "message"), [
@@ -391,8 +388,7 @@ def test_json_holds_records_arrays_and_no_nan(tmp_path):
     files.write_json(tmp_path / "x.json", value)
     assert msgspec.json.decode((tmp_path / "x.json").read_bytes()) == {
         "a": [[1.5, None]],
-        "b": {"type": "sphere", "center": [0.0, 1.0, 2.0], "radius": 3.0,
-              "material": {"type": "lambert", "albedo": [0.8, 0.8, 0.8]}},
+        "b": {"center": [0.0, 1.0, 2.0], "radius": 3.0, "albedo": [0.8, 0.8, 0.8]},
         "c": 0.5,
         "d": "x/y",
         "e": None,
@@ -593,7 +589,7 @@ def test_four_times_the_spheres_take_four_times_the_calls_to_read(tmp_path, name
     for count in (100, 400):
         (tmp_path / "scene.toml").write_text(many(count, named))
         files.read_scene(tmp_path)  # what is done once is done
-        counts.append(calls(lambda: files.read_scene(tmp_path).scene.names))
+        counts.append(calls(lambda: files.read_scene(tmp_path).names))
     assert 3 < counts[1] / counts[0] < 4.1
 
 
@@ -603,8 +599,8 @@ def test_each_name_is_compared_with_a_few_others_at_most(tmp_path, monkeypatch):
     kinds = numbered(Compared(kind) for kind in ["sphere"] * 300 + ["plane"] * 200)
     assert (kinds[299], kinds[300], kinds[499]) == ("sphere 299", "plane 0", "plane 199")
     (tmp_path / "scene.toml").write_text(many(500))
-    found = scene_files.called
-    monkeypatch.setattr(scene_files, "called", lambda *rest: tuple(map(Compared, found(*rest))))
+    found = scene.called
+    monkeypatch.setattr(scene, "called", lambda *rest: tuple(map(Compared, found(*rest))))
     assert Compared.times <= 2 * 500
     Compared.times = 0
     files.read_scene(tmp_path)

@@ -104,8 +104,9 @@ def test_a_picture_that_another_function_spoils_keeps_its_points(graded, student
     assert shade.points < shade.of
     assert (picture.status, picture.points) == ("fail", pytest.approx(points, abs=1e-3))
     assert picture.followed == pytest.approx(points - picture.of * 0.25, abs=5)  # the rest is partial credit
-    assert picture.sentences[0].startswith("follows from your shade: with a right one this is right")
-    assert "you lose points for your shade, and keep" in picture.sentences[-1]
+    assert picture.sentences[0] == "Caused by `shade`. Once `shade` is correct, so is this picture."
+    kept = pages.of_points(picture.followed)
+    assert picture.said[-1] == f"`shade` has cost you points already, so you keep {kept} here."
 
 
 def test_nothing_is_kept_where_the_picture_is_wrong_itself_or_nothing_of_it_is_theirs(graded):
@@ -117,7 +118,7 @@ def test_beside_a_failed_function_the_second_mistake_is_named_alone(graded):
     picture = graded.image("beside")
     assert (picture.causes, picture.sureness) == (("bgr",), "proved")
     assert picture.sentences[0] == picture.faults[0][1]
-    assert "beside that, your shade makes it wrong" in picture.sentences
+    assert "`shade` makes it wrong, too" in picture.sentences
 
 
 def test_the_sandbox_is_given_no_function_that_was_not_replaced():
@@ -239,12 +240,16 @@ def test_a_submission_graded_alone_takes_its_place_in_the_class(graded, tmp_path
         store.write(result.key, msgspec.json.encode(result))
     mended = msgspec.structs.replace(graded.results["raises"], exercises=graded.results["right"].exercises, key="new")
     together = with_class([mended], tmp_path, rubric)
-    assert [r.student for r in together] == list(graded.results)
+    order = sorted(graded.results, key=str.casefold)
+    assert [r.student for r in together] == order
     assert {r.student: r.points for r in together} == {r.student: r.points for r in graded.results.values()} | {
         "raises": mended.points
     }
     newcomer = msgspec.structs.replace(mended, student="new")
-    assert [r.student for r in with_class([newcomer], tmp_path, rubric)] == [*graded.results, "new"]
+    assert [r.student for r in with_class([newcomer], tmp_path, rubric)] == [*order, "new"]
+    other = msgspec.structs.replace(rubric, exercises=rubric.exercises[:2])
+    with pytest.raises(InputError, match="was graded by other exercises"):
+        with_class([mended], tmp_path, other)
     assert with_class([mended], tmp_path / "empty", rubric) == [mended]
     (tmp_path / RESULTS / f"{graded.results['nan'].key}.json").unlink()
     with pytest.raises(InputError, match="expected the stored result of nan"):

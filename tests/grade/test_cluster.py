@@ -119,26 +119,3 @@ def test_a_worker_that_is_killed_in_the_middle_costs_nothing(cluster):
             os.kill(pids[0], signal.SIGKILL)
     assert sorted((d.thing, d.result) for d in done) == [(x, x * x) for x in things]
     assert threading.active_count() < 100
-
-
-def test_a_cluster_makes_the_references_that_one_process_makes(cluster, tmp_path):
-    from raytwin.cli.reference_commands import _cases, _changes
-
-    settings = ReferenceSettings(size=(24, 18))
-
-    def made(workers):
-        found = _changes(_cases([Path("single"), Path("ball")], ["lambert"]), tmp_path, settings, workers)
-        return {change.new.path: change.new.header["checksum"] for change in found}
-
-    here = made(Workers())
-    assert len(here) == 2
-    assert made(Workers(dask=cluster.scheduler_address)) == here
-
-
-def test_workers_render_with_the_callers_variant(cluster, tmp_path):
-    from raytwin import twin
-    from raytwin.cli.reference_commands import _cases, _changes
-
-    cases = _cases([Path("single")], ["surface"])
-    (made,) = _changes(cases, tmp_path, ReferenceSettings(size=(8, 6)), Workers(dask=cluster.scheduler_address))
-    assert made.new.header["variant"] == twin.chosen().variant

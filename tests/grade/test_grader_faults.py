@@ -12,6 +12,7 @@ from raytwin.grade import class_run
 from raytwin.grade.result import Result
 from raytwin.grade.rubric import read_rubric
 from raytwin.report import class_page as pages
+from raytwin.report import student_page
 
 RUBRIC = 'title = "t"\n[[exercises]]\nstage = "intersect_sphere"\npoints = 10\n'
 
@@ -66,14 +67,14 @@ def test_an_error_of_the_graders_own_costs_one_result_which_is_named_and_graded_
 
 
 def test_a_page_that_cannot_be_made_costs_no_other_page(graded, monkeypatch, tmp_path):
-    own, some = pages._ordered, [graded.results["right"], graded.results["empty"]]
+    own, some = student_page._ordered, [graded.results["right"], graded.results["empty"]]
 
     def fails_for_one(result):
         if result.student == "empty":
             raise RuntimeError("<ours>")
         return own(result)
 
-    monkeypatch.setattr(pages, "_ordered", fails_for_one)
+    monkeypatch.setattr(student_page, "_ordered", fails_for_one)
     assert pages.write_class(some, graded.rubric, tmp_path) == ["empty"]
     made = {result.student: (tmp_path / "students" / pages.page_name(result)).read_text() for result in some}
     assert "RuntimeError: &lt;ours&gt;" in made["empty"]

@@ -58,7 +58,7 @@ COPIED += "\n\ndef own_rays" + OWN_RAYS
 
 @pytest.mark.parametrize(
     ("text", "of", "line", "told"),
-    [(SOURCE, SPHERES, "line 39", "follows from your intersect_sphere"), (COPIED, RAYS, "line 12", "line 12")],
+    [(SOURCE, SPHERES, "line 39", "Caused by `intersect_sphere`"), (COPIED, RAYS, "line 12", "line 12")],
 )
 def test_a_change_that_makes_a_function_right_explains_the_pictures(tmp_path, monkeypatch, text, of, line, told):
     """No cause of the pictures is looked for; the function is its own again after pictures with a right one."""
@@ -126,7 +126,7 @@ def test_a_picture_is_repaired_for_sure_where_no_other_picture_stays_wrong(monke
 
 
 def test_what_follows_from_another_function_is_looked_at_last():
-    follows = msgspec.structs.replace(wrong_image(), status="error", sentences=("follows from your shade: ...",))
+    follows = msgspec.structs.replace(wrong_image(), status="error", because=("shade",))
     result = Result("a", "", "", (follows, wrong_image("no-clamp")))
     assert result.first_problem == "the cause"
 

@@ -7,6 +7,7 @@ import submitted_tracers as tracers
 from raytwin.contract.loading import arrays_of, is_unwritten
 from raytwin.contract.stage_table import CONTRACT
 from raytwin.grade.marks import marked
+from raytwin.grade.points import with_points
 from raytwin.grade.questions import _picture_question
 from raytwin.grade.result import Result
 from raytwin.grade.rubric import Exercise, Rubric, Speed
@@ -79,10 +80,9 @@ def test_a_picture_is_the_submissions_own_or_made_of_its_parts_or_refused_in_wor
 def test_seconds_are_those_of_drawn_scenes_since_a_named_one_may_be_stored(question):
     asked = [question(), question()]
     for one, seconds in zip(asked, (0.001, 7.0), strict=True):
-        one.drawn = seconds == 7.0
         one.answer = Answer(one.case.expected, seconds)
     rubric = Rubric("t", (EXERCISE,), speed=Speed("image", bonus=2, fast=0.1, slow=10.0))
-    result, _ = marked(Result("a", "k", "t", ()), rubric, asked, "", Code())
+    result = with_points(marked(Result("a", "k", "t", ()), rubric, asked, "", Code()), rubric)
     assert result.exercises[0].status == "pass"
     assert result.speed == (("image", 7.0, 0.0),)
     assert result.bonus == rubric.speed.earned(7.0) < 0.2

@@ -2,9 +2,9 @@
 
 from math import pi
 
-import msgspec
 import numpy as np
 import pytest
+from scene_of import changed, scene_of
 from truths import camera_above
 
 from raytwin import speed
@@ -139,13 +139,13 @@ def test_the_cheap_model_is_never_negative_under_a_single_lamp():
 
 
 def lit_by(scene: Scene, sky) -> Scene:
-    return msgspec.structs.replace(scene, lights=(scene.sun, sky))
+    return changed(scene, lights=(scene.sun, sky))
 
 
 def test_the_light_of_a_map_on_an_open_sheet_is_its_irradiance_by_quadrature(spotted):
     """One sheet, no noise but the walks': 4.5 standard errors; and the same numbers in the plain tracer."""
     sheet = Rectangle((0.0, 0.0, 0.0), (9.0, 0.0, 0.0), (0.0, 9.0, 0.0), Lambert((0.5, 0.6, 0.7)))
-    scene = Scene("sheet", camera_above(1.0, 8, 10.0), (sheet,), (spotted,))
+    scene = scene_of("sheet", camera_above(1.0, 8, 10.0), (sheet,), (spotted,))
     image = speed.walk(scene, "sky", "numpy64", samples=256)
     d, share = about(np.array((0.0, 0.0, 1.0)), 128)
     light = np.stack(environment_map(spotted).radiance(tuple(d))) @ share * (0.5, 0.6, 0.7)

@@ -4,11 +4,12 @@ from functools import reduce
 
 import numpy as np
 import pytest
+from scene_of import scene_of
 from truths import WHITE, element, from_element, view_of
 
 from raytwin import speed
 from raytwin.lights import sky_visibility, sphere_share
-from raytwin.scene import Rectangle, Scene, Shape, Sphere
+from raytwin.scene import Rectangle, Shape, Sphere
 from raytwin.tracer.hit import Hit
 
 TRUTHS = [(2, 1, 0.25), (2, 0.5, 0.125), (2, 0, 0.0288344428112), (2, -0.25, 0.00619138643466),
@@ -99,7 +100,7 @@ def test_the_rung_sky_is_closed_and_without_noise_over_an_element(engine, h, c):
     across = np.cross(up, (1.0, 0.0, 0.0))
     hides = ball(c * up + np.sqrt(1 - c * c) * across, h, 1e3)
     camera = view_of((0, 0, 0), 0.003 * up + (0.001, 0.0, 0.0), 1e-4, 4)
-    scene = Scene("element", camera, (element(UP, 1.0), hides), WHITE)
+    scene = scene_of("element", camera, (element(UP, 1.0), hides), WHITE)
     image = speed.walk(scene, "sky", engine, sampling="center", samples=4)
     assert image.variance is not None
     assert image.variance.max() < 1e-12

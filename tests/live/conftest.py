@@ -3,11 +3,11 @@
 import pytest
 
 from raytwin import files
-from raytwin.scene import SceneFile
+from raytwin.scene import Scene
 
 
 @pytest.fixture(scope="session")
-def base(scenes) -> SceneFile:
+def base(scenes) -> Scene:
     """96 x 72 pixels of the scene `overlap`."""
     written = files.read_scene(scenes / "overlap")
     return written.with_camera(written.camera.resized(96, 72))

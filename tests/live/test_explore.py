@@ -31,10 +31,10 @@ from raytwin.live.progressive import Session
 from raytwin.live.server import Worker
 from raytwin.live.view_state import ViewRequest, from_json, from_link, scene_toml, wanted_of
 from raytwin.renderers.user_renderers import UserRenderer
-from raytwin.scene import Scene, SceneFile
+from raytwin.scene import Scene
 from raytwin.speed import trace
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 SIZE = 96, 72
 LONG = PATIENCE / 1000
@@ -101,10 +101,10 @@ def test_what_may_not_be_asked_is_named(text, said):
         from_json(text)
 
 
-def saved(base: SceneFile, wish: ViewRequest, folder: Path) -> SceneFile:
+def saved(base: Scene, wish: ViewRequest, folder: Path) -> Scene:
     """What the page would save, read again."""
     (folder / "mine").mkdir()
-    (folder / "mine" / "scene.toml").write_text(scene_toml(base, wish), encoding="utf-8")
+    (folder / "mine" / "scene.toml").write_text(scene_toml(base, wish, files.SCENES / "studio"), encoding="utf-8")
     return files.read_scene(folder / "mine")
 
 
@@ -117,18 +117,18 @@ def test_the_saved_scene_is_the_one_that_was_shown_from_where_it_was_seen(base, 
     shown = wish.scene(base)
     assert np.allclose(shown.camera.R_cam_board, R)
     assert (shown.camera.fx, shown.camera.cx) == (2 * base.camera.fx, base.camera.cx)
-    assert msgspec.structs.replace(saved(base, wish, tmp_path).scene, name=base.name) == shown
+    assert msgspec.structs.replace(saved(base, wish, tmp_path), name=base.name) == shown
 
 
 def test_a_map_is_scaled_and_turned_and_never_named_by_the_page(scenes, tmp_path):
     base = files.read_scene(scenes / "studio")
     wish = wanted_of(base, "numpy64")
     assert ".exr" not in msgspec.json.encode(wish).decode()
-    assert wish.scene(base).lights == base.scene.lights
+    assert (wish.scene(base).sun, wish.scene(base).environment) == (base.sun, base.environment)
     turned = msgspec.structs.replace(wish, sky=msgspec.structs.replace(wish.sky, scale=2.0, rotation=90.0))
-    lights = turned.scene(base).lights
-    assert lights != base.scene.lights
-    assert saved(base, turned, tmp_path).scene.lights == lights
+    shown, again = turned.scene(base), saved(base, turned, tmp_path)
+    assert shown.environment != base.environment
+    assert (again.sun, again.environment) == (shown.sun, shown.environment)
 
 
 # ------------------------------------------------------------------------------------------ what is rendered
@@ -569,7 +569,7 @@ def test_a_page_without_the_token_says_what_to_open(chromium, live):
 
 
 def test_a_sphere_is_dragged_and_the_rest_stays(page, base):
-    u, v = middle_of(base.scene, base.scene.names[1])
+    u, v = middle_of(base, base.names[1])
     box = page.page.locator("#viewer canvas").first.bounding_box()
     scale = box["width"] / SIZE[0]
     page.drag(box, ((u + 0.5) * scale, (v + 0.5) * scale), ((u + 8.5) * scale, (v + 0.5) * scale))
@@ -676,7 +676,7 @@ def test_on_a_phone_controls_lie_below_the_picture_and_fingers_drag_and_zoom(chr
         assert phone.page.evaluate(where)[1] > screen - 60
         assert phone.page.evaluate("document.documentElement.scrollWidth") <= 390
         phone.page.evaluate("scrollTo(0, 0)")
-        u, v = middle_of(base.scene, base.scene.names[1])
+        u, v = middle_of(base, base.names[1])
         canvas = phone.page.locator("#viewer canvas:visible").first
         box = canvas.bounding_box()
         x, y = (start + (at + 0.5) * box["width"] / SIZE[0] for start, at in ((box["x"], u), (box["y"], v)))
@@ -743,7 +743,7 @@ def held(page) -> dict[str, float]:
 
 def test_a_page_at_play_keeps_no_memory(page, base):
     """Dragging on and on adds nothing to the script's heap, nodes and listeners."""
-    at, rows = middle_of(base.scene, base.scene.names[1]), []
+    at, rows = middle_of(base, base.names[1]), []
     for _ in range(3):
         page.page.evaluate(DRAG, at)
         rows.append(held(page.page))

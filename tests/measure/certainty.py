@@ -1,6 +1,6 @@
 """Samples until a verdict is certain, against the size of the fault: ours beside other tools.
 
-`python -m measure.certainty [REPEATS] [SAMPLES] [SCENE ...]`, in tests/, prints a table of docs/measured/verdict.md (9
+`python -m measure.certainty [REPEATS] [SAMPLES] [SCENE ...]`, in tests/, prints a table of docs/measured.md (9
 runs of 128 samples per pixel); with `--record` it draws docs/images/verdict.svg, too.
 
 Every scene is path traced in blocks of BLOCK samples, the test's and the reference's apart. A fault changes the test's
@@ -199,7 +199,7 @@ def main(*words: str) -> None:
     repeats, samples = (*numbers, *(9, 128)[len(numbers) :])
     columns, rows = ["scene", "fault", "in rounds", "best fixed", "always 64", *[*TOOLS][1:]], []
     for name in [w for w in words if not w.isdigit()] or SCENES:
-        scene = find_camera(files.read_scene(name))[0]
+        scene = find_camera(name)[0]
         scene = scene.with_camera(sized(scene.camera, PIXELS))
         rows += rows_of(name, [blocks(scene, samples // BLOCK, seed) for seed in range(repeats)])
     record.table("verdict", "certainty", columns, rows, f"python -m measure.certainty {repeats} {samples}")

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from measure import record
 from measure.random_scenes import KINDS, random_scene
 
-from raytwin import files, twin
+from raytwin import twin
 from raytwin.analysis.beside_twin import compare_with_twin
 from raytwin.calib.find_camera import find_camera
 from raytwin.compare import Comparison
@@ -62,10 +62,9 @@ class Case(NamedTuple):
 
 @cache
 def shipped(name: str, width: int) -> tuple[Scene, Tolerance]:
-    written = files.read_scene(ROOT / "scenes" / name)
-    scene = find_camera(written, None)[0]
+    scene = find_camera(ROOT / "scenes" / name)[0]
     camera = scene.camera
-    return scene.with_camera(camera.resized(width, round(width * camera.height / camera.width))), written.tolerance
+    return scene.with_camera(camera.resized(width, round(width * camera.height / camera.width))), scene.tolerance
 
 
 def shipped_cases(seeds: int = 3) -> Iterator[Case]:

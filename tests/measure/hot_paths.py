@@ -20,7 +20,7 @@ SCENES = Path(__file__).resolve().parents[2] / "scenes"
 @pytest.fixture(scope="module", params=["single", "distorted"])
 def scene(request):
     twin.activate()
-    found = files.read_scene(SCENES / request.param).scene
+    found = files.read_scene(SCENES / request.param)
     return found.with_camera(sized(found.camera, float(os.environ.get("RAYTWIN_BENCH_MP", "0.75"))))
 
 

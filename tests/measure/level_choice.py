@@ -40,7 +40,7 @@ class Checked(NamedTuple):
 
 def results() -> Iterator[tuple[str, float, Checked]]:
     for name in SCENES:
-        scene = read_scene(ROOT / name).scene
+        scene = read_scene(ROOT / name)
         scene = scene.with_camera(scene.camera.resized(*SIZE))
         halves = [walk(scene, "path", "drjit32", samples=2048, seed=k, depth=16, surface=False).mean for k in (71, 72)]
         for tolerance in TOLERANCES:

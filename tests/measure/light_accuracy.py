@@ -1,4 +1,4 @@
-"""How near `raytwin light` comes to the true light, and whether its standard deviations are true.
+"""How near `raytwin photo light` comes to the true light, and whether its standard deviations are true.
 
     python -m measure.light_accuracy photos FOLDER --first 300        # two photos under each of 30 random lights
     python -m measure.light_accuracy judge FOLDER --first 300 --record
@@ -20,17 +20,21 @@ import cv2
 import numpy as np
 from measure import light_photos, record
 from photo_helpers import a_camera
+from scene_of import scene_of
 
 from raytwin import files
 from raytwin.calib import synthetic_photos
-from raytwin.calib.augment import augment
+from raytwin.calib.augment import augment, printed
 from raytwin.calib.boards import read_board
+from raytwin.calib.boards.board import draw_board
 from raytwin.calib.lighting import light_models as models
 from raytwin.calib.lighting.linear_photo import value_of_one
+from raytwin.calib.synthetic_photos import sheet_of
 from raytwin.errors import InputError
 from raytwin.lights.envmap_tables import REC_709
-from raytwin.scene import Camera, Environment, Lambert, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Environment, Lambert, Sky, Sphere, Sun
 from raytwin.workflows.estimate_light import estimate_light
+from raytwin.workflows.photograph import TABLE
 
 MIRROR = Sphere((-0.075, 0.05, 0.028), 0.03, Lambert((0.9, 0.9, 0.9)))
 ORANGE = Sphere((-0.065, 0.15, 0.018), 0.02, Lambert((0.75, 0.35, 0.08)))
@@ -105,7 +109,7 @@ def judge(folder: Path, seed: int) -> list[dict]:
         if not (part.shadow or part.mirrors):
             row["failed"] = "no shadow"
             continue
-        light, trials, taken = models.choose(part, len(whole.photos))
+        light, trials, taken = models.choose(part)
         found = replace(whole, evidence=part, light=light, trials=trials, taken=taken)
         row |= {"model": found.trials[found.taken].name, "seconds": time.process_time() - start}
         if light.to_light is None:
@@ -160,8 +164,11 @@ def drawn(found, folder: Path, to_light: np.ndarray, E: np.ndarray, Ls: np.ndarr
         direction = found.light.to_light if sun is found.light.E else to_light
         constant = Sky(tuple(sky))
         shown = constant if map_ is None else Environment(map_.shape[1::-1], map_.astype("<f4").tobytes())
-        scene = Scene("drawn", photo.camera, (ORANGE,), (Sun(tuple(direction), tuple(sun)), shown))
-        result = augment(photo.pixels, scene, shadows=False, exposure=value_of_one(photo, found.paper), ground=True)
+        objects = ORANGE, sheet_of(draw_board(found.board, 500.0)[1]), TABLE
+        scene = printed(
+            scene_of("drawn", photo.camera, objects, (Sun(tuple(direction), tuple(sun)), shown)), found.board
+        )
+        result = augment(photo.pixels, scene, shadows=False, exposure=value_of_one(photo, found.paper))
         inside = result.coverage == 1
         pixels.append(result.pixels[inside].astype(float))
     real = photo.pixels[inside].astype(float)

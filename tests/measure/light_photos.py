@@ -1,4 +1,4 @@
-"""Photos for `raytwin light` under a known light: a mirror ball, a matt ball and a pin stand beside a board.
+"""Photos for `raytwin photo light` under a known light: a mirror ball, a matt ball and a pin stand beside a board.
 
 Mitsuba's own path tracer renders them. It sees no sun in a mirror, since that is a direction: `sun_glint` adds its
 image. The sunlight that the mirror throws on what surrounds it is left out.
@@ -9,6 +9,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+from scene_of import scene_of
 
 from raytwin import files, twin
 from raytwin.calib.boards.board import Board, BoardTag, draw_board, write_board
@@ -52,7 +53,7 @@ def photograph(
     taken = {}
     for i, (R, t) in enumerate(stands(board, camera, count, around, rng)):
         view = Camera(camera.image_size, camera.K, R, t, camera.dist)
-        light = rendered(Scene("light", view, objects, lights), {2: texture}, samples, seed)
+        light = rendered(scene_of("light", view, objects, lights), {2: texture}, samples, seed)
         taken[f"photo_{i:02d}.jpg"] = R, t
         pixels = expose(light + sun_glint(view, mirror, lights[0]), rng, view)
         files.write_picture(out / f"photo_{i:02d}.jpg", pixels, quality=QUALITY)

@@ -3,8 +3,8 @@
     python -m measure.mutation ROOM... [--count 8] [--seed 1] [--until 10:50] [--seconds 600]
 
 A room is a folder of src/raytwin, or `.` for the files beside them. Run it in a clone of its own: the source is changed
-in place, and put back. Each change is a line of JSON: whether `quick` tests noticed it, `slow` ones, or `nothing`. The
-tests of the files that name the changed function or its module come first, then the room's, then others that name them.
+in place, and put back. Each change is a line of JSON: whether `default` tests noticed it, `nightly` ones, or `nothing`.
+Tests of files that name the changed function or its module come first, then the room's, then others that name them.
 Each file runs unchanged first: one that fails is left out.
 """
 
@@ -178,14 +178,14 @@ def noticed(files: list[Path], marks: str, seconds: float) -> str | None:
 def tried(change: Change, seconds: float) -> tuple[str, str | None]:
     """Return what noticed the change (`undecided`: the tests came to no end in time), and the first test that did."""
     text, times = change.path.read_text(encoding="utf-8"), change.path.stat()
-    asked = [(marks, files) for marks in ("not slow", "slow") for files in tests_of(change)]
+    asked = [(marks, files) for marks in ("not nightly", "nightly") for files in tests_of(change)]
     try:
         for marks, files in asked:
             change.path.write_text(text, encoding="utf-8")
             sound = [path for path in files if passes(path, marks, seconds)]
             change.path.write_text(applied(text, change), encoding="utf-8")
             if test := noticed(sound, marks, seconds):
-                return marks.replace("not slow", "quick"), test
+                return marks.replace("not nightly", "default"), test
         return "nothing", None
     except subprocess.TimeoutExpired:
         return "undecided", f"no end within {seconds:g} s"

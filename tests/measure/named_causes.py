@@ -16,8 +16,9 @@ from tracers_by_students import CORRECT, MISTAKES, mistaken, run
 
 from raytwin.diagnose.catalogue import FAULTS
 from raytwin.diagnose.changes import Fault, chain
-from raytwin.diagnose.diagnosis import FEW, Diagnosis, SubmittedImage, diagnose
+from raytwin.diagnose.diagnosis import FEW, SubmittedImage, diagnose
 from raytwin.diagnose.draw_scene import draw_scene
+from raytwin.diagnose.explanation import Explanation
 from raytwin.diagnose.predict import Pipeline, planted, written
 from raytwin.renderers.scene_exchange import as_arrays
 
@@ -39,22 +40,21 @@ class Tally:
         self.seconds = 0.0
         self.confused: Counter[tuple[str, str]] = Counter()
 
-    def take(self, wanted: set[str], label: str, made: Diagnosis, seconds: float) -> None:
+    def take(self, wanted: set[str], label: str, made: Explanation, seconds: float) -> None:
         """`wanted`: names of which one must come first."""
         first = made.cause.name if made.cause else "unknown"
-        others = [cause.name for cause in made.alternatives[:2]]
+        others = [cause.name for cause in made.causes[1:3]]
         self.seconds += seconds
         self.counts["all"] += 1
-        self.counts["hidden"] += made.right
-        self.counts["detected"] += not made.right
+        self.counts["hidden"] += made.certainty == "correct"
+        self.counts["detected"] += made.certainty != "correct"
         near = bool(wanted & {first, *others})
         self.counts["named first"] += first in wanted
         self.counts["first three"] += near
-        self.counts["false though proved"] += made.sureness == "proved" and not near
-        if first not in wanted and not made.right:
+        self.counts["false though proved"] += made.certainty == "proved" and not near
+        if first not in wanted and made.certainty != "correct":
             self.confused[label, " or ".join([first, *others])] += 1
-            nearest = made.nearest.name if made.nearest else "-"
-            print(f"{label}: {first} or {others}, nearest {nearest}, {made.sureness}", flush=True)
+            print(f"{label}: {first} or {others}, {made.certainty} {made.sentences[:1]}", flush=True)
 
     def report(self, what: str, added: dict[str, str] | None = None) -> None:
         """Print the counts as the table `what`, rows `added` below them, and what was taken for what."""
@@ -66,7 +66,7 @@ class Tally:
             print(f"{planted_:34} -> {named}{f' ({times} times)' if times > 1 else ''}")
 
 
-def timed(views: list[SubmittedImage]) -> tuple[Diagnosis, float]:
+def timed(views: list[SubmittedImage]) -> tuple[Explanation, float]:
     start = time.process_time()
     return diagnose(views), time.process_time() - start
 

@@ -141,8 +141,8 @@ def untold(image: Image, samples: int = 0) -> Image:
     return replace(image, variance=None, samples=samples, batches=None)
 
 
-def times(image: Image, factor: float) -> Image:
-    f = np.float32(factor)
+def times(image: Image, factor: float | np.ndarray) -> Image:
+    f = np.asarray(factor, np.float32)
     variance = None if image.variance is None else image.variance * f * f
     return replace(image, mean=image.mean * f, variance=variance)
 

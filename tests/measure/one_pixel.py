@@ -24,7 +24,7 @@ ONCE = "_set_up", "blacken", "without_ray"
 
 def visited(scene_name: str, rung: str, whole: bool) -> list[str]:
     """The files in the order of the visits; `whole`: with what is done once for an image."""
-    scene = files.read_scene(ROOT.parents[1] / "scenes" / scene_name).scene
+    scene = files.read_scene(ROOT.parents[1] / "scenes" / scene_name)
     scene = scene.with_camera(scene.camera.resized(1, 1))
     trace(scene, rung)  # what is computed once is no pixel's
     stack: list[str] = []

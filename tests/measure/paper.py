@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from measure import record
 from measure.calibration_cost import OURS, QUARTER, WHOLE, costs, medians, photographed
+from scene_of import scene_of
 
 from raytwin import twin
 from raytwin.compare import METRICS
@@ -62,7 +63,7 @@ def two_spheres(width: int, height: int) -> Scene:
     camera = Camera((width, height), K, DOWN, (0.0, 0.0, 0.5), (0.1, -0.2, 0.001, -0.0005, 0.05))
     red, blue = Lambert((0.8, 0.3, 0.2)), Lambert((0.2, 0.3, 0.8))
     spheres = Sphere((-0.05, 0.02, 0.05), 0.0455, red), Sphere((0.06, -0.03, 0.06), 0.047, blue)
-    return Scene("two spheres", camera, spheres, (Sun((0.3, 0.4, 1.0)), Sky((0.1, 0.1, 0.1))))
+    return scene_of("two spheres", camera, spheres, (Sun((0.3, 0.4, 1.0)), Sky((0.1, 0.1, 0.1))))
 
 
 def seen(image: Image) -> np.ndarray:
@@ -75,7 +76,7 @@ def cut(scene: Scene, trim: str) -> int:
     """Return how many pixels see an object outside its box."""
     lost = 0
     for thing, (x0, y0, x1, y1) in zip(scene.objects, TRIMS[trim](scene.objects, scene.camera).tolist(), strict=True):
-        mask = seen(trace(Scene(scene.name, scene.camera, (thing,)), "surface", trim="none")).copy()
+        mask = seen(trace(scene_of(scene.name, scene.camera, (thing,)), "surface", trim="none")).copy()
         mask[y0:y1, x0:x1] = False
         lost += int(mask.sum())
     return lost

@@ -1,6 +1,6 @@
 """What a verdict sees: faults put into correct renders and how often each tool finds them; alarms where there is none.
 
-`python -m measure.power [faults noise samples] [COUNT]` prints the tables of docs/measured/verdict.md; COUNT pairs of
+`python -m measure.power [faults noise samples] [COUNT]` prints the tables of docs/measured.md; COUNT pairs of
 each kind of noise (500). The tools, each at a setting its users take:
 
 - raytwin: `compare` at a false-alarm rate of 1e-3;
@@ -19,6 +19,7 @@ import numpy as np
 from measure import record
 from measure.noise_models import KINDS, UNSEEN, Maker, half_steps, lognormal, pair, picture
 from measure.other_tools import ON_IMAGES, sees_welch_of_images
+from scene_of import changed
 
 from raytwin.compare import Comparison, compare
 from raytwin.compare.messages import percent
@@ -98,7 +99,7 @@ def _sun(scene: Scene, samples: int, seed: int) -> Image:
     x, y, z = scene.sun.to_light
     c, s = np.cos(np.radians(1)), np.sin(np.radians(1))
     sun = msgspec.structs.replace(scene.sun, to_light=(c * x - s * y, s * x + c * y, z))
-    return render(msgspec.structs.replace(scene, lights=(sun, scene.sky)), samples, seed)
+    return render(changed(scene, lights=(sun, scene.sky)), samples, seed)
 
 
 def _moved(scene: Scene, samples: int, seed: int) -> Image:
@@ -108,7 +109,7 @@ def _moved(scene: Scene, samples: int, seed: int) -> Image:
     center = c + R.T @ [0.1 * depth / camera.fx, 0, 0]
     moved = msgspec.structs.replace(first, center=tuple(center.tolist()))
     objects = tuple(moved if thing is first else thing for thing in scene.objects)
-    return render(msgspec.structs.replace(scene, objects=objects), samples, seed)
+    return render(changed(scene, objects=objects), samples, seed)
 
 
 FAULTS: dict[str, Fault] = {
@@ -248,7 +249,7 @@ def main(*parts: str, scenes: str = str(Path(__file__).resolve().parents[2] / "s
     count = next((int(part) for part in parts if part.isdecimal()), 500)
     chosen = [part for part in parts if not part.isdecimal()] or ["faults", "noise", "samples"]
     if "faults" in chosen:
-        overlap = read_scene(f"{scenes}/overlap").scene
+        overlap = read_scene(f"{scenes}/overlap")
         overlap, counts = overlap.with_camera(overlap.camera.resized(160, 120)), [16, 64, 256, 1024, 4096]
         tools = [f"{tool} at {' / '.join(map(str, counts))}" for tool in TOOLS]
         table("faults", ["fault", *tools], by_fault(power_table(overlap, counts, seeds=3), counts))

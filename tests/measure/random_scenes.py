@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import msgspec
 import numpy as np
+from scene_of import changed, scene_of
 
 from raytwin.scene import Camera, Environment, Lambert, Phong, Rectangle, Scene, Sky, Sphere, Sun
 
@@ -68,7 +69,7 @@ MIDDLE = np.array([0.0, 0.0, 0.4])
 
 def _scene(rng: Rng, objects: list, lights: tuple | None = None, seen: Camera | None = None) -> Scene:
     lights = (_sun(rng), _sky(rng)) if lights is None else lights
-    return Scene("random", seen or camera(_eye(rng), MIDDLE), tuple(objects), lights)
+    return scene_of("random", seen or camera(_eye(rng), MIDDLE), tuple(objects), lights)
 
 
 def usual(rng: Rng) -> Scene:
@@ -86,7 +87,7 @@ def _times(scene: Scene, by: float) -> Scene:
             u, v = (_tuple(by * np.array(e)) for e in (x.half_u, x.half_v))
             objects.append(replace(x, center=centre, half_u=u, half_v=v))
     seen = replace(scene.camera, t_cam_board=_tuple(by * np.array(scene.camera.t_cam_board)))
-    return replace(scene, objects=tuple(objects), camera=seen)
+    return changed(scene, objects=tuple(objects), camera=seen)
 
 
 def far(rng: Rng) -> Scene:
@@ -132,7 +133,7 @@ def highlights(rng: Rng) -> Scene:
         specular = rng.uniform(0.05, 0.4)
         return Phong(_tuple(rng.uniform(0.1, 0.5, 3)), (specular,) * 3, float(rng.choice([3.0, 20.0, 80.0])))
 
-    balls = [msgspec.structs.replace(s, material=shiny()) for s in _balls(rng, 3)]
+    balls = [msgspec.structs.replace(s, albedo=shiny()) for s in _balls(rng, 3)]
     return _scene(rng, [*balls, _floor(rng)])
 
 

@@ -1,7 +1,7 @@
 """Print a measurement's tables and, with `--record` on the command line, store them for the pages of docs/measured.
 
 A table lies in docs/measured/data/PAGE.json under its name, with the command that measures it, the date, raytwin's
-version, and how busy the machine was. `python docs/tables.py` then copies every table into its page.
+version, and how busy the machine was. `python docs/tables.py` then copies tables into docs/measured.md.
 """
 
 import json
@@ -28,7 +28,7 @@ def arguments() -> list[str]:
 
 
 def table(page: str, name: str, columns: Sequence[str], rows: Iterable[Sequence[Cell]], command: str) -> None:
-    """Print a table; with `--record` replace the one of this name among those of `docs/measured/{page}.md`."""
+    """Print a table; with `--record` replace the one of this name in `docs/measured/data/{page}.json`."""
     found = {
         "command": command,
         "date": date.today().isoformat(),

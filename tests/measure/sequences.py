@@ -1,7 +1,7 @@
 """How often sequences of looks fail correct renders, how soon they see a fault, and what a pass is worth.
 
 `python -m measure.sequences [alarms] [speed] [misses] [rivals] [COUNT] [NOISE ...]`, in tests/, prints the tables of
-docs/measured/verdict.md: alarms of COUNT (1000) sequences of each kind of noise and reference; samples to certainty for
+docs/measured.md: alarms of COUNT (1000) sequences of each kind of noise and reference; samples to certainty for
 each size of fault, beside the best fixed number in hindsight and the mixture martingale, which was the other way to
 stop; and how often an image passes that is off by just what a pass excludes. OMP_NUM_THREADS=1 halves the time.
 

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from measure import record
 from measure.random_scenes import KINDS, random_scene
+from scene_of import scene_of
 
 from raytwin import files, speed, twin
 from raytwin.analysis.beside_twin import compare_with_twin
@@ -33,7 +34,7 @@ def shipped(seeds: int) -> Iterator[tuple[str, Scene, int]]:
     given = [word.partition("=")[2] for word in sys.argv if word.startswith("sides=")]
     sizes = [tuple(map(int, size.split("x"))) for size in given[0].split(",")] if given else SIZES
     for name, size in product(SHIPPED, sizes):
-        scene = files.read_scene(record.DOCS.parent / "scenes" / name).scene
+        scene = files.read_scene(record.DOCS.parent / "scenes" / name)
         yield name, scene.with_camera(scene.camera.resized(*size)), seeds
 
 
@@ -58,7 +59,7 @@ def far(seeds: int) -> Iterator[tuple[str, Scene, int]]:
         beside = eye + 4 * r * z + 1.5 * r * x * 60 / f
         close = [Sphere(tuple(beside.tolist()), 1.5 * r * 60 / f, Lambert((0.5, 0.5, 0.5)))] if near else []
         lights = Sun((*rng.normal(0, 0.4, 2).tolist(), 0.8)), Sky((0.5, 0.7, 1.0))
-        yield f"{radii} radii{', another near' * near}", Scene("far", camera, (*balls, floor, *close), lights), 1
+        yield f"{radii} radii{', another near' * near}", scene_of("far", camera, (*balls, floor, *close), lights), 1
 
 
 BEDS = {"shipped": shipped, "random": drawn, "far": far}

@@ -30,7 +30,7 @@ from raytwin.calib.lighting import light_models
 from raytwin.calib.lighting.linear_photo import LinearPhoto
 from raytwin.compare import Report, compare
 from raytwin.compare.report import Part
-from raytwin.grade.result import Marked, Picture, Result
+from raytwin.grade.result import CodeLine, Marked, Picture, Result
 from raytwin.grade.result import Part as MarkedPart
 from raytwin.grade.rubric import Exercise, Feedback, Rubric, Speed
 from raytwin.image import Image
@@ -45,7 +45,7 @@ from raytwin.scene import Camera
 from raytwin.workflows.diff_files import compare as compare_files
 from raytwin.workflows.estimate_light import LightEstimate
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 EVIL = "<img src=x onerror=alert(1)>\"'&_with_sixty_or_more_characters_and_no_blank_in_them"
 SIZE = 24, 36
@@ -136,7 +136,7 @@ def light(folder: Path, make_result, scenes) -> list[Path]:
     photo = LinearPhoto(EVIL, camera, noise(), np.zeros(SIZE, bool), pixels, np.ones(3), np.ones(SIZE))
     up, grey = np.array([0.0, 0.6, 0.8]), np.full(3, 0.4)
     sun_and_map = light_models.Light(up, 0.01, grey, 0.1 * grey, grey, 0.1 * grey, noise((8, 16)))
-    trials = [light_models.Trial(EVIL, 8, True, 0.02, 0.1, 1.5)]
+    trials = [light_models.Trial(EVIL, 8, True, 0.1)]
     board = boards.read_board(scenes / "desk" / "board.toml")
     found = LightEstimate(
         [photo], board, light_models.Evidence(np.ones(3)), light=sun_and_map, trials=trials, warnings=[EVIL],
@@ -147,7 +147,7 @@ def light(folder: Path, make_result, scenes) -> list[Path]:
 
 
 def graded_class(folder: Path, make_result, scenes) -> list[Path]:
-    """Two students with the same wrong numbers and one who handed in nothing that runs; the class and their pages."""
+    """Two students with the same wrong numbers and one who handed in nothing that runs; pages of all, a handout."""
     exercises = (Exercise("shade", 10, name=EVIL), Exercise("render", 20, name="image", drawn=1))
     rubric = Rubric(EVIL, exercises, speed=Speed("image", bonus=2), feedback=(Feedback("shade", "0", EVIL, EVIL),))
     parts = (MarkedPart(EVIL, False, 0.25, 0.1, 0.5, problem=EVIL),)
@@ -155,6 +155,7 @@ def graded_class(folder: Path, make_result, scenes) -> list[Path]:
     shade = msgspec.structs.replace(
         image, name=EVIL, stage="shade", of=10, visibility="visible", causes=("pi",), sureness="proved",
         faults=((EVIL, EVIL),), inputs=EVIL, expected=EVIL, got=EVIL,
+        code=(CodeLine(1, EVIL, True), CodeLine(2, EVIL, False)),
     )  # fmt: skip
     packed = viewer.pack(Image(noise()), Image(noise(seed=2)), surfaces=False).for_page()
     thumb = png_url(files.to_bytes(noise()))
@@ -164,8 +165,10 @@ def graded_class(folder: Path, make_result, scenes) -> list[Path]:
     same, none = msgspec.structs.replace(wrong, student="b", key="b"), Result(f"c {EVIL}", "c", EVIL, (), problem=EVIL)
     done = tuple(msgspec.structs.replace(e, status="pass", fingerprint="") for e in (shade, image))
     right = msgspec.structs.replace(wrong, student="d", key="d", exercises=done, bonus=2.0)
-    assert class_page.write_class((wrong, same, none, right), rubric, folder) == []
-    return [folder / "index.html", *sorted((folder / "students").iterdir())[:3]]
+    kept = msgspec.structs.replace(same, exercises=(shade, msgspec.structs.replace(image, same_as=EVIL, followed=2.0)))
+    assert class_page.write_class((wrong, kept, none, right), rubric, folder, for_students=True) == []
+    handed_out = min((folder / "for-students").iterdir())
+    return [folder / "index.html", *sorted((folder / "students").iterdir())[:3], handed_out]
 
 
 KINDS: dict[str, Write] = {

@@ -7,24 +7,21 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scene_of import scene_of
 
 from raytwin import files
 from raytwin.errors import InputError
 from raytwin.references import scene_hash
 from raytwin.scene import (
+    NOWHERE,
     Camera,
     Lambert,
-    PhotoCamera,
+    Phong,
     Rectangle,
     Scene,
-    SceneFile,
     Sky,
     Sphere,
     Sun,
-    WrittenPlane,
-    WrittenSky,
-    WrittenSphere,
-    WrittenSun,
     to_camera_frame,
 )
 from raytwin.scene.scene_changes import changes
@@ -57,53 +54,41 @@ A, B = Sphere((0.0,) * 3, 1.0), Sphere((1.0,) * 3, 1.0)
 LEAF = Rectangle((0.0,) * 3, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
-def test_objects_keep_their_order_and_each_kind_can_be_asked_for():
-    scene = Scene("x", CAMERA, (A, LEAF, B))
-    assert (scene.objects, scene.spheres, scene.rectangles) == ((A, LEAF, B), (A, B), (LEAF,))
+def test_an_objects_number_counts_spheres_and_then_planes_in_whatever_order_they_come():
+    scene = Scene("x", CAMERA, (A, B), (LEAF,))
+    assert (scene.objects, scene.numbers) == ((A, B, LEAF), ("sphere 0", "sphere 1", "plane 0"))
+    assert Scene("x", CAMERA).with_(objects=(A, LEAF, B)) == scene
     assert scene.with_camera(CAMERA.resized(10, 10)).camera.image_size == (10, 10)
+    with pytest.raises(InputError, match=r"Scene\.spheres\[1\]: expected a Sphere, got Rectangle"):
+        Scene("x", CAMERA, (A, LEAF), (B,))
 
 
-def test_a_scene_without_lights_is_dark_and_two_suns_are_not_silently_one():
+def test_a_scene_without_lights_is_dark():
     scene = Scene("x", CAMERA)
-    assert (scene.sun.irradiance, scene.sky.radiance) == ((0, 0, 0), (0, 0, 0))
-    sun, sky = Sun((0.0, 0.0, 1.0)), Sky((0.1, 0.2, 0.3))
-    lit = Scene("x", CAMERA, (), (sky, sun))
-    assert (lit.sun, lit.sky) == (sun, sky)
-    with pytest.raises(InputError, match="scene x: lights: expected one Sun at most, got 2"):
-        _ = Scene("x", CAMERA, (), (sun, sun)).sun
+    assert (scene.sun.irradiance, scene.sky.radiance, scene.environment) == ((0, 0, 0), (0, 0, 0), None)
+    assert scene.with_(sun=Sun((0.0, 0.0, 1.0)), sky=Sky((0.1, 0.2, 0.3))).with_(sun=None, sky=None) == scene
 
 
-WRITTEN = SceneFile(
-    "x",
-    CAMERA,
-    (WrittenSphere((0.0, 0.0, 1.0), 0.5, (0.1, 0.2, 0.3)),),
-    (WrittenPlane((0.0,) * 3, (2.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.4, 0.5, 0.6), in_photo=True),),
-    WrittenSun((0.0, 3.0, 4.0), (1.0, 2.0, 3.0)),
-    WrittenSky((0.7, 0.8, 0.9)),
-)
-
-
-def test_what_is_written_becomes_what_is_rendered_the_spheres_first():
-    sphere = Sphere((0.0, 0.0, 1.0), 0.5, Lambert((0.1, 0.2, 0.3)))
+def test_a_material_given_whole_is_the_same_as_its_numbers():
     flat = Rectangle((0.0,) * 3, (2.0, 0.0, 0.0), (0.0, 1.0, 0.0), Lambert((0.4, 0.5, 0.6)), in_photo=True)
-    lights = Sun((0.0, 0.6, 0.8), (1.0, 2.0, 3.0)), Sky((0.7, 0.8, 0.9))
-    assert WRITTEN.scene == Scene("x", CAMERA, (sphere, flat), lights)
-    small = CAMERA.resized(10, 10)
-    assert WRITTEN.at(small) == WRITTEN.scene.with_camera(small) == WRITTEN.with_camera(small).scene
+    assert (flat.albedo, flat.material, flat.in_photo) == ((0.4, 0.5, 0.6), Lambert((0.4, 0.5, 0.6)), True)
+    gloss = Phong((0.4, 0.5, 0.2), (0.1, 0.2, 0.3), 5.0)
+    shiny = Sphere((0.0,) * 3, 1.0, gloss)
+    assert shiny == Sphere((0.0,) * 3, 1.0, (0.4, 0.5, 0.2), (0.1, 0.2, 0.3), 5.0)
+    assert shiny.material == gloss
 
 
-def test_a_camera_yet_to_be_calibrated_is_refused_until_it_is_found():
-    written = SceneFile("desk", photos=PhotoCamera("photos", "board.toml", "1.jpg"))
+def test_a_camera_yet_to_be_calibrated_is_refused_until_it_is_found(scenes):
     with pytest.raises(InputError, match="desk: camera: expected a calibrated camera, got photos to calibrate it from"):
-        _ = written.scene
-    found = written.with_camera(CAMERA)
-    assert (found.scene.camera, found.photos) == (CAMERA, None)
+        files.read_scene(scenes / "desk")
+    scene, photos = files.scene_and_photos(scenes / "desk")
+    assert (scene.camera, photos.board, len(scene.spheres) > 0) == (NOWHERE, "board.toml", True)
 
 
 @pytest.mark.parametrize(("precision", "size"), [("float32", 1e-20), ("float64", 1e154)])
 def test_a_length_whose_square_floats_cannot_hold_is_named(precision, size):
     camera = Camera((1, 1), *2 * (((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),), (0.0, 0.0, 0.0))
-    scene = Scene("stars", camera, (Sphere((0.0, 0.0, 3 * size), size),))
+    scene = scene_of("stars", camera, (Sphere((0.0, 0.0, 3 * size), size),))
     with pytest.raises(InputError, match=r"objects\[0\] of scene stars: expected lengths of .* for " + precision):
         to_camera_frame(scene, precision)
 
@@ -115,7 +100,7 @@ def upright(*things, eye=(0.1, 0.2, 0.5)) -> Scene:
     camera = Camera(
         (1, 1), ((1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0)), tuple(map(tuple, R.tolist())), tuple((-R @ eye).tolist())
     )
-    return Scene("places", camera, things)
+    return scene_of("places", camera, things)
 
 
 TABLE = Rectangle((0.1, 0.05, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
@@ -159,13 +144,13 @@ def test_objects_go_by_their_names_else_by_kind_number_and_colour_and_a_name_dec
         (tmp_path / folder / "scene.toml").write_text(written, encoding="utf-8")
     named, plain = (files.read_scene(tmp_path / folder) for folder in ("named", "plain"))
     balls = ("sphere 0 (red)", "sphere 1 (green)", "sphere 2 (blue)")
-    assert named.scene.names == (*balls, "floor")
-    assert plain.scene.names == (*balls, "plane 0 (grey)")
-    assert named.scene.numbers == plain.scene.numbers == ("sphere 0", "sphere 1", "sphere 2", "plane 0")
-    assert scene_hash(named) == scene_hash(plain)
+    assert named.names == (*balls, "floor")
+    assert plain.names == (*balls, "plane 0 (grey)")
+    assert named.numbers == plain.numbers == ("sphere 0", "sphere 1", "sphere 2", "plane 0")
+    assert scene_hash(tmp_path / "named") == scene_hash(tmp_path / "plain")
     assert not list(changes(plain, named))
-    again = files.to_record("scene", msgspec.json.decode(msgspec.json.encode(named)), SceneFile)
-    assert again.scene.names == named.scene.names
+    again = files.to_record("scene", msgspec.json.decode(msgspec.json.encode(named)), Scene)
+    assert again.names == named.names
     (tmp_path / "named" / "scene.toml").write_text(
         text.replace("radius", 'name = "floor"\nradius', 1), encoding="utf-8"
     )

@@ -3,7 +3,7 @@
 import msgspec
 
 from raytwin import files
-from raytwin.scene import WrittenSphere
+from raytwin.scene import Sphere
 from raytwin.scene.scene_changes import changes, summary
 
 
@@ -14,7 +14,7 @@ def test_each_changed_value_is_named_by_its_key(scenes):
         old,
         sun=msgspec.structs.replace(old.sun, irradiance=(3.2, 3.2, 3.2), to_light=(0.0, 1.0, 0.0)),
         camera=msgspec.structs.replace(old.camera, dist=(0.125,)),
-        spheres=(msgspec.structs.replace(old.spheres[0], radius=2.5), *old.spheres[1:], WrittenSphere((0, 0, 1), 1.0)),
+        spheres=(msgspec.structs.replace(old.spheres[0], radius=2.5), *old.spheres[1:], Sphere((0, 0, 1), 1.0)),
     )
     found = list(changes(old, new))
     before = f"[{', '.join(f'{x:g}' for x in old.sun.to_light)}]"

@@ -9,9 +9,10 @@ import pytest
 from engines import SHIPPED, TRIED
 from hypothesis import assume, example, given, reject, settings
 from hypothesis import strategies as st
+from scene_of import scene_of
 
 from raytwin.files import read_scene
-from raytwin.scene import Camera, Rectangle, Scene, Shape, Sphere
+from raytwin.scene import Camera, Rectangle, Shape, Sphere
 from raytwin.scene.lens import undone
 from raytwin.speed import trace, trim_box
 from raytwin.speed.boxes import EMPTY, _tangents, corner_box, field_of_view
@@ -121,7 +122,7 @@ def test_a_pinholes_box_is_tight(camera, right, down, share):
 
 
 def test_a_lens_costs_the_box_little(scenes):
-    scene = read_scene(scenes / "distorted").scene
+    scene = read_scene(scenes / "distorted")
     scene = scene.with_camera(scene.camera.resized(400, 300))
     for sphere in scene.spheres:
         x0, y0, x1, y1 = trim_box(sphere, scene.camera)
@@ -241,7 +242,7 @@ def test_every_tile_lists_the_objects_whose_boxes_touch_it_in_their_order(side, 
 
 @pytest.mark.parametrize(("name", "engine"), [*zip(SHIPPED, cycle(TRIED))], indirect=["engine"])
 def test_trimming_changes_not_one_bit(scenes, name, engine):
-    scene = read_scene(scenes / name).scene
+    scene = read_scene(scenes / name)
     small = scene.with_camera(scene.camera.resized(213, 160))
     trimmed, full = trace(small, "shadow", engine, trim="conic"), trace(small, "shadow", engine, trim="none")
     np.testing.assert_array_equal(trimmed.mean, full.mean)
@@ -252,7 +253,7 @@ def test_trimming_changes_not_one_bit(scenes, name, engine):
 def test_trimming_changes_not_one_bit_where_a_merged_box_reaches_a_third(engine, single):
     # Two spheres touch corner to corner; the box round both holds a third that touches neither.
     spheres = tuple(Sphere((x, y, 0.0), 0.02) for x, y in ((-0.05, 0.05), (-0.02, 0.02), (-0.01, 0.055)))
-    scene = Scene("three", single.camera, spheres, single.lights)
+    scene = scene_of("three", single.camera, spheres, (single.sun, single.sky))
     trimmed, full = trace(scene, "shadow", engine), trace(scene, "shadow", engine, trim="none")
     assert set(np.unique(full.surface.ids)) == {-1, 0, 1, 2}
     np.testing.assert_array_equal(trimmed.surface.ids, full.surface.ids)

@@ -3,6 +3,7 @@
 import msgspec
 import numpy as np
 import pytest
+from scene_of import changed
 
 from raytwin.scene import Lambert, Rectangle, Scene, Sphere
 from raytwin.speed import ENGINES, bvh, walk
@@ -22,7 +23,7 @@ def strewn(scene: Scene, rng: np.random.Generator, spheres: int = 60, sheets: in
     balls = [Sphere(tuple(c), r, m) for c, r, m in zip(at.tolist(), radii.tolist(), colour, strict=False)]
     flat = [Rectangle(tuple(c), tuple(u), tuple(v), m)
             for c, (u, v), m in zip(at[spheres:].tolist(), half.tolist(), colour, strict=False)]  # fmt: skip
-    return msgspec.structs.replace(scene, objects=(Sphere((0, 0, -100.0), 100.0), *balls, *flat))
+    return changed(scene, objects=(Sphere((0, 0, -100.0), 100.0), *balls, *flat))
 
 
 @pytest.mark.parametrize(

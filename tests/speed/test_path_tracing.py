@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from closed_forms import CLOSED
 from engines import SHIPPED, TRIED, plain_paths
+from scene_of import changed, scene_of
 from scipy.stats import qmc
 from truths import (
     BLACK,
@@ -123,7 +124,7 @@ def test_the_mean_of_a_smooth_integrand_errs_by_far_less_than_by_chance():
 )
 def test_every_engine_follows_the_plain_tracers_paths(scenes, name, engine):
     """The same numbers, the same paths; float32's rounding sends one in a thousand elsewhere at an edge."""
-    scene = files.read_scene(scenes / name).scene
+    scene = files.read_scene(scenes / name)
     samples = (3, 18)[(SHIPPED.index(name) + TRIED.index(engine)) % 2]
     small = scene.with_camera(scene.camera.resized(32, 24))
     plain, fast = (
@@ -159,7 +160,7 @@ def test_the_light_is_what_the_closed_form_says(fast, name):
 def test_a_white_scene_in_a_white_sky_is_never_brighter_than_it_and_as_bright_in_the_end(fast, depth):
     things = (Sphere((0, 0, 1), 1.0, grey(1)), Sphere((1.5, 1, 0.5), 0.5, grey(1)), Rectangle(
         (0, 0, 0), (5, 0, 0), (0, 5, 0), grey(1)))  # fmt: skip
-    scene = Scene("furnace", view_of((0.8, 0.0, 0.0), (3.0, 0.2, 0.4), 1e-3), things, (Sky((0.7, 0.7, 0.7)),))
+    scene = scene_of("furnace", view_of((0.8, 0.0, 0.0), (3.0, 0.2, 0.4), 1e-3), things, (Sky((0.7, 0.7, 0.7)),))
     found = mean_of(scene, fast, depth)
     assert found.mean < 0.7 + 4 * found.error + 1e-5
     if depth == 1024:  # after 62 bounces 1.5e-4 of the light is still on its way where ball and floor touch
@@ -170,12 +171,12 @@ def test_a_white_scene_in_a_white_sky_is_never_brighter_than_it_and_as_bright_in
 
 def test_inside_a_white_sphere_light_is_followed_from_wall_to_wall(fast):
     """The eye inside a closed ball of albedo a under a sun and sky outside: no light comes in."""
-    scene = Scene(
+    scene = scene_of(
         "inside", view_of((0.9, 0, 0), (0, 0, 0), 0.2), (Sphere((0, 0, 0), 0.9, grey(0.9)),), (*WHITE, Sun((0, 0, 1)))
     )
     np.testing.assert_array_equal(speed.walk(scene, "path", fast, samples=16).mean, 0)
-    shiny = msgspec.structs.replace(scene.objects[0], material=Phong((0.5,) * 3, (0.4,) * 3, 100.0))
-    within = msgspec.structs.replace(scene, objects=(shiny,))  # a way's rounding errors must not grow by each bounce
+    shiny = msgspec.structs.replace(scene.objects[0], albedo=Phong((0.5,) * 3, (0.4,) * 3, 100.0))
+    within = changed(scene, objects=(shiny,))  # a way's rounding errors must not grow by each bounce
     np.testing.assert_array_equal(speed.walk(within, "path", fast, samples=16, depth=100).mean, 0)
 
 
@@ -183,7 +184,7 @@ def test_inside_a_white_sphere_light_is_followed_from_wall_to_wall(fast):
 
 
 def test_the_scene_wedge_shows_one_radiance_in_all_its_pixels(scenes, fast):
-    scene = files.read_scene(scenes / "wedge").scene
+    scene = files.read_scene(scenes / "wedge")
     small = scene.with_camera(scene.camera.resized(80, 60))
     image = speed.walk(small, "path", fast, samples=64, depth=32)
     for ids in (0, 1):
@@ -195,7 +196,7 @@ def test_the_scene_wedge_shows_one_radiance_in_all_its_pixels(scenes, fast):
 
 def test_the_scene_ball_shows_the_closed_forms_of_its_comment(scenes, fast):
     """Rays through the pixels' centres; rings of the floor and bands of the ball, 4 standard errors."""
-    scene = files.read_scene(scenes / "ball").scene
+    scene = files.read_scene(scenes / "ball")
     small = scene.with_camera(scene.camera.resized(160, 120))
     image, exact = (
         speed.walk(small, "sky", fast, sampling="center", samples=64), speed.trace(small, "shadow", "numpy64").surface
@@ -230,8 +231,8 @@ def apart(mine, other) -> np.ndarray:
 def twin_to(scene: Scene, depth: int, seed: int) -> Image:
     """Mitsuba's light to a depth; the eye alone sees what black objects leave of it."""
     if depth == 1:
-        black = tuple(msgspec.structs.replace(thing, material=BLACK) for thing in scene.objects)
-        scene = msgspec.structs.replace(scene, objects=black)
+        black = tuple(msgspec.structs.replace(thing, albedo=BLACK) for thing in scene.objects)
+        scene = changed(scene, objects=black)
     return twin.render(scene, "path", sampling="area", samples=160, seed=seed, max_depth=max(depth, 2), cache=False)
 
 
@@ -241,7 +242,7 @@ LIT = (*EVERY, "gloss", "studio")
 @pytest.mark.parametrize(("name", "depth"), [*zip(LIT, itertools.cycle((1, 2, 3, 8)))])
 def test_the_twin_sees_the_same_light_in_every_tile(scenes, name, fast, depth):
     """1.1 million samples each; a channel's 8 x 8 tiles by chance, so that a correct pair fails in 3 of 1000."""
-    scene = files.read_scene(scenes / name).scene
+    scene = files.read_scene(scenes / name)
     small = scene.with_camera(scene.camera.resized(96, 72))
     mine = speed.walk(small, "path", fast, samples=160, seed=4, depth=depth)
     other = twin_to(small, depth, 5)
@@ -252,7 +253,7 @@ def test_the_twin_sees_the_same_light_in_every_tile(scenes, name, fast, depth):
 
 
 def test_each_bounce_alone_is_the_difference_of_two_of_the_twins_depths_and_all_add_up(scenes, fast):
-    scene = files.read_scene(scenes / "eclipse").scene
+    scene = files.read_scene(scenes / "eclipse")
     small = scene.with_camera(scene.camera.resized(96, 72))
     parts = speed.light_parts(small, fast, samples=160, seed=4, depth=8)
     alone = {2: ("open", "shadow", "occlusion"), 3: ("bounce 1",), 4: ("bounce 2",), 8: ("bounce 3+",)}

@@ -3,6 +3,7 @@
 import msgspec
 import numpy as np
 import pytest
+from scene_of import changed
 from test_bvh import strewn
 
 from raytwin.scene import Phong
@@ -47,10 +48,10 @@ def test_many_objects_keep_the_highlight_of_each(strewn_scene, engine, shiny):
     """Looked up in a table on Dr.Jit: the first object's as well as another's."""
     gloss = Phong((0.2, 0.2, 0.2), (0.5, 0.4, 0.3), 20.0)
     objects = [
-        msgspec.structs.replace(thing, material=gloss) if i == shiny else thing
+        msgspec.structs.replace(thing, albedo=gloss) if i == shiny else thing
         for i, thing in enumerate(strewn_scene.objects)
     ]
-    scene = msgspec.structs.replace(strewn_scene, objects=tuple(objects))
+    scene = changed(strewn_scene, objects=tuple(objects))
     scene = scene.with_camera(scene.camera.resized(48, 36))
     found, exact = (trace(scene, "shadow", e) for e in (engine, "numpy64"))
     assert (np.abs(found.mean - exact.mean).max(axis=-1) > 1e-4 * exact.mean.max()).mean() < 0.005

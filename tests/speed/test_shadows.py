@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scene_of import scene_of
 from scipy.spatial.transform import Rotation
 
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
@@ -33,7 +34,7 @@ def a_scene(seed: int, grazing: bool = False) -> Scene:
         n = np.array(next((t.normal for t in things if isinstance(t, Rectangle)), (0, 0, 1)))
         light += (10 ** rng.uniform(-5, -1) - light @ n) * n
     camera = Camera(SIZE, K, rows, tuple((-R @ eye).tolist()), dist)
-    return Scene("any", camera, tuple(things), (Sun(tuple(light.tolist())), Sky((0.1, 0.1, 0.1))))
+    return scene_of("any", camera, tuple(things), (Sun(tuple(light.tolist())), Sky((0.1, 0.1, 0.1))))
 
 
 @pytest.mark.parametrize("grazing", [False, True])
@@ -53,7 +54,7 @@ def test_a_tables_tile_asks_only_the_spheres_whose_shadows_reach_it(monkeypatch)
     table = Rectangle((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0))
     down = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
     camera = Camera((320, 256), ((300.0, 0.0, 159.5), (0.0, 300.0, 127.5), (0.0, 0.0, 1.0)), down, (0.0, 0.0, 1.0))
-    scene = Scene("table", camera, (*balls, table), (Sun((0.3, 0.2, 1.0)),))
+    scene = scene_of("table", camera, (*balls, table), (Sun((0.3, 0.2, 1.0)),))
     full, asked, fold = trace(scene, "shadow", trim="none").mean, [], ObjectList.fold
 
     def counted(self, ray, *rest):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from scene_of import changed, scene_of
 
 from raytwin.files import read_scene
 from raytwin.scene import Camera, Rectangle, Scene, Sky, Sphere, Sun
@@ -25,12 +26,12 @@ def sphere_scene(x=0.0, y=0.0, radius=0.05, to_light=(0.3, 0.4, 1.0), size=(640,
         (0.0, 0.0, 0.5),
         dist,
     )
-    return Scene("s", camera, (Sphere((x, y, 0.05), radius),), (Sun(to_light), Sky((0.1, 0.1, 0.1))))
+    return scene_of("s", camera, (Sphere((x, y, 0.05), radius),), (Sun(to_light), Sky((0.1, 0.1, 0.1))))
 
 
 @pytest.mark.parametrize(("name", "n"), [("single", 16), ("overlap", 8), ("distorted", 4), ("grazing", 2)])
 def test_a_careful_guess_keeps_its_promise_on_every_scene(scenes, name, n):
-    scene = read_scene(scenes / name).scene
+    scene = read_scene(scenes / name)
     truth = trace(scene, "lambert").mean
     guess, share = speculate(scene, n, "lambert", tolerance=TOLERANCE)
     assert np.quantile(np.abs(guess - truth), 0.999) <= TOLERANCE
@@ -54,7 +55,7 @@ def test_the_closed_form_bounds_the_error_of_interpolation():
     far = sphere_scene(size=(641, 481))
     K = ((80000.0, 0.0, 320.0), (0.0, 80000.0, 240.0), (0.0, 0.0, 1.0))
     camera = msgspec.structs.replace(far.camera, K=K, t_cam_board=(0.0, 0.0, 20.05))
-    scene = msgspec.structs.replace(far, camera=camera, lights=(Sun((0.0, 0.0, 1.0)), far.sky))
+    scene = changed(far, camera=camera, lights=(Sun((0.0, 0.0, 1.0)), far.sky))
     truth, n = trace(scene, "lambert").mean[..., 0], 8
     guess = speculate(scene, n, "lambert", engine="numpy64", way="paper")[0][..., 0]
     radius_px = 80000 * 0.05 / 20
@@ -77,7 +78,7 @@ def test_the_papers_guess_errs_at_edges_where_the_careful_one_does_not():
 
 
 def test_a_step_of_one_traces_everything(scenes):
-    scene = read_scene(scenes / "single").scene
+    scene = read_scene(scenes / "single")
     guess, share = speculate(scene, 1, "shadow", engine="numpy64")
     assert share == 1
     np.testing.assert_allclose(guess, trace(scene).mean, atol=1e-6)
@@ -95,9 +96,9 @@ def test_what_no_lattice_point_sees_is_lost():
 @pytest.mark.parametrize("width", range(32, 41))
 def test_frames_of_every_size_are_filled_to_their_last_row_and_column(scenes, width):
     # A frame full of a table: a pixel left out would show the sky.
-    scene = read_scene(scenes / "overlap").scene
+    scene = read_scene(scenes / "overlap")
     table = Rectangle((0.0, 0.0, 0.0), (50.0, 0.0, 0.0), (0.0, 50.0, 0.0))
-    scene = msgspec.structs.replace(scene, camera=scene.camera.resized(width, 69 - width), objects=(table,))
+    scene = changed(scene, camera=scene.camera.resized(width, 69 - width), objects=(table,))
     truth = trace(scene, "lambert")
     assert truth.surface.mask.all()
     for n, way in product((2, 4, 8), WAYS):

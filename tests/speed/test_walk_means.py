@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from engines import pixel_draws, plain_paths, sample_indices
+from scene_of import scene_of
 
 from raytwin import speed
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
@@ -16,7 +17,7 @@ LIGHTS = (Sky((0.3, 0.2, 0.1)), Sun((0.3, 0.2, 1.0), (2.0, 1.0, 3.0)))
 def seen_from_above(*things, width: int = 13, height: int = 11, dist=()) -> Scene:
     """A pixel is 2 cm of the plane z = 0, whose origin the middle one sees."""
     K = ((50.0, 0.0, (width - 1) / 2), (0.0, 50.0, (height - 1) / 2), (0.0, 0.0, 1.0))
-    return Scene("above", Camera((width, height), K, DOWN, (0.0, 0.0, 1.0), dist), things, LIGHTS)
+    return scene_of("above", Camera((width, height), K, DOWN, (0.0, 0.0, 1.0), dist), things, LIGHTS)
 
 
 RED, GREEN = Lambert((0.8, 0.2, 0.1)), Lambert((0.1, 0.7, 0.3))

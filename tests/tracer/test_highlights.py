@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 from engines import plain_paths
+from scene_of import changed, scene_of
 from scipy import integrate
 from truths import camera_above, glare
 
@@ -20,7 +21,9 @@ SUN = Sun((0.6, 0.0, 0.8), (2.0, 2.0, 2.0))
 
 
 def sheet(material: Phong | Lambert, *lights) -> Scene:
-    return Scene("sheet", camera_above(1.0, 8, 400.0), (Rectangle((0, 0, 0), (9, 0, 0), (0, 9, 0), material),), lights)
+    return scene_of(
+        "sheet", camera_above(1.0, 8, 400.0), (Rectangle((0, 0, 0), (9, 0, 0), (0, 9, 0), material),), lights
+    )
 
 
 def f_of(material: Phong, v: np.ndarray, out: np.ndarray) -> float:
@@ -98,7 +101,7 @@ def test_under_an_even_sky_a_sheet_shows_what_quadrature_says():
 
 
 def test_every_engine_follows_the_plain_tracers_paths_from_highlight_to_highlight(scenes, engine):
-    scene = files.read_scene(scenes / "gloss").scene
+    scene = files.read_scene(scenes / "gloss")
     scene = scene.with_camera(scene.camera.resized(24, 18))
     found, plain = speed.walk(scene, "path", engine, samples=3, depth=4), plain_paths(scene, 4, 3)
     close = 1e-6 if ENGINES[engine].bits == 64 else 2e-4
@@ -106,8 +109,8 @@ def test_every_engine_follows_the_plain_tracers_paths_from_highlight_to_highligh
 
 
 def test_parts_of_the_light_on_highlights_under_a_map_add_up_to_the_whole(scenes):
-    shiny, lit = (files.read_scene(scenes / name).scene for name in ("gloss", "studio"))
-    scene = msgspec.structs.replace(shiny, lights=(shiny.sun, lit.environment))
+    shiny, lit = (files.read_scene(scenes / name) for name in ("gloss", "studio"))
+    scene = changed(shiny, lights=(shiny.sun, lit.environment))
     scene = scene.with_camera(scene.camera.resized(32, 24))
     parts = speed.light_parts(scene, "numpy32", samples=4, seed=3)
     whole = speed.walk(scene, "path", "numpy32", samples=4, seed=3)
@@ -118,10 +121,9 @@ def test_a_highlight_of_nothing_is_lamberts_law(overlap):
     """`specular` 0: the same picture, bit by bit but for one sum."""
     scene = overlap.with_camera(overlap.camera.resized(32, 24))
     objects = tuple(
-        msgspec.structs.replace(thing, material=Phong(thing.material.albedo, (0.0,) * 3, 9.0))
-        for thing in scene.objects
+        msgspec.structs.replace(thing, albedo=Phong(thing.material.albedo, (0.0,) * 3, 9.0)) for thing in scene.objects
     )
-    dull = msgspec.structs.replace(scene, objects=objects)
+    dull = changed(scene, objects=objects)
     for rung in ("lambert", "shadow"):
         np.testing.assert_allclose(speed.trace(dull, rung).mean, speed.trace(scene, rung).mean, rtol=1e-6)
     walks = [speed.walk(s, "path", samples=2, seed=5).mean for s in (dull, scene)]

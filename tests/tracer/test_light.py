@@ -2,9 +2,9 @@
 
 import math
 
-import msgspec
 import numpy as np
 import pytest
+from scene_of import changed, scene_of
 from truths import camera_above
 
 from raytwin.arrays import cross
@@ -75,7 +75,7 @@ def test_under_a_sun_at_the_zenith_a_spheres_shadow_is_a_disc_of_its_radius(engi
     # The camera looks at the floor from below the sphere: nothing hides the shadow.
     floor = Rectangle((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), Lambert((1.0, 1.0, 1.0)))
     ball = Sphere((0.1, -0.05, 2.0), 0.3)
-    scene = Scene("disc", camera_above(1.0), (ball, floor), (Sun((0.0, 0.0, 2.0), (math.pi,) * 3), Sky((0.25,) * 3)))
+    scene = scene_of("disc", camera_above(1.0), (ball, floor), (Sun((0.0, 0.0, 2.0), (math.pi,) * 3), Sky((0.25,) * 3)))
     image = trace(scene, "shadow", engine)
     v, u = np.mgrid[:101, :101]
     x, y = (u - 50) / 100, (50 - v) / 100
@@ -94,7 +94,7 @@ def test_a_rectangle_is_lit_and_seen_from_both_sides(engine, sun_above):
     towards = Rectangle((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), Lambert((0.5, 0.5, 0.5)))
     sun = Sun((0.0, 0.0, 1.0 if sun_above else -1.0), (math.pi,) * 3)
     for plane in (away, towards):
-        scene = Scene("leaf", camera_above(1.0, 11), (plane,), (sun, Sky((0.2,) * 3)))
+        scene = scene_of("leaf", camera_above(1.0, 11), (plane,), (sun, Sky((0.2,) * 3)))
         for rung in ("lambert", "shadow"):
             image = trace(scene, rung, engine)
             np.testing.assert_allclose(image.mean, 0.6 if sun_above else 0.1, rtol=1e-6)
@@ -103,8 +103,8 @@ def test_a_rectangle_is_lit_and_seen_from_both_sides(engine, sun_above):
 
 @pytest.mark.parametrize("radius", [0.5, 4.0])
 def test_inside_a_sphere_it_is_dark_but_for_the_sky(engine, radius):
-    scene = Scene("cave", camera_above(0.1, 21, 10.0), (Sphere((0.0, 0.0, 0.0), radius, Lambert((0.5, 0.6, 0.7))),))
-    scene = msgspec.structs.replace(scene, lights=(Sun((0.0, 0.0, 1.0), (3.0,) * 3), Sky((0.1, 0.2, 0.3))))
+    scene = scene_of("cave", camera_above(0.1, 21, 10.0), (Sphere((0.0, 0.0, 0.0), radius, Lambert((0.5, 0.6, 0.7))),))
+    scene = changed(scene, lights=(Sun((0.0, 0.0, 1.0), (3.0,) * 3), Sky((0.1, 0.2, 0.3))))
     image = trace(scene, "shadow", engine)
     assert (image.surface.ids == 0).all()
     np.testing.assert_allclose(image.mean, np.broadcast_to([0.05, 0.12, 0.21], (21, 21, 3)), rtol=1e-6)
@@ -129,7 +129,7 @@ def test_the_surface_is_coloured_by_its_normal_on_the_boards_axes(engine):
     """(n + 1) / 2: a sheet that leans by 30 degrees to the right shows (3/4, 1/2, (2 + sqrt 3) / 4)."""
     s, c = math.sin(math.pi / 6), math.cos(math.pi / 6)
     sheet = Rectangle((0.0, 0.0, 0.0), (c, 0.0, -s), (0.0, 1.0, 0.0))
-    image = trace(Scene("sheet", camera_above(1.0, 11), (sheet,), (Sky((0.2,) * 3),)), "surface", engine)
+    image = trace(scene_of("sheet", camera_above(1.0, 11), (sheet,), (Sky((0.2,) * 3),)), "surface", engine)
     np.testing.assert_allclose(image.mean, np.broadcast_to([0.75, 0.5, (2 + math.sqrt(3)) / 4], (11, 11, 3)), rtol=1e-6)
 
 

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 from engines import plain_paths
+from scene_of import changed, scene_of
 from truths import in_wedge, view_of, wedge
 
 from raytwin import speed
@@ -23,7 +24,7 @@ EYE = (0.005 + 0.15 * cos(radians(35)), 0.04, 0.15 * sin(radians(35)))
 def corner(sun: float = 0.0) -> Scene:
     """A wedge of 90 degrees, both albedos 1/2, seen near its edge; a sun along its middle."""
     lights = (Sky(SKY), Sun((cos(pi / 4), 0.0, sin(pi / 4)), (sun, 2 * sun, 0.0)))
-    return Scene("corner", view_of((0.005, 0, 0), EYE, 1e-5), wedge(90, 0.5, 0.5, 500.0), lights)
+    return scene_of("corner", view_of((0.005, 0, 0), EYE, 1e-5), wedge(90, 0.5, 0.5, 500.0), lights)
 
 
 def assert_mean(pixels: np.ndarray, expected) -> None:
@@ -56,16 +57,16 @@ def test_each_surface_takes_its_own_colour_of_the_light():
     """Red floor, green wall: no light of a channel that either takes whole comes by way of both."""
     scene = corner()
     floor, wall = (
-        msgspec.structs.replace(sheet, material=Lambert(albedo))
+        msgspec.structs.replace(sheet, albedo=Lambert(albedo))
         for sheet, albedo in zip(scene.objects, ((0.8, 0.4, 0.0), (0.0, 0.4, 0.8)), strict=True)
     )
-    found = plain_paths(msgspec.structs.replace(scene, objects=(floor, wall)), 12, samples=16, seed=5)
+    found = plain_paths(changed(scene, objects=(floor, wall)), 12, samples=16, seed=5)
     in_red, in_blue = 0.8 * 0.5, 0.0
     assert_mean(found.mean, [SKY[0] * in_red, SKY[1] * in_wedge(90, 0.4, 0.4, inf), SKY[2] * in_blue])
 
 
 def test_what_lies_past_every_object_is_the_sky_and_paths_of_one_seed_are_the_same():
-    scene = msgspec.structs.replace(corner(), objects=())
+    scene = changed(corner(), objects=())
     np.testing.assert_array_equal(plain_paths(scene, samples=3).mean, np.broadcast_to(SKY, (16, 16, 3)))
     first, again, other = (plain_paths(corner(), 3, samples=2, seed=seed).mean for seed in (0, 0, 1))
     np.testing.assert_array_equal(first, again)

@@ -4,6 +4,7 @@ import msgspec
 import numpy as np
 import pytest
 from engines import SHIPPED, TRIED
+from scene_of import changed
 
 from raytwin import speed, tracer
 from raytwin.errors import InputError
@@ -62,7 +63,7 @@ def test_a_replaced_lens_is_not_undone_behind_the_stages_back(scenes, engine):
     from raytwin.files import read_scene
 
     written = read_scene(scenes / "distorted")
-    scene = written.at(written.camera.resized(160, 120))
+    scene = written.with_camera(written.camera.resized(160, 120))
     straight = scene.with_camera(msgspec.structs.replace(scene.camera, dist=()))
     faulty = tracer.STAGES._replace(undistort=lambda xd, yd, dist: (xd, yd))
     fast = speed.trace(scene, "surface", engine, trim="none", stages=faulty)
@@ -75,7 +76,7 @@ def test_past_where_a_lens_folds_over_both_are_black_and_meet_nothing(single, en
     """The sphere reaches 30 degrees off the axis, 0.577, and k1 folds at 1 / √3.9 = 0.506."""
     camera = msgspec.structs.replace(single.camera, dist=(-1.3,)).resized(320, 240)
     (sphere,) = single.objects
-    folding = msgspec.structs.replace(single, camera=camera, objects=(msgspec.structs.replace(sphere, radius=0.2),))
+    folding = changed(single, camera=camera, objects=(msgspec.structs.replace(sphere, radius=0.2),))
     lost = without_ray(camera)
     plain, fast = tracer.trace(folding), speed.trace(folding, engine=engine)
     assert 0.2 < lost.mean() < 0.5

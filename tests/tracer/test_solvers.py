@@ -5,9 +5,10 @@ from itertools import product
 import mpmath
 import numpy as np
 import pytest
+from scene_of import scene_of
 
 from raytwin.errors import InputError
-from raytwin.scene import Camera, Scene, Sphere, to_camera_frame
+from raytwin.scene import Camera, Sphere, to_camera_frame
 from raytwin.tracer import SOLVERS, intersect_sphere
 
 RIGHT = [name for name in SOLVERS if name != "paper"]
@@ -159,7 +160,7 @@ def test_a_power_of_two_scales_every_distance_to_the_last_bit_until_a_square_ove
 def test_a_sphere_whose_lengths_have_no_products_in_these_floats_is_refused(power, precision):
     axes = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     camera = Camera((1, 1), axes, axes, (0.0, 0.0, 0.0))
-    refused, taken = (Scene("s", camera, (Sphere((0, 0, 3 * r), r),)) for r in (2.0**power, 2.0 ** (0.9 * power)))
+    refused, taken = (scene_of("s", camera, (Sphere((0, 0, 3 * r), r),)) for r in (2.0**power, 2.0 ** (0.9 * power)))
     to_camera_frame(taken, precision)
     with pytest.raises(InputError, match="lengths of"):
         to_camera_frame(refused, precision)

@@ -166,7 +166,7 @@ def test_a_real_lens_is_undone_from_the_middle_of_the_frame_to_its_corners(name)
 
 def test_another_grid_of_pixels_sees_what_lies_there(scenes):
     """Beside the pixel by a part of one; every third of every third row; and a pixel more all round."""
-    camera = read_scene(scenes / "distorted").scene.camera
+    camera = read_scene(scenes / "distorted").camera
     for grid, (x, y) in (
         (camera.grid(0.25, -0.5), (10.25, 19.5)), (camera.every(3), (30.0, 60.0)), (camera.grid(-1, -1), (9.0, 19.0)),
     ):  # fmt: skip

@@ -19,7 +19,7 @@ from raytwin.tutorial.written import solutions as solution_texts
 from raytwin.tutorial.written import source
 from raytwin.viewer.widget import widget
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 STAGES = (
     "tag_centers",

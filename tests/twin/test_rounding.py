@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scene_of import scene_of
 
 from raytwin import speed
 from raytwin.compare import compare
@@ -39,7 +40,7 @@ def random_scene(k: int, size=(160, 120)) -> Scene:
     u, v, _ = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     things.append(Rectangle((0.05, 0.05, 0.1), tuple((0.05 * u).tolist()), tuple((0.08 * v).tolist())))
     sun = Sun((*rng.normal(0, 0.6, 2).tolist(), 1.0))
-    return Scene("random", camera, tuple(things), (sun, LIGHTS[1]))
+    return scene_of("random", camera, tuple(things), (sun, LIGHTS[1]))
 
 
 def far_away(radii: float, count: int = 3, size=(64, 48)) -> Scene:
@@ -50,14 +51,14 @@ def far_away(radii: float, count: int = 3, size=(64, 48)) -> Scene:
     camera = looking_at((0, 0, 0), tuple(eye.tolist()), size, np.degrees(2 * np.arctan(1.6 * side / radii / r)))
     things = [Sphere((*rng.uniform(-side, side, 2).tolist(), s), s, Lambert(tuple(rng.uniform(0.2, 0.9, 3).tolist())))
               for s in r * rng.uniform(0.9, 1, count)]  # fmt: skip
-    return Scene("far", camera, (*things, Rectangle((0, 0, 0), (2 * side, 0, 0), (0, 2 * side, 0))), LIGHTS)
+    return scene_of("far", camera, (*things, Rectangle((0, 0, 0), (2 * side, 0, 0), (0, 2 * side, 0))), LIGHTS)
 
 
 def weekend(radius: float, size=(160, 120)) -> Scene:
     """*Ray Tracing in One Weekend*'s last scene, the three large balls on the ground of this radius, under a sun."""
     ground = Sphere((0, 0, -radius), radius, Lambert((0.5, 0.5, 0.5)))
     balls = (Sphere((x, 0, 1), 1.0, Lambert((0.4, 0.2, 0.1))) for x in (0, -4, 4))
-    return Scene("weekend", looking_at((0, 0, 0), (13, 3, 2), size), (ground, *balls), LIGHTS)
+    return scene_of("weekend", looking_at((0, 0, 0), (13, 3, 2), size), (ground, *balls), LIGHTS)
 
 
 def errors(scene: Scene) -> tuple[int, int, Image, Image]:
@@ -100,7 +101,7 @@ def test_a_ground_of_any_radius_does_not_shade_itself(radius, most):
 @pytest.mark.parametrize("half", [1e3, 1e5])
 def test_a_floor_of_any_size_does_not_shade_itself(half):
     floor = Rectangle((0.3, 0.2, 0), (half, 0, 0), (0, half, 0), Lambert((0.5, 0.5, 0.5)))
-    scene = Scene("floor", looking_at((0, 0, 0), (13, 3, 2)), (Sphere((0, 0, 1), 1.0), floor), LIGHTS)
+    scene = scene_of("floor", looking_at((0, 0, 0), (13, 3, 2)), (Sphere((0, 0, 1), 1.0), floor), LIGHTS)
     ids, off, exact, found = errors(scene)
     assert ids == 0
     assert off <= 4
@@ -126,7 +127,7 @@ def test_light_is_followed_from_far_spheres_as_from_near_ones():
 def beside_near(radius: float) -> Scene:
     """A ball 1 m ahead and a tiny one of this radius 2 m ahead beside it, which no origin serves both."""
     balls = Sphere((0.0, 0.0, 0.0), 0.2), Sphere((0.3, 1.0, 0.0), radius, Lambert((0.6, 0.6, 0.6)))
-    return Scene("both", looking_at((0.15, 0.5, 0.0), (0.15, -1.0, 0.0)), balls, LIGHTS)
+    return scene_of("both", looking_at((0.15, 0.5, 0.0), (0.15, -1.0, 0.0)), balls, LIGHTS)
 
 
 def test_only_what_is_extreme_is_said_to_be_in_single_precision():
@@ -170,7 +171,7 @@ def test_a_shadow_is_forgiven_at_its_edge_alone():
     # At a floor point x, the distance of the centre (c, 0, h) from the sun's ray is |0.8 (c - x) - 0.6 h|.
     center, height = 0.45, 0.4
     edge = center - (0.6 * height + 0.1) / 0.8  # 0.025 m: five pixels right of the middle
-    scene = Scene("edge", camera, (Sphere((center, 0.0, height), 0.1), floor), (sun, LIGHTS[1]))
+    scene = scene_of("edge", camera, (Sphere((center, 0.0, height), 0.1), floor), (sun, LIGHTS[1]))
     image = render(scene, "shadow", cache=False)
     column = 80 + round(200 * edge)
     assert 200 * edge == pytest.approx(column - 80, abs=1e-9)

@@ -1,9 +1,10 @@
 """Shadow rays start off the surface: far enough that nothing shades itself, wherever the camera stands."""
 
 import numpy as np
+from scene_of import scene_of
 
 from raytwin import twin
-from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sun
+from raytwin.scene import Camera, Lambert, Rectangle, Sky, Sun
 from raytwin.tracer import trace
 
 
@@ -22,7 +23,7 @@ def test_a_large_table_does_not_shade_itself():
         eye = np.array([*rng.uniform(-0.3, 0.5, 2), rng.uniform(0.05, 0.6)])
         camera = Camera((200, 150), K, tuple(map(tuple, R.tolist())), tuple((-R @ eye).tolist()))
         sun = Sun((*rng.normal(0, 0.5, 2), 1.0))
-        scene = Scene("table", camera, (table,), (sun, Sky((0.1, 0.1, 0.1))))
+        scene = scene_of("table", camera, (table,), (sun, Sky((0.1, 0.1, 0.1))))
         plain = twin.render(scene, "lambert", cache=False)
         assert np.array_equal(twin.render(scene, "shadow", cache=False).mean, plain.mean)
 
@@ -35,7 +36,7 @@ def test_no_sun_comes_through_a_gap_of_a_hundredth_of_a_millimetre_between_a_flo
     f, c = side / 0.6, (side - 1) / 2
     eye = (0.0, 0.0, gap / 2)
     camera = Camera((side, side), ((f, 0.0, c), (0.0, f, c), (0.0, 0.0, 1.0)), looking, (0.0, eye[2], 0.0))
-    scene = Scene("gap", camera, (floor, sheet), (Sun((0.3, 0.4, 0.8)),))
+    scene = scene_of("gap", camera, (floor, sheet), (Sun((0.3, 0.4, 0.8)),))
     twin.activate()
     for image in (twin.render(scene, "shadow", cache=False), trace(scene, "shadow")):
         on_floor = image.surface.ids == 0

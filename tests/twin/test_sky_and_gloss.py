@@ -9,6 +9,7 @@ from math import pi
 import msgspec
 import numpy as np
 import pytest
+from scene_of import changed
 from truths import glare
 
 from raytwin import files, speed
@@ -78,7 +79,7 @@ def test_a_map_of_one_radiance_lights_every_normal_alike_however_wide_it_is(comp
 def test_the_map_of_the_scene_studio_is_its_formula_and_its_harmonics_have_the_closed_form_of_the_comment(scenes):
     made: dict = {}
     exec((scenes / "studio" / "sky.py").read_text().split("if __name__")[0], made)
-    found = files.read_scene(scenes / "studio").scene.environment
+    found = files.read_scene(scenes / "studio").environment
     np.testing.assert_array_equal(found.radiance, made["make"]())
     a, b, c = made["GRADIENT"]
     for n in np.array(((0, 0, 1), (0.6, 0, 0.8), (0, -0.8, -0.6))):
@@ -139,13 +140,13 @@ def tiles(values: np.ndarray) -> np.ndarray:
 
 def scene_of(scenes, name: str, lit: Environment) -> Scene:
     """`both`: balls that shine on a ground too large for Mitsuba, under a map."""
-    scene = files.read_scene(scenes / (name if name != "both" else "weekend")).scene
+    scene = files.read_scene(scenes / (name if name != "both" else "weekend"))
     if name == "both":
         objects = tuple(
-            msgspec.structs.replace(thing, material=Phong((0.4, 0.3, 0.2), (0.3, 0.4, 0.2), 5.0 + 3 * i))
+            msgspec.structs.replace(thing, albedo=Phong((0.4, 0.3, 0.2), (0.3, 0.4, 0.2), 5.0 + 3 * i))
             for i, thing in enumerate(scene.objects)
         )
-        scene = msgspec.structs.replace(scene, objects=objects, lights=(scene.sun, lit))
+        scene = changed(scene, objects=objects, lights=(scene.sun, lit))
     return scene.with_camera(scene.camera.resized(64, 48))
 
 

@@ -9,6 +9,7 @@ from math import inf
 import numpy as np
 import pytest
 from closed_forms import CLOSED, beside_wall
+from scene_of import scene_of
 from truths import Shown, agrees, from_element, grey, in_wedge, parallel, perpendicular, shown, view_of
 
 from raytwin.scene import Rectangle, Scene, Sky, Sphere
@@ -76,7 +77,7 @@ def test_a_white_scene_in_a_white_sky_is_never_brighter_than_it_and_as_bright_in
     """Every path that escapes brings Ls. Of 62 bounces between ball and floor next to nothing is left."""
     things = (Sphere((0, 0, 1), 1.0, grey(1)), Sphere((1.5, 1, 0.5), 0.5, grey(1)), Rectangle(
         (0, 0, 0), (5, 0, 0), (0, 5, 0), grey(1)))  # fmt: skip
-    scene = Scene("furnace", view_of((0.8, 0.0, 0.0), (3.0, 0.2, 0.4), 1e-3), things, (Sky((0.7, 0.7, 0.7)),))
+    scene = scene_of("furnace", view_of((0.8, 0.0, 0.0), (3.0, 0.2, 0.4), 1e-3), things, (Sky((0.7, 0.7, 0.7)),))
     found = mean_of(scene, "path", max_depth=depth)
     assert found.mean < 0.7 + 3.5 * found.error + 1e-5
     if depth == 64:
@@ -88,7 +89,7 @@ def test_a_white_scene_in_a_white_sky_is_never_brighter_than_it_and_as_bright_in
 def test_one_white_body_in_a_white_sky_is_lost_in_it(compiled):
     """a Ls everywhere, without noise but for Mitsuba's own choice of where to look for the sky."""
     camera = view_of((0, 0, 0), (0, -3, 1), 2.0, 24)
-    scene = Scene("one", camera, (Sphere((0, 0, 0), 0.9, grey(1)),), (Sky((0.7, 0.7, 0.7)),))
+    scene = scene_of("one", camera, (Sphere((0, 0, 0), 0.9, grey(1)),), (Sky((0.7, 0.7, 0.7)),))
     for rung in ("lambert", "shadow", "sky"):
         np.testing.assert_allclose(render(scene, rung, samples=4, cache=False).mean, 0.7, rtol=1e-6)
     path = render(scene, "path", samples=4, cache=False)

@@ -3,6 +3,7 @@ import zipfile
 import msgspec
 import numpy as np
 import pytest
+from scene_of import changed
 
 from raytwin import files
 from raytwin.twin import activate, provenance, render
@@ -16,7 +17,7 @@ def scene(scenes, tmp_path, monkeypatch):
     activate()
     monkeypatch.setenv("RAYTWIN_CACHE", str(tmp_path))
     monkeypatch.setattr("raytwin.twin.render_cache.WORTH_KEEPING", 0.0)
-    found = files.read_scene(scenes / "overlap").scene
+    found = files.read_scene(scenes / "overlap")
     return found.with_camera(found.camera.resized(32, 24))
 
 
@@ -80,7 +81,7 @@ def test_everything_that_moves_a_pixel_is_in_the_key(scene):
         (scene, base | {"rung": "sky"}),
         (scene, base | {"textures": {3: np.full((2, 2), 0.5)}}),
         (scene, base | {"textures": {3: np.full((2, 2), 0.6)}}),
-        (msgspec.structs.replace(scene, lights=(sun, scene.sky)), base),
+        (changed(scene, lights=(sun, scene.sky)), base),
         (scene.with_camera(scene.camera.resized(32, 25)), base),
     ]
     found = [provenance(scene, **base), *(provenance(s, **options) for s, options in others)]

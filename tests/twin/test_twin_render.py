@@ -3,6 +3,7 @@ import math
 import msgspec
 import numpy as np
 import pytest
+from scene_of import changed, scene_of
 
 from raytwin import files
 from raytwin.errors import InputError
@@ -30,7 +31,7 @@ def from_center(camera: Camera) -> np.ndarray:
 
 @pytest.fixture
 def single(scenes) -> Scene:
-    return files.read_scene(scenes / "single").scene
+    return files.read_scene(scenes / "single")
 
 
 # ---------------------------------------------------------------------------------------------- closed forms
@@ -54,7 +55,7 @@ def test_the_surface_is_coloured_by_its_normal_and_the_background_is_black(compi
     f, distance, radius = 100.0, 1.0, 0.25
     u = f * radius * 0.5 / (distance - radius * math.sqrt(0.75))
     camera = msgspec.structs.replace(looking_down(), K=((f, 0.0, 32 - (u - round(u))), (0.0, f, 32.0), (0.0, 0.0, 1.0)))
-    scene = Scene("s", camera, (Sphere((0, 0, 0), radius),), (SUN, SKY))
+    scene = scene_of("s", camera, (Sphere((0, 0, 0), radius),), (SUN, SKY))
     mean = render(scene, "surface", cache=False).mean
     np.testing.assert_allclose(mean[32, 32 + round(u)], (0.75, 0.5, (2 + math.sqrt(3)) / 4), atol=2e-5)
     assert not mean[0, 0].any()
@@ -66,7 +67,7 @@ def test_a_far_sphere_sends_the_flux_of_lamberts_phase_function(compiled, phase)
     a = math.radians(phase)
     rho, E, r, distance, f = 0.7, 2.0, 1.0, 2000.0, 200_000.0
     sun = Sun((math.sin(a), 0.0, math.cos(a)), (E, E, E))
-    scene = Scene("far", looking_down(distance, (241, 241), f), (Sphere((0, 0, 0), r, Lambert((rho,) * 3)),), (sun,))
+    scene = scene_of("far", looking_down(distance, (241, 241), f), (Sphere((0, 0, 0), r, Lambert((rho,) * 3)),), (sun,))
     total = render(scene, "shadow", cache=False).mean[..., 0].sum(dtype=float) * (distance / f) ** 2
     assert total == pytest.approx(
         2 / (3 * math.pi) * rho * E * r * r * (math.sin(a) + (math.pi - a) * math.cos(a)), rel=3e-3
@@ -75,9 +76,7 @@ def test_a_far_sphere_sends_the_flux_of_lamberts_phase_function(compiled, phase)
 
 def test_area_sampling_sees_the_discs_area(single, compiled):
     scene = single.with_camera(single.camera.resized(64, 48))
-    scene = msgspec.structs.replace(
-        scene, objects=(Sphere((0, 0, 0.05), 0.05, Lambert((0, 0, 0))),), lights=(scene.sky,)
-    )
+    scene = changed(scene, objects=(Sphere((0, 0, 0.05), 0.05, Lambert((0, 0, 0))),), lights=(scene.sky,))
     image = render(scene, "lambert", sampling="area", samples=32, cache=False)
     covered = (1 - image.mean.astype(float) / scene.sky.radiance)[..., 0]
     radius = 80 * 0.05 / math.sqrt(0.4**2 - 0.05**2)
@@ -89,7 +88,7 @@ def test_area_sampling_sees_the_discs_area(single, compiled):
 
 
 def test_under_a_sky_alone_a_convex_body_shows_albedo_times_sky_at_every_rung(compiled):
-    scene = Scene("s", looking_down(), (Sphere((0, 0, 0), 0.25, Lambert((0.5, 0.5, 0.5))),), (SKY,))
+    scene = scene_of("s", looking_down(), (Sphere((0, 0, 0), 0.25, Lambert((0.5, 0.5, 0.5))),), (SKY,))
     for rung in ("lambert", "shadow", "sky", "path"):
         image = render(scene, rung, samples=2, cache=False)
         np.testing.assert_allclose(
@@ -100,7 +99,7 @@ def test_under_a_sky_alone_a_convex_body_shows_albedo_times_sky_at_every_rung(co
 
 
 def test_inside_a_sphere_it_is_dark_and_normals_point_inwards(compiled):
-    scene = Scene("in", looking_down(0.5), (Sphere((0, 0, 0), 1.0),), (SUN, SKY))
+    scene = scene_of("in", looking_down(0.5), (Sphere((0, 0, 0), 1.0),), (SUN, SKY))
     assert render(scene, "path", samples=2, cache=False).mean.max() == 0
     image = render(scene, "shadow", cache=False)
     np.testing.assert_allclose(image.mean[32, 32], np.multiply(0.8, SKY.radiance), rtol=1e-6)
@@ -113,7 +112,7 @@ def test_a_plane_is_seen_from_both_sides_and_lit_on_the_eyes_side_only(compiled)
     for half_v in ((0.0, 0.1, 0.0), (0.0, -0.1, 0.0)):
         for height, lit in ((1.0, 1), (-1.0, 0)):
             sun = Sun((0, 0, height), (math.pi,) * 3)
-            scene = Scene("p", looking_down(), (msgspec.structs.replace(plane, half_v=half_v),), (sun,))
+            scene = scene_of("p", looking_down(), (msgspec.structs.replace(plane, half_v=half_v),), (sun,))
             for rung in ("lambert", "shadow"):
                 image = render(scene, rung, cache=False)
                 np.testing.assert_allclose(image.mean[32, 32], 0.5 * lit, rtol=1e-6)
@@ -126,7 +125,7 @@ def test_a_spheres_shadow_on_the_floor_is_the_closed_forms_ellipse(compiled):
     sun = Sun((math.sin(tilt), 0, math.cos(tilt)), (math.pi,) * 3)
     center, r = np.array([0.3, 0.0, 0.3]), 0.05
     floor = Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), Lambert((1, 1, 1)))
-    scene = Scene("e", looking_down(1.0, (201, 201), 500.0), (Sphere(tuple(center), r), floor), (sun,))
+    scene = scene_of("e", looking_down(1.0, (201, 201), 500.0), (Sphere(tuple(center), r), floor), (sun,))
     image = render(scene, "shadow", cache=False)
     v, u = np.indices((201, 201))
     x, y = (u - 100) / 500, -(v - 100) / 500
@@ -140,7 +139,7 @@ def test_a_spheres_shadow_on_the_floor_is_the_closed_forms_ellipse(compiled):
 
 
 def test_an_empty_scene_is_all_sky(compiled):
-    scene = Scene("none", looking_down(size=(9, 5)), (), (SUN, SKY))
+    scene = scene_of("none", looking_down(size=(9, 5)), (), (SUN, SKY))
     for rung in ("shadow", "path"):
         image = render(scene, rung, samples=2, cache=False)
         np.testing.assert_allclose(image.mean, np.tile(SKY.radiance, (5, 9, 1)), rtol=1e-6)
@@ -149,7 +148,7 @@ def test_an_empty_scene_is_all_sky(compiled):
 
 
 def test_what_lies_behind_the_camera_is_not_seen(scenes, compiled):
-    scene = files.read_scene(scenes / "grazing").scene
+    scene = files.read_scene(scenes / "grazing")
     ids = render(scene.with_camera(scene.camera.resized(160, 120)), "surface").surface.ids
     assert set(np.unique(ids)) == {-1, 0, 1, 2, 4, 5}
 
@@ -164,7 +163,7 @@ def test_a_textured_plane_is_not_mirrored(compiled):
     texture[:20, 30:] = (0, 1, 0)
     texture[20:, :30] = (0, 0, 1)
     plane = Rectangle((0, 0, 0), (0.3, 0, 0), (0, 0.2, 0))
-    scene = Scene("t", looking_down(), (plane,), (Sun((0, 0, 1), (math.pi,) * 3),))
+    scene = scene_of("t", looking_down(), (plane,), (Sun((0, 0, 1), (math.pi,) * 3),))
     for rung in ("lambert", "path"):
         mean = render(scene, rung, samples=2, textures={0: texture}, cache=False).mean
         np.testing.assert_allclose(mean[20, 15], (1, 0, 0), atol=1e-5)
@@ -177,7 +176,7 @@ def test_a_textured_plane_is_not_mirrored(compiled):
 def test_a_texture_one_pixel_wide_is_that_pixel_across(texture):
     """Bilinear between pixels' centres: at the plane's middle their mean, a tenth of its length in their own."""
     plane = Rectangle((0, 0, 0), (0.3, 0, 0), (0, 0.3, 0))
-    scene = Scene("t", looking_down(), (plane,), (Sun((0, 0, 1), (math.pi,) * 3),))
+    scene = scene_of("t", looking_down(), (plane,), (Sun((0, 0, 1), (math.pi,) * 3),))
     mean = render(scene, "lambert", textures={0: np.array(texture)}, cache=False).mean[..., 1]
     assert mean[32, 32] == pytest.approx(0.4, abs=1e-5)
     across, down = (0.2, 0.6), (0.4, 0.4)
@@ -191,7 +190,7 @@ def test_a_texture_one_pixel_wide_is_that_pixel_across(texture):
 
 
 def test_variance_by_batches_predicts_the_spread_between_seeds(scenes, compiled):
-    scene = files.read_scene(scenes / "overlap").scene
+    scene = files.read_scene(scenes / "overlap")
     scene = scene.with_camera(scene.camera.resized(40, 30))
     for rung, sampling, samples, within in (("path", "center", 16, 0.15), ("lambert", "area", 64, 0.25)):
         options = {"sampling": sampling, "samples": samples, "batches": 16, "cache": False}
@@ -207,7 +206,7 @@ def test_variance_by_batches_predicts_the_spread_between_seeds(scenes, compiled)
 
 
 def test_more_samples_than_one_launch_holds_are_added_up(scenes, compiled, monkeypatch):
-    scene = files.read_scene(scenes / "overlap").scene
+    scene = files.read_scene(scenes / "overlap")
     scene = scene.with_camera(scene.camera.resized(40, 30))
     whole = render(scene, "path", samples=48, batches=4, cache=False)
     monkeypatch.setattr("raytwin.twin.levels.LANES", 500)
@@ -221,7 +220,7 @@ def test_more_samples_than_one_launch_holds_are_added_up(scenes, compiled, monke
 
 
 def test_two_samples_or_more_always_measure_a_variance(compiled):
-    scene = Scene("s", looking_down(size=(9, 9)), (Sphere((0, 0, 0), 0.25),), (SUN, SKY))
+    scene = scene_of("s", looking_down(size=(9, 9)), (Sphere((0, 0, 0), 0.25),), (SUN, SKY))
     for samples, asked, batches in ((1, None, 1), (2, None, 2), (19, None, 16), (4, 1, 1)):
         image = render(scene, "lambert", sampling="area", samples=samples, batches=asked, cache=False)
         assert (image.samples, image.batches) == (samples, batches)
@@ -252,7 +251,7 @@ def test_two_samples_or_more_always_measure_a_variance(compiled):
 def test_wrong_arguments_are_named(arguments, where):
     things = (Sphere((0, 0, 0), 0.25), Rectangle((0, 0, 0), (0.3, 0, 0), (0, 0.2, 0)))
     with pytest.raises(InputError) as caught:
-        render(Scene("s", looking_down(), things), **arguments)
+        render(scene_of("s", looking_down(), things), **arguments)
     assert caught.value.where == where
 
 
@@ -261,7 +260,7 @@ def test_the_light_is_that_of_mitsubas_own_camera_film_and_integrator(scenes, co
     """In `scalar_rgb`, which computes spheres in float64. Each channel's mean: within 4 standard errors."""
     import mitsuba as mi
 
-    scene = files.read_scene(scenes / "overlap").scene
+    scene = files.read_scene(scenes / "overlap")
     scene = scene.with_camera(scene.camera.resized(48, 36))
     ours = render(scene, rung, sampling="area", samples=256, cache=False)
     try:
@@ -277,7 +276,7 @@ def test_the_light_is_that_of_mitsubas_own_camera_film_and_integrator(scenes, co
 
 
 def test_every_rung_renders_in_both_samplings_in_float32(scenes, compiled):
-    scene = files.read_scene(scenes / "distorted").scene
+    scene = files.read_scene(scenes / "distorted")
     scene = scene.with_camera(scene.camera.resized(32, 24))
     for rung in RUNGS:
         for sampling in ("center", "area"):
@@ -289,9 +288,9 @@ def test_every_rung_renders_in_both_samplings_in_float32(scenes, compiled):
 
 
 def test_a_sun_of_one_colour_is_followed_from_surface_to_surface_in_that_colour(scenes):
-    scene = files.read_scene(scenes / "overlap").scene
+    scene = files.read_scene(scenes / "overlap")
     scene = scene.with_camera(scene.camera.resized(32, 24))
-    red = msgspec.structs.replace(scene, lights=(Sun(scene.sun.to_light, (3.0, 0.0, 0.0)), Sky((0.0, 0.0, 0.0))))
+    red = changed(scene, lights=(Sun(scene.sun.to_light, (3.0, 0.0, 0.0)), Sky((0.0, 0.0, 0.0))))
     direct, whole = (render(red, rung, samples=16, cache=False).mean.sum(axis=(0, 1)) for rung in ("shadow", "path"))
     assert whole[0] > 1.01 * direct[0]
     assert not whole[1:].any()
@@ -303,7 +302,7 @@ def test_a_narrow_rectangles_normal_is_exact(compiled):
     u = np.array([math.cos(turn), math.sin(turn), 0.0])
     v = np.array([-math.sin(turn) * math.cos(lean), math.cos(turn) * math.cos(lean), math.sin(lean)])
     strip = Rectangle((0.0, 0.0, 0.0), tuple((0.01 * u).tolist()), tuple((0.5 * v).tolist()))
-    seen = render(Scene("s", looking_down(), (strip,), (SUN, SKY)), "surface", cache=False).surface
+    seen = render(scene_of("s", looking_down(), (strip,), (SUN, SKY)), "surface", cache=False).surface
     n = np.cross(u, v)
     assert seen.mask.sum() > 50
     np.testing.assert_allclose(seen.normal[seen.mask] @ n, 1, atol=1e-6)

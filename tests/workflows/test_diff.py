@@ -9,11 +9,12 @@ import numpy as np
 import OpenEXR
 import pytest
 from program import raytwin, refused
+from scene_of import changed
 
 from raytwin import files, references
 from raytwin.compare import METRICS
 from raytwin.compare.finding import Finding, notes
-from raytwin.diagnose.explanation import Cause, Diagnosis
+from raytwin.diagnose.explanation import Cause, Explanation
 from raytwin.errors import InputError
 from raytwin.image import Image
 from raytwin.report.terminal_text import diff_summary
@@ -272,7 +273,7 @@ def test_a_reference_that_holds_its_scene_gives_the_cause_of_a_test_as_check_doe
     known = references.load(references.SHIPPED / "overlap" / "shadow.exr")
     sun = msgspec.structs.replace(known.scene.sun, irradiance=tuple(3.14159265 * x for x in known.scene.sun.irradiance))
     lights = (sun, known.scene.sky)
-    files.write_exr(tmp_path / "mine.exr", trace(msgspec.structs.replace(known.scene, lights=lights)))
+    files.write_exr(tmp_path / "mine.exr", trace(changed(known.scene, lights=lights)))
     found = diff(tmp_path / "mine.exr", known.path)
     assert found.comparison.verdict == "fail"
     assert found.comparison.cause.startswith("the sun's part is π times too bright")
@@ -313,8 +314,8 @@ def test_predictions_are_clipped_and_rounded_as_the_files_are(tmp_path, of_test,
 
 def test_a_share_below_0_is_not_said():
     cause = Cause("x", "output", "x is wrong")
-    assert Diagnosis(False, cause, (), -7.6, None, "likely").findings == (Finding("likely", "x is wrong"),)
-    assert Diagnosis(False, cause, (), -7.6, None, "likely", "here").findings[1:] == notes(["here"])
+    made = Explanation("likely", (cause,), ("x is wrong",), "here", -7.6)
+    assert made.findings == (Finding("likely", "x is wrong"), *notes(["here"]))
 
 
 def test_a_scene_that_is_named_names_the_cause_and_a_wrong_name_is_refused(tmp_path):

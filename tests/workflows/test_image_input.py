@@ -25,7 +25,7 @@ ENTRIES = {
     "its reference": lambda thing: diff(GREY, thing),
     "sequential": lambda thing: SequentialComparison(thing),
     "added": lambda thing: SequentialComparison(GREY).add(thing),
-    "a subject": lambda thing: method(lambda scene: thing)(files.read_scene("single").scene.with_(size=(9, 8))),
+    "a subject": lambda thing: method(lambda scene: thing)(files.read_scene("single").with_(size=(9, 8))),
 }
 
 
@@ -72,7 +72,7 @@ def test_renders_with_an_infinite_value_are_infinite_and_not_nan():
 
 
 def test_a_function_that_returns_a_path_is_a_subject(tmp_path):
-    scene = files.read_scene("single").scene.with_(size=(24, 18))
+    scene = files.read_scene("single").with_(size=(24, 18))
     files.write_image(tmp_path / "x.exr", trace(scene, "shadow"))
     np.testing.assert_array_equal(method(lambda _: tmp_path / "x.exr")(scene).mean, trace(scene, "shadow").mean)
     (tmp_path / "mine.py").write_text("import pathlib\ndef render(scene):\n    return pathlib.Path('x.exr')\n")
@@ -85,7 +85,7 @@ def test_a_function_that_returns_a_path_is_a_subject(tmp_path):
 def test_a_subject_is_held_to_what_its_files_format_can_show(ending, tmp_path, monkeypatch):
     """Eight bits, or half floats: the true picture passes, and one that is 2 % too bright fails."""
     monkeypatch.chdir(tmp_path)
-    exact = trace(files.read_scene("overlap").scene.with_(size=(96, 72)), "shadow").mean
+    exact = trace(files.read_scene("overlap").with_(size=(96, 72)), "shadow").mean
     for factor, verdict in ((1.0, "pass"), (1.02, "fail")):
         shown = (factor * exact).astype(np.float16 if ending == "exr" else np.float32)
         files.write_image(tmp_path / f"x.{ending}", Image(shown))

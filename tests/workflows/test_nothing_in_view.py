@@ -11,18 +11,18 @@ TURNED = np.array([[0.0, 0, 1, 0.4], [1, 0, 0, 0.2], [0, 1, 0, 0.1], [0, 0, 0, 1
 BALL = np.array([1.0, 0.8, 4, 1])
 """To the right of that camera, below it and in front of it. A frame that begins at its axis sees this quarter alone."""
 FLIPS = {
-    "as OpenGL, NeRF and Blender have them": ((1, -1, -1), (-1, 1, -1)),
-    "x and y axes flipped": ((-1, -1, 1), (-1, -1, 1)),
-    "axes flipped": ((-1, 1, -1), (1, -1, -1)),
+    "as OpenGL, NeRF and Blender have them": (1, -1, -1),
+    "x and y axes flipped": (-1, -1, 1),
+    "x and z axes flipped": (-1, 1, -1),
 }
-"""Of OpenCV's axes, and of Mitsuba's."""
+"""Of OpenCV's axes."""
 
 
 def scene_of(to_camera: np.ndarray, ball: np.ndarray = BALL) -> Scene:
     K = ((40.0, 0.0, -0.5), (0.0, 40.0, -0.5), (0.0, 0.0, 1.0))
     R, t = tuple(map(tuple, to_camera[:3, :3].tolist())), tuple(to_camera[:3, 3].tolist())
     center = (np.linalg.inv(TURNED) @ ball)[:3]
-    return Scene("sky", Camera((32, 24), K, R, t), (Sphere(tuple(center.tolist()), 0.3),), (Sky((0.4, 0.6, 1.0)),))
+    return Scene("sky", Camera((32, 24), K, R, t), (Sphere(tuple(center.tolist()), 0.3),), sky=Sky((0.4, 0.6, 1.0)))
 
 
 def file_of(folder, to_world: np.ndarray, ball: np.ndarray = BALL):
@@ -50,32 +50,28 @@ def flipped(axes: tuple[int, int, int]) -> np.ndarray:
     return np.diag((*axes, 1.0))
 
 
-MITSUBA = flipped((-1, -1, 1))
-
-
 @pytest.mark.parametrize("name", FLIPS)
-def test_a_pose_in_other_axes_is_named(tmp_path, name):
+def test_a_pose_in_other_axes_is_named(name):
     assert compare_scene(scene_of(TURNED), rung="lambert").comparison.verdict == "pass"
-    of_opencv, of_mitsuba = map(flipped, FLIPS[name])
-    own = told(compare_scene(scene_of(of_opencv @ TURNED), rung="lambert"))
-    right = np.linalg.inv(TURNED) @ MITSUBA
-    subject = {"subject": "twin-llvm-path-16", "samples": 16}
-    assert compare_scene(file_of(tmp_path, right), **subject).comparison.verdict == "pass"
-    file = told(compare_scene(file_of(tmp_path, right @ of_mitsuba), **subject))
-    for line in (own, file):
-        assert "inverted" not in line
-        assert name in line
-        assert ("is outside the frame" if "x and y" in name else "is behind it") in line
+    line = told(compare_scene(scene_of(flipped(FLIPS[name]) @ TURNED), rung="lambert"))
+    assert "inverted" not in line
+    assert name in line
+    assert ("is outside the frame" if "x and y" in name else "is behind it") in line
 
 
 @pytest.mark.parametrize("axes", [(1, 1, 1), (1, -1, -1)])
-def test_an_inverted_pose_is_named(tmp_path, axes):
+def test_an_inverted_pose_is_named(axes):
     """OpenCV's or OpenGL's matrix from the camera to the world in the place of the other."""
-    own = told(compare_scene(scene_of(np.linalg.inv(TURNED) @ flipped(axes)), rung="surface"))
-    file = file_of(tmp_path, MITSUBA @ TURNED if axes == (1, 1, 1) else flipped((-1, 1, -1)) @ MITSUBA @ TURNED)
-    for line in (own, told(compare_scene(file, subject="twin-llvm-path-16", samples=16))):
-        assert "its matrix inverted" in line
-        assert ("OpenGL" in line) == (axes != (1, 1, 1))
+    line = told(compare_scene(scene_of(np.linalg.inv(TURNED) @ flipped(axes)), rung="surface"))
+    assert "its matrix inverted" in line
+    assert ("OpenGL" in line) == (axes != (1, 1, 1))
+
+
+def test_a_mitsuba_file_whose_camera_looks_away_is_undecided(tmp_path):
+    subject = {"subject": "twin-llvm-path-16", "samples": 16}
+    right = np.linalg.inv(TURNED) @ flipped((-1, -1, 1))
+    assert compare_scene(file_of(tmp_path, right), **subject).comparison.verdict == "pass"
+    assert told(compare_scene(file_of(tmp_path, right @ flipped((-1, 1, -1))), **subject)).endswith("is compared")
 
 
 def test_a_scene_that_no_flip_brings_into_view_is_undecided_at_every_level():

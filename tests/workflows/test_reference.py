@@ -6,7 +6,6 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -62,7 +61,7 @@ def test_a_reference_is_read_back_as_it_was_made(overlap, folder, rung):
     made = make(overlap, rung, folder).new
     read = references.load(made.path)
     assert read.header == made.header
-    assert read.written == msgspec.structs.replace(made.written, folder=".")
+    assert read.scene == made.scene
     assert np.array_equal(read.image.mean, made.image.mean)
     noisy = rung in ("sky", "path")
     assert (read.image.variance is not None) == noisy
@@ -168,29 +167,29 @@ def test_a_reference_keeps_its_cameras_aspect_ratio(width, height):
 
 
 def test_the_hash_is_of_what_the_scene_says_not_of_how(overlap):
-    before = references.scene_hash(files.read_scene(overlap))
+    before = references.scene_hash(overlap)
     edit(overlap, "# Three spheres", "# Some spheres")
     edit(overlap, "[[760.0, 0.0,", "[[760, 0,")
-    assert references.scene_hash(files.read_scene(overlap)) == before
+    assert references.scene_hash(overlap) == before
     edit(overlap, "[-0.8, -0.1, 0.55]", "[-0.8, -0.1, 0.56]")
-    assert references.scene_hash(files.read_scene(overlap)) != before
+    assert references.scene_hash(overlap) != before
 
 
 def test_the_hash_of_a_photographed_scene_is_of_its_photos_and_board(scenes, tmp_path):
     desk = Path(shutil.copytree(scenes / "desk", tmp_path / "desk"))
-    before = references.scene_hash(files.read_scene(desk))
+    before = references.scene_hash(desk)
     (desk / "notes.txt").write_text("no part of the scene")
     board = desk / "board.toml"
     board.write_text("# the same board\n" + board.read_text())
-    assert references.scene_hash(files.read_scene(desk)) == before
+    assert references.scene_hash(desk) == before
     photo = desk / "photos" / "photo_03.jpg"
     photo.write_bytes(photo.read_bytes() + b"\0")
-    assert references.scene_hash(files.read_scene(desk)) != before
+    assert references.scene_hash(desk) != before
 
 
 def test_a_camera_that_photos_gave_stays_with_its_reference_while_the_scene_is_the_same(scenes, folder):
-    desk, camera = (files.read_scene(scenes / name) for name in ("desk", "overlap"))
-    first, moved = (desk.with_camera(camera.camera.resized(width, 36)) for width in (48, 47))
+    desk, camera = files.scene_and_photos(scenes / "desk")[0], files.read_scene(scenes / "overlap").camera
+    first, moved = (desk.with_camera(camera.resized(width, 36)) for width in (48, 47))
     made = make(scenes / "desk", "shadow", folder, found=first).new
     again = make_reference.make(scenes / "desk", "shadow", folder, found=moved, again=True)
     assert (again.kind, again.new.camera) == ("same", made.camera)
@@ -283,7 +282,7 @@ def test_a_reference_that_todays_mitsuba_does_not_make_fails(overlap, folder, ru
     made = make(overlap, rung, folder, size=(96, 72), samples=256).new
     assert make_reference.check(overlap, rung, folder).passed
     bright = replace(made.image, mean=made.image.mean * np.float32(1.01))
-    references.save(references.sealed(made.path, bright, made.header, made.written))
+    references.save(references.sealed(made.path, bright, made.header, made.scene))
     problems = make_reference.check(overlap, rung, folder).problems
     assert "today's render disagrees" in problems[0]
     assert "%" in problems[1]
@@ -309,9 +308,6 @@ def test_the_command_replaces_only_when_told_to(overlap, folder, tmp_path):
     assert "the new beside the old: fail" in refused.stdout
     assert refused.stderr.count("\n") == 1
     assert "--yes" in refused.stderr
-    assert (folder / "overlap" / "shadow.exr").read_bytes() == before
-    told = raytwin("reference", "diff", "overlap", "--rung", "shadow", cwd=tmp_path)
-    assert told.returncode == 1
     assert (folder / "overlap" / "shadow.exr").read_bytes() == before
 
     assert raytwin("reference", "make", "overlap", "--rung", "shadow", "--yes", cwd=tmp_path).returncode == 0

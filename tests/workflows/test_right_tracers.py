@@ -9,7 +9,7 @@ from measure.right_tracers import SPOILT, named, one_each
 
 from raytwin import twin
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 
 @pytest.mark.parametrize("i", range(len(SHIPPED)), ids=SHIPPED)

@@ -19,7 +19,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from raytwin import files, twin
+from raytwin import twin
 from raytwin.analysis.converged import SQUARES, Error, Reference, converged, unbiased_error
 from raytwin.calib.find_camera import find_camera
 from raytwin.errors import InputError, check_one_of
@@ -30,7 +30,7 @@ from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import Filled, PathTraced, Traced, fast_engine
 from raytwin.renderers.twin_renderers import Twin
 from raytwin.rungs import RUNGS
-from raytwin.scene import Camera, Lambert, Record, Scene, SceneFile, Sky
+from raytwin.scene import Camera, Record, Scene, Sky
 from raytwin.scene.lens import distort, newton, without_ray
 from raytwin.speed import PARTS, light_parts, trace
 
@@ -131,7 +131,7 @@ class Levels(InNotebook):
 
 
 def levels(
-    path: str | Path | Scene | SceneFile,
+    path: str | Path | Scene,
     tolerance: float | None = None,
     metric: str = "rmse",
     *,
@@ -151,12 +151,11 @@ def levels(
     if tolerance is not None and not (math.isfinite(tolerance) and tolerance > 0):
         raise InputError("--tolerance", "a finite number > 0", tolerance)
     began, stages = time.perf_counter(), Stages(progress)
-    written = files.read_scene(path)
+    scene = find_camera(path, photo, stages)[0]
     if light is not None:
         from raytwin.calib.lighting.light_file import read_light  # with OpenCV
 
-        written = read_light(light).on(written)
-    scene = find_camera(written, photo, stages)[0]
+        scene = read_light(light).on(scene)
     w, h = scene.camera.image_size
     size = size or ((WIDTH, max(1, round(WIDTH * h / w))) if w > WIDTH else (w, h))
     scene = scene.with_camera(scene.camera.resized(*size))
@@ -315,8 +314,10 @@ def surfaces_met(scene: Scene, engine: str) -> tuple[float, ...]:
     With albedo 1 under an even sky of 1, a path brings 1 once it leaves. So occlusion takes away the paths that meet a
     second surface, and bounce k brings back those that leave after k more.
     """
-    white = tuple(msgspec.structs.replace(thing, material=Lambert((1.0, 1.0, 1.0))) for thing in scene.objects)
-    furnace = msgspec.structs.replace(scene, objects=white, lights=(Sky((1.0, 1.0, 1.0)),))
+    white = {"albedo": (1.0, 1.0, 1.0), "specular": msgspec.UNSET, "exponent": msgspec.UNSET}
+    furnace = scene.with_(
+        objects=[msgspec.structs.replace(thing, **white) for thing in scene.objects], sun=None, sky=Sky((1.0, 1.0, 1.0))
+    )
     surface = trace(furnace, "surface", engine).surface
     assert surface is not None  # the tracer always has one
     bounces = max(DEPTHS) - 2

@@ -29,8 +29,7 @@ from raytwin.progress import Progress, silent
 from raytwin.renderers.renderer import Call, Renderer
 from raytwin.renderers.renderer_table import RENDERERS, choose
 from raytwin.rungs import RUNGS
-from raytwin.scene import Camera, Scene, SceneFile, Tolerance
-from raytwin.workflows.versions import versions
+from raytwin.scene import Camera, Scene, Tolerance
 
 ERRORS = ("rmse", "relmse", "p999_abs")
 """The metrics that a row carries: rows of compare.METRICS."""
@@ -47,7 +46,7 @@ Look = Callable[["_Run", Image], None]
 
 
 def bench(
-    path: str | Path | Scene | SceneFile,
+    path: str | Path | Scene,
     *,
     methods: Sequence[str | Renderer | Callable[..., Any]] = ("*",),
     sizes: Sequence[float] = (0.2,),
@@ -73,7 +72,7 @@ def bench(
 
 
 def bench_scenes(
-    paths: Sequence[str | Path | Scene | SceneFile],
+    paths: Sequence[str | Path | Scene],
     *,
     methods: Sequence[str | Renderer | Callable[..., Any]] = ("*",),
     sizes: Sequence[float] = (0.2,),
@@ -92,28 +91,27 @@ def bench_scenes(
     ):  # fmt: skip
         check_numbers(where, numbers, most)
     chosen, subjects = chosen_methods(methods)
-    scenes = [files.read_scene(path) for path in paths]
-    check_names("SCENE", [scene.name for scene in scenes])
+    check_names("SCENE", [files.scene_and_photos(path)[0].name for path in paths])
     start = clock()
     twin.activate()
     made = []
-    for number, written in enumerate(scenes):
+    for number, path in enumerate(paths):
         began = clock()
-        deadline = portion(start + budget, len(scenes) - number)
-        scene = find_camera(written, progress=progress)[0]
+        deadline = portion(start + budget, len(paths) - number)
+        scene = find_camera(path, progress=progress)[0]
         rows: list[Measurement] = []
         errors: list[Measurement] = []
         left: dict[str, str] = {}
         cameras = [sized(scene.camera, megapixels) for megapixels in sizes]
         for i, camera in enumerate(cameras):
             own, whole, missing = measure_size(
-                scene.with_camera(camera), written.tolerance, chosen, subjects, portion(deadline, len(sizes) - i),
+                scene.with_camera(camera), scene.tolerance, chosen, subjects, portion(deadline, len(sizes) - i),
                 repeats, truth_samples, progress,
             )  # fmt: skip
             rows, errors, left = rows + own, errors + whole, missing | left
         made.append(
             Bench(
-                scene=scene.name, machine=machine(), versions=versions(), budget=deadline - began,
+                scene=scene.name, machine=machine(), versions=twin.versions(), budget=deadline - began,
                 seconds=clock() - began, sizes=tuple(camera.image_size for camera in cameras), rows=tuple(rows),
                 errors=tuple(errors), left_out=left, subjects=subjects,
             )

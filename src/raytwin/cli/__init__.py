@@ -19,7 +19,6 @@ from typer.core import TyperGroup
 
 from raytwin.cli import (
     bench_commands,
-    board_commands,
     compare_commands,
     doctor_command,
     grade_commands,
@@ -32,51 +31,48 @@ from raytwin.cli.examples import EXAMPLES
 from raytwin.cli.options import register
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError, MachineError, extras_for
-from raytwin.removed import removed_command
+from raytwin.removed import moved_command, removed_command
 
-COMPARE, PHOTOS, REFERENCES = "Compare and explain", "Photos and cameras", "References and tests"
-CLASSES, MEASURE, FURTHER = "Learn and teach", "Measure", "Further"
+COMPARE, REFERENCES, MEASURE = "Compare and explain", "References", "Measure"
+PHOTOS, CLASSES, FURTHER = "Photos", "Learn and teach", "Further"
 COMMANDS: dict[str, tuple[str, Any]] = {
     "compare": (COMPARE, compare_commands.compare_command),
     "diff": (COMPARE, compare_commands.diff_command),
-    "levels": (COMPARE, method_commands.levels_command),
-    "shrink": (COMPARE, method_commands.shrink_command),
     "explore": (COMPARE, method_commands.explore_command),
-    "calibrate": (PHOTOS, photo_commands.calibrate_command),
-    "light": (PHOTOS, photo_commands.light_command),
-    "augment": (PHOTOS, photo_commands.augment_command),
-    "board": (PHOTOS, board_commands.board_command),
-    "photograph": (PHOTOS, photo_commands.photograph_command),
-    "scenes": (REFERENCES, scenes_commands.app),
+    "shrink": (COMPARE, method_commands.shrink_command),
     "reference": (REFERENCES, reference_commands.app),
-    "export": (REFERENCES, scenes_commands.export_command),
+    "bench": (MEASURE, bench_commands.app),
+    "levels": (MEASURE, method_commands.levels_command),
+    "stability": (MEASURE, bench_commands.stability_command),
+    "photo": (PHOTOS, photo_commands.app),
     "walk": (CLASSES, grade_commands.walk_command),
     "grade": (CLASSES, grade_commands.app),
-    "bench": (MEASURE, bench_commands.app),
-    "stability": (MEASURE, bench_commands.stability_command),
-    "doctor": (MEASURE, doctor_command.doctor_command),
+    "scenes": (FURTHER, scenes_commands.app),
+    "doctor": (FURTHER, doctor_command.doctor_command),
 }
 """Command -> the heading that it stands under in `--help`, and what runs. An app is a group of commands."""
 ABOUT = {
-    "scenes": "List the built-in scenes, or copy one to edit.",
     "reference": "Make, check, show or diff reference images.",
-    "grade": "Grade students' tracers, or write what they start from.",
     "bench": "Measure speed against accuracy.",
+    "photo": "Calibrate from photos, find their light, draw into them.",
+    "grade": "Grade students' tracers.",
+    "scenes": "List, copy or export scenes.",
 }
 """Group of commands -> its line of help."""
 
 
 class Grouped(TyperGroup):
-    """The list of commands under headings."""
+    """The list of commands under headings; a command that moved into a group still answers to its old name."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        return super().parse_args(ctx, moved_command(args))
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         limit = formatter.width - 6 - max(map(len, self.commands))
-        for heading in (*dict.fromkeys(heading for heading, _ in COMMANDS.values()), FURTHER):
-            order = [*COMMANDS, *self.commands]
-            named = [n for n in sorted(self.commands, key=order.index) if COMMANDS.get(n, (FURTHER,))[0] == heading]
-            if named:
-                with formatter.section(heading):
-                    formatter.write_dl([(n, self.commands[n].get_short_help_str(limit)) for n in named])
+        for heading in dict.fromkeys(heading for heading, _ in COMMANDS.values()):
+            named = [n for n, (own, _) in COMMANDS.items() if own == heading]
+            with formatter.section(heading):
+                formatter.write_dl([(n, self.commands[n].get_short_help_str(limit)) for n in named])
 
 
 app = typer.Typer(
@@ -114,10 +110,9 @@ for name, (_, command) in COMMANDS.items():
         register(app, {name: command})
 
 NEEDS = {
-    "augment": ("photos",), "bench": ("twin", "llvm"), "board": ("photos",), "calibrate": ("photos",),
-    "compare": ("twin", "llvm"), "explore": ("live", "twin", "llvm"), "levels": ("twin", "llvm"), "light": ("photos",),
-    "photograph": ("photos", "twin", "llvm"), "reference": ("twin", "llvm"),
-    "shrink": ("twin", "llvm"), "stability": ("photos",),
+    "bench": ("twin", "llvm"), "compare": ("twin", "llvm"), "explore": ("live", "twin", "llvm"),
+    "levels": ("twin", "llvm"), "photo": ("photos",), "photo simulate": ("photos", "twin", "llvm"),
+    "reference": ("twin", "llvm"), "shrink": ("twin", "llvm"), "stability": ("photos",),
 }  # fmt: skip
 """The extras that a command needs whatever it is given: named all at once where one of them is missing."""
 
@@ -140,7 +135,7 @@ def _run() -> int:
     # as long.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
-        if gone := removed_command(sys.argv[1:]):
+        if gone := removed_command(moved_command(sys.argv[1:])):
             return _said(gone)
         Path.cwd()  # before a library looks for it: Mitsuba aborts the whole process where it is gone
         code = app(standalone_mode=False, prog_name="raytwin")
@@ -160,8 +155,9 @@ def _report(error: Exception) -> int:
     """The error in one line on standard error, and its exit code."""
     missing = error.__context__ if isinstance(error, MachineError) else error
     if isinstance(missing, ModuleNotFoundError) and (extras := extras_for(missing)):
-        command = next((word for word in sys.argv[1:] if not word.startswith("-")), "this")
-        wanted = ",".join(dict.fromkeys((*NEEDS.get(command, ()), *extras)))
+        words = [word for word in moved_command(sys.argv[1:]) if not word.startswith("-")] or ["this"]
+        command = " ".join(words[: 2 if words[0] == "photo" else 1])
+        wanted = ",".join(dict.fromkeys((*NEEDS.get(command, NEEDS.get(words[0], ())), *extras)))
         return _said(f"{command} needs {missing.name}, which is not installed: pip install 'raytwin[{wanted}]'")
     if isinstance(error, InputError):
         return _said(str(error), error.exit_code)
@@ -196,7 +192,7 @@ def _misused(error: Any) -> str:
     text = error.format_message()
     if value := re.match(r"Option '(.*)' (requires|does not take)", text):
         return f"{value[1]} {'needs a' if value[2] == 'requires' else 'takes no'} value."
-    command = error.ctx.command_path
+    command = error.ctx.command_path.rstrip()
     help_lists = f"`{command} --help` lists what it takes."
     if (param := getattr(error, "param", None)) is not None:
         name = param.opts[0] if param.opts[0].startswith("-") else param.name.upper()

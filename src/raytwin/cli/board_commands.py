@@ -1,4 +1,4 @@
-"""raytwin board: a board to print."""
+"""raytwin photo board: a board to print."""
 
 from pathlib import Path
 

@@ -16,7 +16,7 @@ from raytwin.workflows.settings import CompareSettings
 
 def compare_command(
     scene: Path, settings: CompareSettings, json: Path | None = None, out: Path | None = None,
-    allow: list[str] | None = None,
+    allow: list[str] | None = None, verbose: bool = False,
 ) -> None:  # fmt: skip
     """Compare a tracer with Mitsuba on a scene.
 
@@ -32,7 +32,7 @@ def compare_command(
         folder = out or Path("out") / result.scene.name
         report_folder.write_all(result, folder, json, progress=progress)
     say_wrapped(terminal_text.summary(result))
-    print_seconds(progress, result.worth)
+    print_seconds(progress, verbose, result.worth)
     say(f"report: {folder / 'report.html'}")
     raise typer.Exit(result.comparison.exit_code)
 

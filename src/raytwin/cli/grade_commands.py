@@ -1,4 +1,4 @@
-"""raytwin grade SUBMISSIONS --rubric R | starter | gradescope-zip, and walk: students' tracers, graded."""
+"""raytwin grade SUBMISSIONS --rubric R | starter | zip, and walk: students' tracers, graded."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -21,12 +21,13 @@ FEW = 20
 """Most results that are listed although they were there already."""
 
 
-app = group("class", folder=True)
+app = group("class")
 
 
 def class_command(
     submissions: Path, rubric: Path, out: Path = Path("out/grades"), jobs: int = 1, dask: str = "",
-    again: bool = False, whole: bool = False, gradescope: Path | None = None, junit: Path | None = None,
+    again: bool = False, whole: bool = False, for_students: bool = False, gradescope: Path | None = None,
+    junit: Path | None = None,
 ) -> None:  # fmt: skip
     """Grade submissions by a rubric, each in a sandbox.
 
@@ -66,7 +67,7 @@ def class_command(
         sites.write_gradescope(results[0], read, gradescope)
         raise typer.Exit(1 if failed else 0)
     graded, results = len(results), with_class(results, out, read)
-    failed += pages.write_class(results, read, out)
+    failed += pages.write_class(results, read, out, for_students)
     if junit is not None:
         sites.write_grade_junit(results, junit)
     among = f", in the class of {len(results)} that is there" if graded < len(results) else ""
@@ -84,7 +85,8 @@ def _say_what_the_sandbox_lacks() -> None:
 
 
 def _line(result: "Result", rubric: "Rubric") -> str:
-    from raytwin.report.class_page import in_short, of_points
+    from raytwin.report.class_page import in_short
+    from raytwin.report.student_page import of_points
 
     said = in_short(result) or "all right"
     short = said if len(said) <= 100 else f"{said[:99]}…"
@@ -116,7 +118,7 @@ def starter_command(
     say(f"{out}: to check what is written, run it: python {out}")
 
 
-def gradescope_zip_command(rubric: Path, out: Path = Path("autograder.zip"), wheel: Path | None = None) -> None:
+def zip_command(rubric: Path, out: Path = Path("autograder.zip"), wheel: Path | None = None) -> None:
     """Make the autograder zip for Gradescope."""
     from raytwin.grade.gradescope import write_zip
 
@@ -141,6 +143,6 @@ def walk_command(notebook: bool = False, out: Path = Path(), solved: bool = Fals
 COMMANDS: dict[str, Callable[..., None]] = {
     "class": class_command,
     "starter": starter_command,
-    "gradescope-zip": gradescope_zip_command,
+    "zip": zip_command,
 }
 register(app, COMMANDS, within="grade")

@@ -68,7 +68,7 @@ def shrink_command(
         files.write_json(json, found.numbers() | {"scene": str(file), "command": shown})
     for line in (*found.sentences, f"To reproduce: {shown}"):
         say(line)
-    count = [len(scene.scene.objects) for scene in (found.before, small)]
+    count = [len(scene.objects) for scene in (found.before, small)]
     say(f"{count[0]} objects to {count[1]}, {found.evaluations} comparisons, {found.seconds:.1f} s")
     say(f"scene: {file}")
 
@@ -96,12 +96,15 @@ def explore_command(
             from raytwin.live import Server, opening_page
             from raytwin.live.progressive import Session
             from raytwin.live.view_state import from_link
-        base = files.read_scene(scene)
-        found, *_ = find_camera(base, photo, progress)
-        camera = found.camera
+        base, *_ = find_camera(scene, photo, progress)
+        camera = base.camera
         scale = min(1, WIDEST / camera.width)
         camera = camera.resized(*(size or (round(camera.width * scale), max(1, round(camera.height * scale)))))
-        session = Session(base.with_camera(camera), find_subject(subject, "shadow") if subject else None)
+        session = Session(
+            base.with_camera(camera),
+            find_subject(subject, "shadow") if subject else None,
+            files.find_scene(scene).parent,
+        )
         server = Server(session, port, from_link(view) if view else None)
     say(f"{base.name} at {server.address}")
     say("Ctrl-C ends it.")

@@ -102,49 +102,42 @@ COMMON: dict[str, dict[str, Any]] = {
             "Renderer to compare: a method (`raytwin bench list`), FILE.py:FUNCTION, an image, a folder of images, or a"
             " command with {scene} and {out} (raytwin's own tracer).", "WHAT", kind=str | None,
         ),
-        "rung": _opt("Light level of the twin: surface, lambert, shadow, sky or path.", among=LEVELS, kind=str),
-        "samples": _opt("Samples per pixel (until the verdict is certain).", kind=int | None),
+        "rung": _opt("Light level of the twin: surface, lambert, shadow, sky or path.", among=LEVELS),
+        "samples": _opt("Samples per pixel (until the verdict is certain)."),
         "size": _opt("Render at another size than the camera's.", "WxH", callback=_size, kind=str | None),
         "jobs": _opt("Number of local processes.", "N", "--jobs", "-j"),
         "dask": _opt("Dask scheduler (extra `cluster`); its workers share the disk.", "ADDRESS"),
+        "verbose": _opt("Print the seconds of every stage.", None, "--verbose", "-v"),
     },
     CERTAINTY: {
-        "budget": _opt(
-            "Samples per pixel (1024) or time (30s) after which the verdict is undecided.", "N|TIME", kind=str | None
-        ),
+        "budget": _opt("Samples per pixel (1024) or time (30s) after which the verdict is undecided.", "N|TIME"),
         "detectable_bias": _opt(
             'Report "undecided" if a larger bias of the whole image could go unnoticed (0.1; 0.01 within budget).',
-            "SHARE", "--detectable-bias", "--must-see", min=0, kind=float | None,
+            "SHARE", "--detectable-bias", "--must-see", min=0,
         ),
         "detectable_tile_bias": _opt(
             'Report "undecided" if a larger bias of 24 x 24 pixels could go unnoticed.', "SHARE", min=0,
-            kind=float | None,
         ),
-        "seed": _opt("Seed of the twin's samples.", kind=int),
-        "flip": _opt(
-            "Add the perceptual metric FLIP (slow; extra `flip`).", None, "--flip", callback=_flip, kind=bool
-        ),
+        "seed": _opt("Seed of the twin's samples."),
+        "flip": _opt("Add the perceptual metric FLIP (slow; extra `flip`).", None, "--flip", callback=_flip),
     },
     TRACER: {
         "tracer_rung": _opt(
             "Light level of the tracer (the highest up to --rung that needs no sampling).", "RUNG", among=LEVELS,
-            kind=str | None,
         ),
-        "engine": _opt(f"Tracer's engine: {', '.join(ENGINES)}.", among=ENGINES, kind=str),
-        "solver": _opt("Sphere solver: robust, stable, paper or textbook.", among=SOLVERS, kind=str),
-        "sampling": _opt(
-            "Rays through the pixel's center, or spread over its area.", "center|area", among=SAMPLINGS, kind=str
-        ),
-        "trim": _opt("Trim boxes: conic, corners or none.", among=TRIMS, kind=str),
+        "engine": _opt(f"Tracer's engine: {', '.join(ENGINES)}.", among=ENGINES),
+        "solver": _opt("Sphere solver: robust, stable, paper or textbook.", among=SOLVERS),
+        "sampling": _opt("Rays through the pixel's center, or spread over its area.", "center|area", among=SAMPLINGS),
+        "trim": _opt("Trim boxes: conic, corners or none.", among=TRIMS),
     },
     PLACE: {
-        "photo": _opt("Photo whose camera pose is used.", "NAME", kind=str | None),
+        "photo": _opt("Photo whose camera pose is used.", "NAME"),
         "light": _opt("light.toml to use instead of the scene's sun and sky.", "FILE", kind=Path | None),
     },
     FILES: {
         "json": _opt("Write the numbers as JSON.", "FILE", "--json"),
         "junit": _opt("Write the verdict as JUnit XML.", "FILE"),
-        "cache": _opt("Reuse stored renders.", kind=bool),
+        "cache": _opt("Reuse stored renders."),
         "allow": _opt(
             "Plugin, or file outside the folder, that a Mitsuba file may use; repeatable.", "NAME",
             callback=_allow, is_eager=True,
@@ -166,10 +159,10 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "diff": {
         "a": _arg("Image to test: EXR, PFM, a picture of 8 bits; several renders as a folder or 'x_*.exr'.", "A"),
         "b": _arg("Reference, likewise; two folders are compared name by name.", "B"),
-        "part": _opt("Part of the EXR: name or number.", "NAME", kind=str | None),
-        "layer": _opt("Layer (diffuse of diffuse.R) or channel; of one side: A.exr:diffuse.", "NAME", kind=str | None),
+        "part": _opt("Part of the EXR: name or number.", "NAME"),
+        "layer": _opt("Layer (diffuse of diffuse.R) or channel; of one side: A.exr:diffuse.", "NAME"),
         "tolerance": _opt("Largest error of 99.9 % of the noise-free values, relative to B.", kind=float),
-        "false_alarm_rate": _opt("Share of correct noisy pairs that fail by chance.", kind=float),
+        "false_alarm_rate": _opt("Share of correct noisy pairs that fail by chance."),
         "noise": _opt("Whose variance to believe: both, reference (not A's), or none.", kind=str),
         "variance_a": _opt("Image with the variance of A's mean.", "FILE"),
         "variance_b": _opt("Image with the variance of B's mean.", "FILE"),
@@ -177,14 +170,14 @@ OPTIONS: dict[str, dict[str, Any]] = {
             "Scene that both images show, so that a failure names its cause (B's).", "SCENE", among=_scenes,
             callback=_known_scene, kind=Path | None,
         ),
-        "rung": _opt("Light level that both show (shadow).", among=LEVELS, kind=str | None),
+        "rung": _opt("Light level that both show (shadow).", among=LEVELS),
         "samples": None,
         "samples_a": _opt("A's samples per pixel, if the file does not say.", min=0),
         "samples_b": _opt("B's samples per pixel.", min=0),
         "out": _opt("Folder for report.html, heatmap.png, comparison.json.", "DIR", *OUT),
     },
     "levels": {
-        "tolerance": _opt("Largest error, in the metric's units.", kind=float | None),
+        "tolerance": _opt("Largest error, in the metric's units."),
         "metric": _opt(f"{', '.join(METRICS[:-1])} or {METRICS[-1]}.", among=METRICS),
         "size": _opt("Size of the pictures; 320 wide by default.", "WxH", callback=_size, kind=str | None),
         "out": _opt("Folder for page and chart (in out/).", "DIR", *OUT),
@@ -198,9 +191,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     },
     "explore": {
         "subject": _opt("Renderer to show; see `raytwin compare --subject`.", "WHAT"),
-        "size": _opt(
-            "Size of the pictures (the camera's, at most 800 wide).", "WxH", callback=_size, kind=str | None
-        ),
+        "size": _opt("Size of the pictures (the camera's, at most 800 wide).", "WxH", callback=_size, kind=str | None),
         "view": _opt("Open a view copied from the page.", "LINK"),
         "port": _opt("Port of the page's address; 0: any free one."),
         "browser": _opt("Open the page in a browser.", None, "--browser/--no-browser"),
@@ -210,45 +201,43 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "out": _opt("Folder to write to.", "DIR", *OUT),
         "solved": _opt("Fill in every function.", None, "--solved"),
     },
-    "export": {
+    "scenes.export": {
         "json": _opt("Write JSON, as programs of --subject read it.", None, "--json"),
         "mitsuba_xml": _opt("Write a Mitsuba 3 scene.", None, "--mitsuba-xml"),
         "rung": _opt("Light level: in JSON (shadow) or of the XML, sky or path (path).", among=LEVELS),
         "out": _opt("File to write (standard output).", "FILE", *OUT),
     },
-    "scenes": {
+    "scenes.copy": {
         "scene": _arg("Name or folder of the scene.", among=_scenes),
         "out": _arg("Folder to write (./NAME).", "[DIR]"),
     },
-    "calibrate": {
+    "photo.calibrate": {
         "photos": _arg("Photos of the board, or their folder.", "PHOTOS..."),
         "board": _opt("TOML file of the board (board.toml beside the photos).", "BOARD"),
         "model": _opt("Lens model: auto, none, k1k2 or full5.", among=MODELS),
         "photo": _opt("Photo whose pose is written (the first).", "NAME"),
         "out": _opt("Write the camera, as TOML, and a page beside it.", "FILE", *OUT),
     },
-    "light": {
+    "photo.light": {
         "photos": _arg("Photos of one board under one light, or their folder.", "PHOTO..."),
         "board": _opt("TOML file of the board (board.toml beside the photos).", "BOARD", kind=Path | None),
-        "camera": _opt("camera.toml, as `raytwin calibrate -o` writes it.", "FILE"),
+        "camera": _opt("camera.toml, as `raytwin photo calibrate -o` writes it.", "FILE"),
         "out": _opt("light.toml to write; a map and a page go beside it.", "FILE", *OUT),
         "ball": _opt("A mirror ball's rough center and its radius, metres or 20mm. Repeatable.", "X,Y,Z,R"),
         "stand": _opt("Foot and height of a pin or pen that stands upright, metres or 20mm.", "X,Y,H"),
     },
-    "augment": {
+    "photo.draw": {
         "photos": _arg("Photos that show the board, or their folder.", "PHOTO..."),
         "scene": _opt("Scene whose objects are drawn.", "SCENE", among=_scenes),
         "out": _opt("Folder for the drawn photos.", "DIR", *OUT),
         "camera": _opt("camera.toml (default: calibrate the scene's own photos).", "FILE", kind=Path | None),
         "board": _opt("TOML file of the board (the scene's).", "BOARD", kind=Path | None),
         "against": _opt("True photos of the same names: report the error by region.", "DIR", kind=Path | None),
-        "shadows": _opt("Cast shadows on what the photo shows.", kind=bool),
-        "boxes": _opt("Outline each sphere's trim box.", None, "--boxes", kind=bool),
-        "exposure": _opt(
-            "The photo's linear value of radiance 1 (1; with --light, from its paper).", min=0.0, kind=float | None
-        ),
+        "shadows": _opt("Cast shadows on what the photo shows."),
+        "boxes": _opt("Outline each sphere's trim box.", None, "--boxes"),
+        "exposure": _opt("The photo's linear value of radiance 1 (1; with --light, from its paper).", min=0.0),
     },
-    "photograph": {
+    "photo.simulate": {
         "out": _opt("Folder for the photos and truth.toml.", "DIR", *OUT),
         "board": _opt("TOML file of the board.", "BOARD"),
         "scene": _opt("Scene that gives sun, sky and table (its planes).", among=_scenes),
@@ -259,9 +248,9 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "samples": _opt("Light paths per pixel.", min=1),
         "seed": _opt("Seed of poses, light paths and sensor noise."),
         "bend": _opt("Bend the sheet by this much, as 3mm.", "LENGTH"),
-        "with_objects": _opt("Put the scene's objects there, too (for augment --against).", None, "--with-objects"),
+        "with_objects": _opt("Put the scene's objects there, too (for draw --against).", None, "--with-objects"),
     },
-    "board": {
+    "photo.board": {
         "out": _opt("PDF to write, with a TOML beside it.", "FILE", *OUT),
         "tag": _opt("Edge of a tag's black square, with its unit.", "LENGTH"),
         "columns": _opt("Tags in a row.", "N"),
@@ -284,7 +273,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "again": _opt("Render even what is up to date.", None, "--again"),
         "yes": _opt("Replace old references without asking.", None, "--yes", "-y"),
         "whole": _opt("Print everything known of each.", None, "--all"),
-        "against": _opt("Another folder of references.", "DIR"),
     },
     "reference.check": {
         "budget": _opt("Most samples per pixel, or time (30s), per reference.", "N|TIME", "--budget", "--samples"),
@@ -301,6 +289,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "whole": _opt("Treat the folder as one submission.", None, "--whole"),
         "gradescope": _opt("Write Gradescope's results.json.", "FILE"),
         "junit": _opt("Write JUnit XML.", "FILE"),
+        "for_students": _opt("Also write a page per student to hand out, to for-students/.", None, "--for-students"),
         "force": _opt("Overwrite an existing file.", None, "--force"),
         "stage": _opt("Function to include; repeatable (default: the six)."),
         "wheel": _opt("Install this wheel of raytwin instead of the released version.", "FILE"),
@@ -309,7 +298,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "out": _opt("File to write (tracer.py or rubric.toml).", "FILE", *OUT),
         "rubric": _opt("Write a complete rubric instead, to edit.", None, "--rubric"),
     },
-    "grade.gradescope-zip": {"rubric": _arg("The rubric, TOML."), "out": _opt("Zip to write.", "FILE", *OUT)},
+    "grade.zip": {"rubric": _arg("The rubric, TOML."), "out": _opt("Zip to write.", "FILE", *OUT)},
     "bench": {
         "methods": _opt("Patterns of method names, which `raytwin bench list` prints.", "GLOB,...", "--methods"),
         "scenes": _arg("Scenes: folders, scene.toml or names.", "SCENE", among=_scenes, callback=_known_scenes),
@@ -366,20 +355,35 @@ def with_options(command: Callable[..., None], name: str) -> Callable[..., None]
     return run
 
 
-def group(default: str, folder: bool = False) -> typer.Typer:
-    """Return a group of commands; words that begin with no command's name go to the command `default`.
+def group(default: str, alone: bool = False) -> typer.Typer:
+    """Return a group of commands; words that begin with no command's name go to `default`, which has no name itself.
 
-    `folder`: so does its own name, if no words follow and there is a folder of that name, as in `raytwin grade class`.
+    So a folder may have any name but a listed command's, and `--help` shows what the group does by itself first.
+    `alone`: the default needs no words. Without it no words at all show the help.
     """
 
     class OrDefault(TyperGroup):
         def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-            help_asked = args[1:2] and args[1] in ctx.help_option_names
-            alone = not help_asked and all(word.startswith("-") for word in args[1:2])
-            its_name = folder and args[:1] == [default] and alone and Path(default).is_dir()
-            if args and (its_name or args[0] not in (*self.commands, *ctx.help_option_names)):
-                args = [default, *args]
-            return super().parse_args(ctx, args)
+            named = {*self.listed(), *ctx.help_option_names}
+            by_itself = args[0] not in named if args else alone
+            return super().parse_args(ctx, [default, *args] if by_itself else args)
+
+        def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+            name, command, rest = super().resolve_command(ctx, args)
+            return name if name in self.listed() else None, command, rest
+
+        def listed(self) -> list[str]:
+            return [name for name in self.commands if name != default or alone]
+
+        def format_help(self, ctx: Any, formatter: Any) -> None:
+            command: Any = self.commands[default]
+            own = command.context_class(command, info_name=ctx.info_name, parent=ctx.parent)
+            command.format_usage(own, formatter)
+            command.format_help_text(own, formatter)
+            command.format_options(own, formatter)
+            with formatter.section("Commands"):
+                formatter.write_dl([(name, self.commands[name].get_short_help_str(80)) for name in self.listed()])
+            command.format_epilog(own, formatter)
 
     return typer.Typer(cls=OrDefault, no_args_is_help=True)
 

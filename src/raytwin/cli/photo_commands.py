@@ -1,18 +1,24 @@
-"""raytwin calibrate, light, photograph, augment: from photos of a board to camera and light, and back into photos."""
+"""raytwin photo: from photos of a board to camera and light, and back into photos."""
 
+from collections.abc import Callable
 from pathlib import Path
 
+import typer
+
+from raytwin.cli import board_commands
 from raytwin.cli.option_values import check_outputs, parse_ball, parse_numbers, parse_stand
-from raytwin.cli.options import Size
+from raytwin.cli.options import Size, register
 from raytwin.cli.progress_bar import print_seconds, show_progress
 from raytwin.cli.terminal import say, say_wrapped
 from raytwin.errors import InputError, check_one_of
 from raytwin.workflows.settings import AugmentSettings
 
+app = typer.Typer(no_args_is_help=True)
+
 
 def calibrate_command(
     photos: list[Path], board: list[Path] | None = None, model: str = "auto", photo: str | None = None,
-    json: Path | None = None, out: Path | None = None,
+    json: Path | None = None, out: Path | None = None, verbose: bool = False,
 ) -> None:  # fmt: skip
     """Calibrate a camera from photos of a board.
 
@@ -25,7 +31,7 @@ def calibrate_command(
 
     check_outputs(files=(json, out))
     if board and len(board) > 1:
-        raise InputError("`calibrate --board`", "more than once was removed in 0.2.0. Use one board per call.")
+        raise InputError("`photo calibrate --board`", "more than once was removed in 0.2.0. Use one board per call.")
     definition = boards.read_board(board[0] if board else _board_beside(photos))
     paths = [path for named in photos for path in files.list_photos(named)]
     with show_progress() as progress:
@@ -38,7 +44,7 @@ def calibrate_command(
     if json:
         files.write_json(json, calibration.numbers())
     say_wrapped(terminal_text.calibration_summary(calibration))
-    print_seconds(progress)
+    print_seconds(progress, verbose)
 
 
 def _board_beside(photos: list[Path]) -> Path:
@@ -66,7 +72,7 @@ def _write_camera(out: Path, calibration, paths: list[Path], photo: str | None) 
 
 def light_command(
     photos: list[Path], camera: Path, out: Path, board: Path | None = None, ball: list[str] | None = None,
-    stand: str | None = None, json: Path | None = None,
+    stand: str | None = None, json: Path | None = None, verbose: bool = False,
 ) -> None:  # fmt: skip
     """Estimate sun and sky from photos.
 
@@ -101,14 +107,14 @@ def light_command(
         say_wrapped(f"{photo} was left out: {why}")
     say(light_page.light_summary(found))
     light_page.write_light_page(found, out.with_suffix(".html"))
-    print_seconds(progress)
+    print_seconds(progress, verbose)
     say(f"{out}, report: {out.with_suffix('.html')}")
 
 
-def photograph_command(
+def simulate_command(
     out: Path, board: Path, scene: Path | None = None, count: int = 14, size: Size = None,
     focal: float = 1560.0, dist: str = "0.08,-0.16", samples: int = 32, seed: int = 1, bend: str = "0mm",
-    with_objects: bool = False,
+    with_objects: bool = False, verbose: bool = False,
 ) -> None:  # fmt: skip
     """Render photos of a board with Mitsuba, and the true camera."""
     from raytwin.calib.boards import lengths
@@ -132,13 +138,14 @@ def photograph_command(
             bend=bent,
             progress=progress,
         )
-    print_seconds(progress)
+    print_seconds(progress, verbose)
     say(f"{count} photos, board.toml and truth.toml: {out}")
 
 
-def augment_command(
-    photos: list[Path], scene: Path, out: Path, settings: AugmentSettings, json: Path | None = None
-) -> None:
+def draw_command(
+    photos: list[Path], scene: Path, out: Path, settings: AugmentSettings, json: Path | None = None,
+    verbose: bool = False,
+) -> None:  # fmt: skip
     """Draw a scene's objects and their shadows into photos."""
     from raytwin import files
     from raytwin.report import terminal_text
@@ -153,5 +160,15 @@ def augment_command(
     for photo, why in unread.items():
         say_wrapped(f"{photo} was left out: {why}")
     say(terminal_text.augment_summary(rows))
-    print_seconds(progress)
+    print_seconds(progress, verbose)
     say(f"{len(rows)} photos: {out}")
+
+
+COMMANDS: dict[str, Callable[..., None]] = {
+    "board": board_commands.board_command,
+    "calibrate": calibrate_command,
+    "light": light_command,
+    "draw": draw_command,
+    "simulate": simulate_command,
+}
+register(app, COMMANDS, within="photo")

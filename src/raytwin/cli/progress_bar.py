@@ -5,10 +5,10 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-from raytwin.cli.terminal import say
+from raytwin.cli.terminal import say, say_wrapped
 from raytwin.progress import Progress, Stages
 
-WORTH_A_LINE = 1.0
+WORTH_A_LINE = 5.0
 """Seconds: what is done sooner says nothing where there is no terminal."""
 
 STARTED = time.perf_counter()
@@ -60,12 +60,20 @@ def lines() -> Progress:
     return show
 
 
-def print_seconds(stages: Stages, worth: Mapping[str, str] | None = None) -> None:
-    """Print one table: each stage that took a tenth of a second, the rest, and all of it.
+def print_seconds(stages: Stages, verbose: bool, worth: Mapping[str, str] | None = None) -> None:
+    """Print one line of the stages whose result is worth something, or a line per stage, the rest and all of it.
 
-    `worth`: what the result of a stage is worth, beside its seconds; such a stage is always listed.
+    `worth`: what the result of a stage is worth, beside its seconds. `verbose`: a line per stage of a tenth of a second
+    or more, and of those in `worth`.
     """
     worth = worth or {}
+    if not verbose:
+        parts = [
+            f"{stage} {stages.seconds[stage]:.2f} s ({worth[stage]})" for stage in worth if stage in stages.seconds
+        ]
+        if parts:
+            say_wrapped(f"  seconds: {', '.join(parts)}")
+        return
     whole = time.perf_counter() - STARTED
     rest = whole - sum(stages.seconds.values())
     found = {k: v for k, v in stages.seconds.items() if k in worth or v >= 0.1}

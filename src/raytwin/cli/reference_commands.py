@@ -1,9 +1,7 @@
-"""raytwin reference make | check | show | diff: references that renders are compared with."""
+"""raytwin reference make | check | show: references that renders are compared with."""
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import nullcontext
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,15 +12,12 @@ from raytwin.cli.options import register
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say, worst_code
 from raytwin.errors import InputError, check_one_of
-from raytwin.progress import silent
 from raytwin.workflows.settings import ReferenceSettings
 
 if TYPE_CHECKING:
-    from raytwin.parallel import Workers
-    from raytwin.scene import MitsubaScene, SceneFile
-    from raytwin.workflows.make_reference import Change
+    from raytwin.scene import MitsubaScene, Scene
 
-    Case = tuple[Path, str, SceneFile | MitsubaScene]
+    Case = tuple[Path, str, Scene | MitsubaScene]
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -33,19 +28,20 @@ WORDS = ("PASS", "FAIL", "?   ")
 
 def make_command(
     settings: ReferenceSettings, scenes: list[Path] | None = None, rung: list[str] | None = None,
-    folder: Path = REFERENCES, yes: bool = False, jobs: int = 1, dask: str = "",
-    allow: list[str] | None = None,
+    folder: Path = REFERENCES, yes: bool = False, allow: list[str] | None = None,
 ) -> None:  # fmt: skip
     """Render references with Mitsuba. Show what changes before replacing an old one.
 
     Run it again to continue an interrupted run.
     """
     from raytwin import references
-    from raytwin.parallel import parse_workers
+    from raytwin.workflows import make_reference
 
     check_outputs(folders=(folder,))
     refused = []
-    for change in _changes(_cases(scenes, rung), folder.absolute(), settings, parse_workers(jobs, dask)):
+    for scene, one, found in _cases(scenes, rung):
+        with show_progress() as progress:
+            change = make_reference.make(scene, one, folder.absolute(), settings, found=found, progress=progress)
         say("\n".join(change.lines()))
         if change.kind == "same":
             continue
@@ -126,32 +122,6 @@ def show_command(
         raise typer.Exit(2)
 
 
-def diff_command(
-    scenes: list[Path] | None = None, rung: list[str] | None = None, folder: Path | None = None,
-    against: Path | None = None, samples: int | None = None, allow: list[str] | None = None,
-) -> None:  # fmt: skip
-    """Show what `make --again` would change. Write nothing.
-
-    With --against: what differs from another folder.
-    """
-    from raytwin import references
-    from raytwin.workflows import make_reference
-
-    folder, codes = _source(folder), list[int]()
-    for scene, one, found in _cases(scenes, rung):
-        if against is None:
-            change = _made((scene, one, found), folder, ReferenceSettings(samples, again=True))
-        else:
-            new, old = (references.load(references.path_of(f, found.name, one)) for f in (folder, against))
-            change = make_reference.change_of(new, old)
-        say("\n".join(change.lines()))
-        if change.comparison is not None:
-            codes.append(change.comparison.exit_code)
-        else:
-            codes.append(2 if change.kind == "damaged" else 1)
-    raise typer.Exit(worst_code(codes))
-
-
 def _cases(scenes: list[Path] | None, rungs: list[str] | None, placed: bool = True) -> "Iterator[Case]":
     """(scene's path, rung, scene) of every reference that is asked for; `placed`: with its camera found."""
     from raytwin import files
@@ -168,44 +138,6 @@ def _cases(scenes: list[Path] | None, rungs: list[str] | None, placed: bool = Tr
         levels = (make_reference.LEVEL,) if isinstance(found, MitsubaScene) else RUNGS
         for rung in rungs or levels:
             yield scene, rung, found
-
-
-def _changes(
-    cases: "Iterator[Case]", folder: Path, settings: ReferenceSettings, workers: "Workers"
-) -> "Iterator[Change]":
-    """What `make` found of each case, as it is done; an error comes after all the others.
-
-    Other processes render with the variant that this one would: no set of references mixes two.
-    """
-    from raytwin import twin
-    from raytwin.parallel import map_parallel
-
-    errors = []
-    if workers.jobs == 1 and not workers.dask:  # one after the other, each with its own bar
-        yield from (_made(case, folder, settings) for case in cases)
-        return
-    chosen = [(scene.absolute(), rung, found) for scene, rung, found in cases]
-    made = partial(_made, folder=folder, settings=settings, variant=twin.chosen().variant)
-    with show_progress() as progress:
-        for count, done in enumerate(map_parallel(made, chosen, workers), start=1):
-            progress("references", count, len(chosen))
-            if done.error is None:
-                yield done.result
-            errors += [done.error] if done.error else []
-    if errors:
-        raise errors[0]
-
-
-def _made(case: "Case", folder: Path, settings: ReferenceSettings, variant: str | None = None) -> "Change":
-    """What becomes of one reference; `variant`: in a worker, whose progress nobody sees."""
-    from raytwin import twin
-    from raytwin.workflows import make_reference
-
-    if variant is not None:
-        twin.activate(variant)  # which says where this machine cannot
-    scene, rung, found = case
-    with nullcontext(silent) if variant else show_progress() as progress:
-        return make_reference.make(scene, rung, folder, settings, found=found, progress=progress)
 
 
 def _name(scene: Path) -> str:
@@ -239,6 +171,5 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "make": make_command,
     "check": check_command,
     "show": show_command,
-    "diff": diff_command,
 }
 register(app, COMMANDS, within="reference")

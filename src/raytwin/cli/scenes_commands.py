@@ -1,22 +1,23 @@
-"""raytwin scenes, export: what there is to render, a copy of one to change, one for other renderers."""
+"""raytwin scenes: what there is to render, a copy of one to change, one for other renderers."""
 
 from pathlib import Path
 
 import typer
 
 from raytwin.cli.option_values import check_outputs
-from raytwin.cli.options import Size, register
+from raytwin.cli.options import Size, group, register
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError
 
-app = typer.Typer()
+app = group("list", alone=True)
+
+SEEN = 0.01
+"""Pixels: what a lens that is left out may move without a word."""
 
 
-@app.callback(invoke_without_command=True)
-def list_command(context: typer.Context) -> None:
-    if context.invoked_subcommand:
-        return
+def list_command() -> None:
+    """List the built-in scenes, and those in a folder scenes/ here."""
     from raytwin import files
 
     for row in files.scenes():
@@ -30,13 +31,6 @@ def copy_command(scene: Path, out: Path | None = None) -> None:
     say(files.copy_scene(scene, out or Path(files.find_scene(scene).parent.name)))
 
 
-register(app, {"copy": copy_command}, within="scenes")
-
-
-SEEN = 0.01
-"""Pixels: what a lens that is left out may move without a word."""
-
-
 def export_command(
     scene: Path, json: bool = False, mitsuba_xml: bool = False, rung: str | None = None, photo: str | None = None,
     size: Size = None, out: Path | None = None,
@@ -47,22 +41,21 @@ def export_command(
     """
     from raytwin import files
     from raytwin.errors import check_one_of
-    from raytwin.renderers.mitsuba_xml import mitsuba_xml as as_xml
-    from raytwin.renderers.mitsuba_xml import moved_by, too_large_for_mitsuba
     from raytwin.renderers.scene_exchange import as_arrays, as_json
     from raytwin.rungs import RUNGS
+    from raytwin.twin.mitsuba_xml import mitsuba_xml as as_xml
+    from raytwin.twin.mitsuba_xml import moved_by
+    from raytwin.twin.rounding import extreme_spheres
 
     if json == mitsuba_xml:
         raise InputError("--json, --mitsuba-xml", "one of them", "both" if json else "neither")
     check_outputs(files=(out,))
-    written = files.read_scene(scene)
-    if written.photos is None and photo is None:
-        made = written.scene
-    else:  # what a calibration needs is not in the light install
+    made, asked = files.scene_and_photos(scene)
+    if asked is not None or photo is not None:  # what a calibration needs is not in the light install
         from raytwin.calib.find_camera import find_camera
 
         with show_progress() as progress:
-            made = find_camera(written, photo, progress)[0]
+            made = find_camera(scene, photo, progress)[0]
     if size is not None:
         made = made.with_(size=size)
     if json:
@@ -75,10 +68,13 @@ def export_command(
                 f"raytwin: the XML has neither distortion nor a second focal length: it sees up to {moved:.1f} px off",
                 err=True,
             )
-        if large := too_large_for_mitsuba(made):
-            names = ", ".join(f"object-{i}" for i in large)
-            say(f"raytwin: large beside their distance, Mitsuba's float32 may shade them falsely: {names}", err=True)
+        if coarse := extreme_spheres(made):
+            names = ", ".join(f"object-{i}" for i in coarse)
+            say(f"raytwin: very large or very far away, Mitsuba's float32 may shade them falsely: {names}", err=True)
     if out is None:
         typer.echo(text, nl=False)
     else:
         files.write_text(out, text)
+
+
+register(app, {"list": list_command, "copy": copy_command, "export": export_command}, within="scenes")

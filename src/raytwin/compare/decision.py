@@ -39,29 +39,32 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.array_types import Bool, Float32, Float64, Int
-from raytwin.compare.blocks import SIDE, Counts, Means, Pixels, block_counts, block_sums, slide, strips
+from raytwin.array_types import Bool, Float32, Float64
+from raytwin.compare.blocks import SIDE, Blocks, Means, Pixels, block_counts, block_sums, slide, strips
 from raytwin.compare.exact import NoiseFree
 from raytwin.compare.finding import MOST_PLACES, Place, blocks_of
 from raytwin.compare.noise import (
-    Missed,
-    Side,
+    TINY,
+    block_means,
     degrees_of_freedom,
-    doubt,
+    fireflies,
     inflation,
     larger_variance,
-    missed,
     regularised,
     samples_behind,
-    survey,
     variance_ratio,
 )
 from raytwin.compare.scale import Bound
-from raytwin.compare.significance import quantile, sidak, two_sided, welch
+from raytwin.compare.significance import as_skewed, less_skewed, quantile, sidak, two_sided, welch
 from raytwin.image import Image
 
 Sums = dict[str, Float64[np.ndarray, "..."]]
 Size = tuple[int, ...]
+Scales = tuple[float, float]
+"""What the reference's third moment is multiplied with to be the test's, and the other way; 0 where it is not known."""
+
+Lacking = tuple[float, float]
+"""Shares of the light that the test, and the reference, may lack, since no sample met a rare event."""
 
 TESTS = 4
 """Tests that share the false-alarm rate: values, tiles, image, shift."""
@@ -103,7 +106,8 @@ class Worst(NamedTuple):
 class Family(NamedTuple):
     """Tests of one kind: the worst, the level that p-values must stay above, how many of how many fell below, where.
 
-    `detectable`: the error that the family would have found, and `excluded`: what the data speak against.
+    `sure`: how many of them not even events that no sample met explain. `detectable`: the error that the family would
+    have found, and `excluded`: what the data speak against.
     """
 
     worst: Worst
@@ -113,6 +117,7 @@ class Family(NamedTuple):
     detectable: float = math.nan
     places: tuple[Place, ...] = ()
     excluded: float = math.nan
+    sure: int = 0
 
     @property
     def passed(self) -> bool:
@@ -133,6 +138,11 @@ class Decision(NamedTuple):
     inflation: float
 
     @property
+    def excusable(self) -> bool:
+        """Whether events that no sample met may explain all that noise does not."""
+        return not (self.value.sure or self.tile.sure or self.image.sure)
+
+    @property
     def passed(self) -> bool:
         return self.value.passed and self.tile.passed and self.image.passed
 
@@ -144,20 +154,15 @@ class Rounding(NamedTuple):
     mean: Pixels
 
 
-class Allowance(NamedTuple):
-    """The error that is allowed: the bound for noise-free values, and rare events that either image may have missed.
-
-    `unseen`: 1 / samples per pixel of the image with noise that has fewer; 0 where no variance is proof of no noise.
-    `look`: this look's share of the false-alarm rate, in a sequence of looks.
+class Unseen(NamedTuple):
+    """What samples that all agree may have missed: `share`: 1 / samples per pixel of the image with fewer, 0
+    where no variance is proof of no noise. `look`: this look's share of the false-alarm rate.
     """
 
-    bound: Bound
-    by_test: Missed
-    by_reference: Missed
-    unseen: float = 0.0
+    share: float = 0.0
     look: float = 1.0
 
-    def events_missed(self, level: float) -> float:
+    def events(self, level: float) -> float:
         """Return the expected number of events that samples which all agree may have missed, at this level.
 
         An event of probability p occurs n p times in n samples on average, and never with probability exp(-n p).
@@ -165,23 +170,6 @@ class Allowance(NamedTuple):
         What a later look has missed, the earlier looks missed too, so that all looks share one level.
         """
         return -math.log(level / self.look)
-
-    def of(self, error: Means, pixels: Counts | int, radiance: Means, allowed: Means | None = None) -> Means:
-        """Return the allowance for mean errors (..., 3): what the test missed if it is too dark, else the reference.
-
-        `allowed`: the bound of that radiance, where it is known already.
-        """
-        granted = self.bound.of(radiance) if allowed is None else allowed
-        if self.by_test.bias.any() or self.by_reference.bias.any():
-            dark, bright = self.by_test.of(pixels, radiance)
-            brighter, darker = self.by_reference.of(pixels, radiance)
-            granted = granted + np.where(error < 0, dark + darker, bright + brighter).astype(granted.dtype)
-        return np.asarray(granted)
-
-    def upper(self, pixels: Counts | int, radiance: Means) -> Means:
-        """The larger of the two directions."""
-        dark, bright = (self.of(np.full_like(radiance, sign * 1e-30), pixels, radiance) for sign in (-1, 1))
-        return np.asarray(np.maximum(dark, bright))
 
 
 def decide(
@@ -200,31 +188,29 @@ def decide(
     share = sidak(rate, TESTS)
     pair = _pair_of(test, reference, bound, share, rounding, look)
     noise_free, values, failed_pixels = NoiseFree(), Family(Worst(), pair.level, 0, test.mean.size), 0
-    sums: list[Sums] = []
-    without: list[Sums] = []
-    for strip in pair.strips():
+    strips = list(pair.strips())
+    found = [_block_sums(pair, strip) for strip in strips]
+    grids = {key: np.concatenate([sums[key] for sums in found]) for key in found[0]}
+    grids |= rare_events(grids, pair.ratio, pair.scales, share)
+    without = _without_fireflies(pair, strips, share)
+    for strip in strips:
         noise_free = _exact_values(noise_free, strip)
         if by_value:
-            values, failed = _noisy_values(values, strip, pair.dof)
+            values, failed = _noisy_values(values, strip, grids, pair.dof, pair.lacking)
             failed_pixels += failed
-        sums.append(_block_sums(pair, strip))
-        if pair.mostly:
-            without.append(_block_sums_without_fireflies(pair, strip, sums[-1]))
-    grids = _joined(sums)
     blocks = ((grids["va"] + grids["vb"]) / grids["n"]).astype(np.float32)
     shared = inflation(test.mean, reference.mean, blocks)
-    estimators = [Estimator(grids, pair.allowance, pair.ratio, shared)]
-    if pair.mostly:
-        (_, a, _), (_, b, _) = pair.sides
-        fewer = pair.allowance._replace(by_test=_without_fireflies(pair.allowance.by_test, a))
-        fewer = fewer._replace(by_reference=_without_fireflies(pair.allowance.by_reference, b))
-        estimators.append(Estimator(_joined(without), fewer, pair.ratio, shared))
+    estimators = [
+        Estimator(sums, bound, pair.unseen, pair.lacking, pair.ratio, pair.scales, shared)
+        for sums in (grids, without)
+        if sums is not None
+    ]
     tile, image = (family(estimators, share, test.shape[:2]) for family in (_tiles, _image))
     return Decision(values, tile, image, noise_free, failed_pixels, shared)
 
 
-NoisyImage = tuple[Image, Side | None, float]
-"""An image, its noise, and the degrees of freedom of its variance."""
+NoisyImage = tuple[Image, Blocks | None, float]
+"""An image, the mean variance of its blocks, and the degrees of freedom of its variance."""
 
 
 class Strip(NamedTuple):
@@ -250,23 +236,24 @@ class Strip(NamedTuple):
 class Pair(NamedTuple):
     """Two images and what is known of their noise before a value is tested; `level`: of each value's test.
 
-    `mostly`: fireflies carry most of the variance; `proven`: where no variance means no noise; `unit`: of variances,
-    so that their squares fit float32.
+    `proven`: where no variance means no noise; `unit`: of variances, so that their squares fit float32.
     """
 
     sides: tuple[NoisyImage, NoisyImage]
     rounding: Rounding | None
-    allowance: Allowance
+    bound: Bound
+    unseen: Unseen
     ratio: float | None
     level: float
     dof: float
-    mostly: bool
     proven: Bool[np.ndarray, "h w 1"]
     unit: np.float32
+    lacking: Lacking
+    scales: Scales
 
     def strips(self) -> Iterator[Strip]:
         (test, a, _), (reference, b, _) = self.sides
-        bound, unseen = self.allowance.bound, self.allowance.unseen
+        bound, unseen = self.bound, self.unseen
         for y0, y1, rows in strips(test.shape):
             r = np.asarray(reference.mean[y0:y1], np.float32)
             d = np.subtract(test.mean[y0:y1], r, dtype=np.float32)
@@ -276,40 +263,72 @@ class Pair(NamedTuple):
             least = np.square(np.float32(SILENT) * allowed)
             silent = v <= least
             v = larger_variance(va, vb, self.ratio, v)
-            rounded = np.float32(0) if self.rounding is None else self.rounding.value[y0:y1]
-            granted = self.allowance.of(d, 1, r, allowed) + rounded
+            granted = allowed if self.rounding is None else allowed + self.rounding.value[y0:y1]
             calm, event = np.zeros((), bool), np.zeros((1, 1, 1), np.float32)
-            if unseen:
+            if unseen.share:
                 calm = _agreeing(test, reference, y0, y1, least) & ~self.proven[y0:y1]
                 silent &= ~calm
                 np.maximum(v, least, out=v, where=calm)
                 event = np.where(calm, allowed / np.float32(bound.share), np.float32(0))
-                granted = granted + np.float32(self.allowance.events_missed(self.level) * unseen) * event
+                granted = granted + np.float32(unseen.events(self.level) * unseen.share) * event
             v[silent] = np.inf
             yield Strip(y0, rows, d, r, v, allowed, granted, silent, calm, event)
 
 
 def _pair_of(test: Image, reference: Image, bound: Bound, share: float, rounding: Rounding | None, look: float) -> Pair:
-    a, b = survey(test, reference.mean), survey(reference, test.mean)
-    sides = (test, a, degrees_of_freedom(test)), (reference, b, degrees_of_freedom(reference))
-    noisy = [s for s in (a, b) if s is not None]
-    behind = (samples_behind(image, side, SILENT * bound.least) for image, side, _ in sides)
+    sides = tuple((i, None if i.variance is None else block_means(i.variance).astype(np.float32), degrees_of_freedom(i))
+                  for i in (test, reference))  # fmt: skip
+    noisy = [(float(blocks.mean()), nu) for _, blocks, nu in sides if blocks is not None]
+    behind = (samples_behind(image, blocks, SILENT * bound.least) for image, blocks, _ in sides)
     unseen = max((1 / n for n in behind if n), default=0.0)
-    seen = any(s.fireflies[0].size for s in noisy)
-    light = reference.mean.mean(axis=(0, 1), dtype=np.float64) if seen else np.ones(3)
-    missing = missed(a, b, (test.samples, reference.samples), math.prod(test.shape[:2]), share, light)
-    carried, total = sum(float(s.second.sum()) for s in noisy), sum(s.mean for s in noisy)
+    ratio = variance_ratio(test, reference, (SILENT * bound.least) ** 2)
     return Pair(
-        sides,
+        sides,  # type: ignore[arg-type]
         rounding,
-        Allowance(bound, *missing, unseen, look),
-        variance_ratio(test, reference, (SILENT * bound.least) ** 2),
+        bound,
+        Unseen(unseen, look),
+        ratio,
         sidak(share, test.mean.size),
-        welch([(s.mean, nu) for _, s, nu in sides if s is not None]),
-        carried > MOSTLY_FIREFLIES * total * test.mean.size,
+        welch(noisy),
         _proven(reference, unseen),
-        np.float32(max(total, 1e-30)),
+        np.float32(max(sum(v for v, _ in noisy), 1e-30)),
+        lacking_light(test, reference, share),
+        (
+            0.0 if ratio is None or reference.third is None else ratio**2,
+            0.0 if ratio is None or test.third is None else ratio**-2,
+        ),
     )
+
+
+BRIGHTEST = 600.0
+"""Times the light: events that are brighter are not thought of."""
+
+FEWEST_TOLD = 3
+"""Samples or renders: two batches are those of a variance that was estimated, of however many samples."""
+
+ENOUGH_SAMPLES = 80_000
+"""Samples of the whole image: of events that are no rarer than one in 10 000 they have met some, but for exp(-8)."""
+
+
+def excusable(error: Means, radiance: Means, lacking: Lacking) -> Bool[np.ndarray, "..."]:
+    """Whether events that no sample met may explain the error."""
+    return np.asarray(np.abs(error) < np.where(error < 0, *lacking) * np.abs(radiance))
+
+
+def lacking_light(test: Image, reference: Image, share: float) -> Lacking:
+    """The share of its light that the test, or the reference, may lack because no pixel's sample met an event.
+
+    Beside an image without noise nothing tells of such events. -ln(share) of them are missed by all samples with the
+    probability `share`.
+    """
+    if (test.variance is None) == (reference.variance is None):
+        return 0.0, 0.0
+    noisy = reference if test.variance is None else test
+    each = noisy.samples if noisy.samples > 1 else noisy.batches or 0
+    samples = math.prod(noisy.shape[:2]) * each
+    told = each >= FEWEST_TOLD
+    lacking = BRIGHTEST * -math.log(share) / samples if told and samples < ENOUGH_SAMPLES else 0.0
+    return (0.0, lacking) if test.variance is None else (lacking, 0.0)
 
 
 # ------------------------------------------------------------------------------------------------ values
@@ -324,11 +343,19 @@ def _exact_values(found: NoiseFree, strip: Strip) -> NoiseFree:
     return found.plus(still, count, strip.allowed, strip.granted - strip.allowed, strip.y0)
 
 
-def _noisy_values(found: Family, strip: Strip, dof: float) -> tuple[Family, int]:
+def _noisy_values(found: Family, strip: Strip, grids: Sums, dof: float, lacking: Lacking) -> tuple[Family, int]:
     """z = max(|t - r| - granted, 0) / sqrt(v), Student's t, of each value; and how many pixels of the strip fail."""
-    square = np.maximum(np.abs(strip.error) - strip.granted, 0)
+    rows = slice(strip.y0 // SIDE, strip.y0 // SIDE + len(strip.error) // strip.rows)
+    lent = [grids[f"lent {way}"][rows] / grids["n"][rows] for way in WAYS]
+    square, variance = np.abs(strip.error) - strip.granted, strip.variance
+    if any(x.any() for x in lent):
+        dark, bright = (to_rows(x, strip) for x in lent)
+        square -= np.where(strip.error < 0, dark, bright)
+        dark, bright = (to_rows(grids[f"wide {way}"][rows], strip) for way in WAYS)
+        variance = np.maximum(variance, np.where(strip.error < 0, dark, bright))
+    square = np.maximum(square, 0)
     square *= square
-    square /= strip.variance
+    square /= variance
     peak, threshold = int(square.argmax()), float(quantile(found.level, dof))
     z = math.sqrt(square.flat[peak])
     if z > found.worst.z:
@@ -341,7 +368,12 @@ def _noisy_values(found: Family, strip: Strip, dof: float) -> tuple[Family, int]
     pixels = np.asarray(failed.any(axis=-1))
     places = (*found.places, *blocks_of(pixels, strip.y0))[:MOST_PLACES]
     count = found.failed + int(np.count_nonzero(failed))
-    return found._replace(failed=count, places=places), int(np.count_nonzero(pixels))
+    sure = found.sure + int(np.count_nonzero(failed & ~excusable(strip.error, strip.radiance, lacking)))
+    return found._replace(failed=count, sure=sure, places=places), int(np.count_nonzero(pixels))
+
+
+def to_rows(blocks: Blocks, strip: Strip) -> Float32[np.ndarray, "h w 3"]:
+    return np.repeat(np.repeat(blocks.astype(np.float32), strip.rows, axis=0), SIDE, axis=1)[:, : strip.error.shape[1]]
 
 
 def _agreeing(
@@ -365,14 +397,16 @@ def _proven(reference: Image, unseen: float) -> Bool[np.ndarray, "h w 1"]:
 
 # ------------------------------------------------------------------------------------------------ sums
 
+WAYS = "dark", "bright"
+
 
 def _block_sums(pair: Pair, strip: Strip, out: Bool[np.ndarray, "h w 3"] | None = None) -> Sums:
-    """Σ(t - r), Σr, n, Σv of both images, Σv²/ν, Σrounding over blocks of 8 x 8: what z of any tile is made from.
+    """Σ(t - r), Σr, n, Σv of both images, Σv²/ν, Σκ, Σrounding over blocks of 8 x 8: what z of any tile is made from.
 
         z = max(|Σ(t - r)| / n - granted, 0) / (sqrt(Σva + Σvb) / n),  ν = (Σva + Σvb)² / Σ(v²/ν) - 1
 
-    `out`: values that are left out, by default those without noise. Where fireflies carry most of the variance, each is
-    one event, with one degree of freedom.
+    κ is the third moment. Where it is not known, it is the covariance of v and t - r: a mean and its own variance share
+    just that. `out`: values that are left out, by default those without noise.
     """
     out = strip.silent if out is None else out
     y0, y1, some_out = strip.y0, strip.y0 + len(strip.error), bool(out.any())
@@ -380,66 +414,132 @@ def _block_sums(pair: Pair, strip: Strip, out: Bool[np.ndarray, "h w 3"] | None 
     found: Sums = {"d": block_sums(d, strip.rows), "r": block_sums(strip.radiance, strip.rows)}
     found["n"], none = block_counts(d, strip.rows), np.zeros_like(found["d"])
     found["vv"] = none
-    for key, (image, side, nu) in zip(("va", "vb"), pair.sides, strict=True):
-        if side is None or image.variance is None:
-            found[key] = none
+    for key, sign, (image, _, nu) in zip("ab", (1, -1), pair.sides, strict=True):
+        if image.variance is None:
+            found[f"v{key}"] = found[f"k{key}"] = none
             continue
         v = np.where(out, np.float32(0), image.variance[y0:y1]) if some_out else image.variance[y0:y1]
-        found[key] = block_sums(v, strip.rows)
-        vv = doubt(v, image.mean[y0:y1], nu)
-        if pair.mostly:
-            vv[_within(side, y0, y1)] = 1
-        v = v / pair.unit
-        vv *= v
-        vv *= v
-        found["vv"] = found["vv"] + block_sums(vv, strip.rows) * float(pair.unit) ** 2
+        found[f"v{key}"] = block_sums(v, strip.rows)
+        if image.third is not None:
+            third = np.where(out, np.float32(0), image.third[y0:y1]) if some_out else image.third[y0:y1]
+            found[f"k{key}"] = block_sums(third, strip.rows)
+        else:
+            together = block_sums(v * d, strip.rows) - found["d"] * found[f"v{key}"] / found["n"]
+            found[f"k{key}"] = sign * together
+        vv = np.square(v / pair.unit)
+        found["vv"] = found["vv"] + block_sums(vv, strip.rows) * (float(pair.unit) ** 2 / nu)
     found["round"] = none if pair.rounding is None else block_sums(pair.rounding.mean[y0:y1], strip.rows)
-    if pair.allowance.unseen:
+    if pair.unseen.share:
         found["calm"] = block_sums(strip.calm.astype(np.float32), strip.rows)
         found["size"] = block_sums(strip.event, strip.rows)
     return found
 
 
-def _joined(strips_sums: list[Sums]) -> Sums:
-    return {key: np.concatenate([sums[key] for sums in strips_sums]) for key in strips_sums[0]}
+def third_against(s: Sums, scales: Scales) -> tuple[Means, Means]:
+    """The third moments of sums of t - r that make them look too dark, and too bright, where events were missed.
+
+    What one image has seen of them, the other must have, by its number of samples.
+    """
+    up, down, other_up, other_down = (np.maximum(x, 0) for x in (s["ka"], -s["ka"], s["kb"], -s["kb"]))
+    to_test, to_reference = scales
+    up_both, down_both = np.maximum(up, to_test * other_up), np.maximum(down, to_test * other_down)
+    other_up, other_down = np.maximum(other_up, to_reference * up), np.maximum(other_down, to_reference * down)
+    return up_both + other_down, down_both + other_up
+
+
+FEW, RARE = 20.0, 60.0
+"""Events that a sum must expect, or else it may have missed them all; events of a block that tell of its neighbours'."""
+
+
+def rare_events(s: Sums, ratio: float | None, scales: Scales, share: float) -> Sums:
+    """What blocks may have missed of few events: light, variance and number, as their neighbours or all of them saw."""
+    from scipy.ndimage import maximum_filter, uniform_filter
+    from scipy.special import ndtri
+
+    c = -float(ndtri(share))
+    v = larger_variance(s["va"], s["vb"], ratio)
+    found: Sums = {}
+    light = np.maximum(s["r"], 0)
+    for way, third in zip(WAYS, third_against(s, scales), strict=True):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            number = np.where(third > 0, v**3 / np.square(third), np.inf)
+            rare = number < RARE
+            seen = np.where(rare, v * v / third, 0.0), np.where(rare, v, 0.0), np.where(rare, number, 0.0)
+        if not rare.any():
+            found |= {f"{what} {way}": np.zeros_like(v) for what in ("lent", "spread", "number", "wide")}
+            continue
+        found[f"wide {way}"] = maximum_filter(seen[1] / np.square(s["n"]) * s["n"], (3, 3, 1))
+        n = seen[2].sum(axis=(0, 1))
+        limit = np.divide((np.sqrt(n) + c / 2) ** 2 + 1, n, out=np.zeros_like(n), where=n > 0)
+        for what, x in zip(("lent", "spread", "number"), seen, strict=True):
+            near = uniform_filter(x, (3, 3, 1), mode="nearest")
+            power = {"lent": 1, "spread": 2, "number": 0}[what]
+            everywhere = x.sum(axis=(0, 1)) / s["n"].sum() * s["n"] * limit
+            mean_light = light.sum(axis=(0, 1)) / s["n"].sum() * s["n"]
+            bright = (
+                np.maximum(np.divide(light, mean_light, out=np.zeros_like(light), where=mean_light > 0), 1) ** power
+            )
+            found[f"{what} {way}"] = np.maximum(near, everywhere * bright)
+    return found
 
 
 # ------------------------------------------------------------------------------------------------ without fireflies
 
 
-def _block_sums_without_fireflies(pair: Pair, strip: Strip, whole: Sums) -> Sums:
-    """The same sums over the values that are no firefly of either image; `whole`: those over all."""
-    ends = strip.y0, strip.y0 + len(strip.error)
-    places = [_within(side, *ends) for _, side, _ in pair.sides if side is not None]
-    if not any(y.size for y, _, _ in places):
-        return whole
-    out = strip.silent.copy()
-    for place in places:
-        out[place] = True
-    return _block_sums(pair, strip, out)
+def _without_fireflies(pair: Pair, strips: list[Strip], share: float) -> Sums | None:
+    """The sums over the values that are no firefly of either image, if fireflies carry most of the variance; else None.
 
+    What is left is too dark by the fireflies' mean, or too bright if they are dark, which is granted: for k of one size
+    the upper limit of a Poisson mean, (sqrt(k) + c / 2)² + 1, c the Gaussian's quantile; with more light, more.
+    """
+    from scipy.special import ndtri
 
-def _without_fireflies(missing: Missed, side: Side | None) -> Missed:
-    """What is granted where a side's fireflies, if it has any, are left out."""
-    return missing.always if side is not None and side.fireflies[0].size else missing
-
-
-def _within(side: Side, y0: int, y1: int) -> tuple[Int[np.ndarray, " n"], ...]:
-    """The fireflies in rows y0 to y1, as places within them."""
-    y, x, c = side.fireflies
-    inside = (y >= y0) & (y < y1)
-    return y[inside] - y0, x[inside], c[inside]
+    carried, total, masks = 0.0, 0.0, []
+    first, second = np.zeros((2, 3)), np.zeros((2, 3))  # of those that are brighter than the other image, and darker
+    for strip in strips:
+        out = strip.silent.copy()
+        for sign, (image, _, _) in zip((1, -1), pair.sides, strict=True):
+            if image.variance is None:
+                continue
+            v = image.variance[strip.y0 : strip.y0 + len(out)]
+            total += float(v.sum(dtype=np.float64))
+            y, x, c = np.nonzero(fireflies(v, strip.rows))
+            out[y, x, c] = True
+            own = v[y, x, c].astype(np.float64)
+            carried += float(own.sum())
+            kind = c + 3 * (sign * strip.error[y, x, c] < 0)
+            # A single event of size S in n samples lifts the mean by S/n and makes its variance (S/n)^2.
+            first += np.bincount(kind, np.sqrt(own), 6).reshape(2, 3)
+            second += np.bincount(kind, own, 6).reshape(2, 3)
+        masks.append(out)
+    if not carried > MOSTLY_FIREFLIES * total:
+        return None
+    found = [_block_sums(pair, strip, out) for strip, out in zip(strips, masks, strict=True)]
+    sums = {key: np.concatenate([part[key] for part in found]) for key in found[0]}
+    c = -float(ndtri(share))
+    size = np.divide(second, first, out=np.zeros((2, 3)), where=first > 0)
+    most = (first + c * np.sqrt(second) + (c * c / 4 + 1) * size) / sums["n"].sum()
+    light = np.maximum(sums["r"].sum(axis=(0, 1)) / sums["n"].sum(), TINY)
+    (bright, dark), more = most, np.maximum(sums["r"] / light, sums["n"])
+    tested, referred = (image.variance is not None for image, _, _ in pair.sides)
+    sums |= {"lent dark": more * (tested * bright + referred * dark)}
+    sums |= {"lent bright": more * (tested * dark + referred * bright)}
+    none = np.zeros_like(sums["d"])
+    return sums | {f"{what} {way}": none for what in ("spread", "number") for way in WAYS}
 
 
 # ------------------------------------------------------------------------------------------------ tiles and the image
 
 
 class Estimator(NamedTuple):
-    """One way to test sums: the sums, what they may err by, the ratio of variances, and their inflation."""
+    """The sums, what they may err by, the ratio of variances, and their inflation."""
 
     sums: Sums
-    allowance: Allowance
+    bound: Bound
+    unseen: Unseen
+    lacking: Lacking
     ratio: float | None
+    scales: Scales
     inflation: float
 
 
@@ -457,57 +557,60 @@ class _Tested(NamedTuple):
     error: Means
     always: Means
     event: Means
+    skewness: Means
 
 
-def _student(estimators: list[Estimator], level: float, apart: int = 0) -> _Tested:
-    """For each sum take the more sensitive estimator: with its fireflies, or without them, allowing for their mean.
+def _estimate(estimator: Estimator, level: float) -> _Tested:
+    s, shared = estimator.sums, estimator.inflation
+    v = s["va"] + s["vb"]
+    dof = np.divide(np.square(v), s["vv"], out=np.full_like(v, np.inf), where=s["vv"] > 0) / shared - 1
+    dof = np.maximum(dof, 0.5)
+    variance = larger_variance(s["va"], s["vb"], estimator.ratio)
+    third = third_against(s, estimator.scales)
+    sd = np.sqrt(variance * shared) / s["n"]
+    floor = 1e-3 * estimator.bound.least  # where all is calm: no division by 0
+    sd, dof = np.maximum(sd, floor), np.where(sd > floor, dof, np.inf)
+    error, radiance = s["d"] / s["n"], s["r"] / s["n"]
+    event = np.zeros_like(sd)
+    if estimator.unseen.share:
+        np.divide(estimator.unseen.share * s["size"], s["calm"] * s["n"], out=event, where=s["calm"] > 0)
+    missing = estimator.unseen.events(level) * event
+    dark, bright = (_missed(s, way, variance) / s["n"] for way in WAYS)
+    always = estimator.bound.of(radiance) + s["round"] / s["n"]
+    granted = always + np.where(error < 0, dark, bright)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        skewness = np.nan_to_num(np.stack(third) * shared**2 / (sd * s["n"]) ** 3)
+    beyond = np.maximum(np.abs(error) - granted - missing, 0)
+    z = np.divide(beyond, sd, out=np.zeros_like(sd), where=sd > 0)
+    z = less_skewed(np.nan_to_num(z, nan=np.inf, posinf=np.inf), np.where(error < 0, *skewness))
+    always = always + np.maximum(dark, bright)
+    return _Tested(
+        np.nan_to_num(z, nan=np.inf, posinf=np.inf),
+        sd,
+        dof,
+        always + missing,
+        radiance,
+        error,
+        always,
+        event,
+        skewness.max(axis=0),
+    )
 
-    `apart`: steps from a tile to the next that shares no pixel with it; 0 where there is none.
-    """
-    made = [_estimate(estimator, level, apart) for estimator in estimators]
+
+def _more_sensitive(estimators: list[Estimator], level: float) -> _Tested:
+    """For each sum take the more sensitive estimator: with its fireflies, or without them, allowing for their mean."""
+    made = [_estimate(estimator, level) for estimator in estimators]
     if len(made) == 1:
         return made[0]
-    least = [t.granted + t.sd * quantile(level, t.dof) for t in made]
+    least = [t.granted + t.sd * as_skewed(quantile(level, t.dof), t.skewness) for t in made]
     return _Tested(*(np.where(least[1] < least[0], y, x) for x, y in zip(*made, strict=True)))
 
 
-def _at_least_usual(variance: Means, s: Sums, apart: int) -> Means:
-    """Return the tiles' variances, none less than the third least of it and its 8 neighbours, in units of their light.
-
-    A tile that saw none of a few rare events claims too little. Edges and quiet places rarely fill seven of nine tiles.
-    """
-    from scipy.ndimage import rank_filter
-
-    light = np.square(s["r"]) / s["n"]
-    relative = np.divide(variance, light, out=np.zeros_like(variance), where=light > 0)
-    places = np.zeros((2 * apart + 1, 2 * apart + 1, 1), bool)
-    places[::apart, ::apart] = True
-    usual = rank_filter(relative, 2, footprint=places, mode="nearest") * light
-    return np.asarray(np.where(variance > 0, np.maximum(variance, usual), variance))
-
-
-def _estimate(estimator: Estimator, level: float, apart: int = 0) -> _Tested:
-    s, shared = estimator.sums, estimator.inflation
-    v = s["va"] + s["vb"]
-    dof = np.divide(np.square(v), s["vv"], out=np.zeros_like(v), where=s["vv"] > 0) / shared - 1
-    dof = np.maximum(dof, 0.5)
-    variance = larger_variance(s["va"], s["vb"], estimator.ratio)
-    if apart:
-        variance = _at_least_usual(variance, s, apart)
-    sd = np.sqrt(variance * shared) / s["n"]
-    floor = 1e-3 * estimator.allowance.bound.least  # where all is calm: no division by 0
-    sd, dof = np.maximum(sd, floor), np.where(sd > floor, dof, np.inf)
-    allowance, error, radiance = estimator.allowance, s["d"] / s["n"], s["r"] / s["n"]
-    event = np.zeros_like(sd)
-    if allowance.unseen:
-        np.divide(allowance.unseen * s["size"], s["calm"] * s["n"], out=event, where=s["calm"] > 0)
-    missing = allowance.events_missed(level) * event
-    rounded = s["round"] / s["n"]
-    beyond = np.maximum(np.abs(error) - allowance.of(error, s["n"], radiance) - rounded - missing, 0)
-    z = np.divide(beyond, sd, out=np.zeros_like(sd), where=sd > 0)
-    always = allowance.upper(s["n"], radiance) + rounded
-    z = np.nan_to_num(z, nan=np.inf, posinf=np.inf)
-    return _Tested(z, sd, dof, always + missing, radiance, error, always, event)
+def _missed(s: Sums, way: str, variance: Means) -> Means:
+    """The light of the few events that a sum may have missed: all, unless it shows their variance."""
+    spread = s[f"spread {way}"]
+    shown = np.divide(variance, spread, out=np.zeros_like(variance), where=spread > 0)
+    return np.asarray(s[f"lent {way}"] * np.maximum(1 - shown, 0) * (s[f"number {way}"] < FEW))
 
 
 def _tiles(estimators: list[Estimator], share: float, size: Size) -> Family:
@@ -522,15 +625,16 @@ def _tiles(estimators: list[Estimator], share: float, size: Size) -> Family:
     tests = sum(w[0].sums["d"].size for _, _, w in scales)
     level = sidak(share, tests)
     doubtful = float(quantile(level, math.inf))
-    worst, failed, detectable = Worst(width=SIDE, height=SIDE), 0, math.nan
+    worst, failed, sure, detectable = Worst(width=SIDE, height=SIDE), 0, 0, math.nan
     found: list[Place] = []
     for k, (side, step, here) in enumerate(scales):
-        t = _student(here, level, side // step)
+        t = _more_sensitive(here, level)
         # Student's tails are wider than the Gaussian's: only what a Gaussian would doubt needs them.
         unsure = t.z >= min(doubtful, float(t.z.max()))
         p = np.ones_like(t.z)
         p[unsure] = two_sided(t.z[unsure], t.dof[unsure])
         failed += int(np.count_nonzero(p < level))
+        sure += int(np.count_nonzero((p < level) & ~excusable(t.error, t.radiance, estimators[0].lacking)))
         for y, x in np.argwhere((p < level).any(axis=-1))[: MOST_PLACES - len(found)].tolist():
             place = Place(x * step, y * step, min(side, width - x * step), min(side, height - y * step))
             if not any(_holds(place, finer) for finer in found):
@@ -543,7 +647,7 @@ def _tiles(estimators: list[Estimator], share: float, size: Size) -> Family:
             worst = Worst(float(t.z.flat[i]), float(p.flat[i]), x * step, y * step, w, h, c, float(t.error.flat[i]))
         if k == min(1, len(scales) - 1):
             detectable = _seen_somewhere(t, level)
-    return Family(worst, level, failed, tests, detectable, tuple(found))
+    return Family(worst, level, failed, tests, detectable, tuple(found), sure=sure)
 
 
 def _holds(outer: Place, inner: Place) -> bool:
@@ -565,7 +669,7 @@ def _seen_somewhere(t: _Tested, level: float) -> float:
     radiance, sd, granted = (x[lit][pick] for x in (t.radiance, t.sd, t.granted))
     if not radiance.size:
         return math.nan
-    least = quantile(level, t.dof[lit][pick])
+    least = as_skewed(quantile(level, t.dof[lit][pick]), t.skewness[lit][pick])
 
     def power(log_bias: float) -> float:
         beyond = math.exp(log_bias) * radiance - granted
@@ -583,16 +687,20 @@ def _image(estimators: list[Estimator], share: float, size: Size) -> Family:
     from scipy.special import ndtri
 
     level = sidak(share, 3)
-    t = _student([w._replace(sums={k: x.sum(axis=(0, 1)) for k, x in w.sums.items()}) for w in estimators], level)
+    t = _more_sensitive(
+        [w._replace(sums={k: x.sum(axis=(0, 1)) for k, x in w.sums.items()}) for w in estimators], level
+    )
     p = two_sided(t.z, t.dof)
     c = int(t.z.argmax())
     worst = Worst(float(t.z[c]), float(p[c]), 0, 0, size[1], size[0], c, float(t.error[c]))
-    least = t.granted + t.sd * (quantile(level, t.dof) + ndtri(POWER))
+    least = t.granted + t.sd * (as_skewed(quantile(level, t.dof), t.skewness) + ndtri(POWER))
     lit = t.radiance > DIM * t.radiance.mean()
+    failed = p < level
+    sure = int((failed & ~excusable(t.error, t.radiance, estimators[0].lacking)).sum())
     if not lit.any():
-        return Family(worst, level, int((p < level).sum()), 3)
+        return Family(worst, level, int(failed.sum()), 3, sure=sure)
     detectable, excluded = (float((x / t.radiance)[lit].max()) for x in (least, _excluded(t)))
-    return Family(worst, level, int((p < level).sum()), 3, detectable, excluded=excluded)
+    return Family(worst, level, int(failed.sum()), 3, detectable, excluded=excluded, sure=sure)
 
 
 def _excluded(t: _Tested) -> Means:

@@ -33,6 +33,7 @@ KINDS = {
     "tile": Kind(6),
     "value": Kind(7),
     "exact": Kind(8),
+    "below zero": Kind(9, "negative values"),
     "proved": Kind(prefix="cause (proved): "),
     "likely": Kind(prefix="cause (likely): "),
     "rounding": Kind(prefix="cause (likely): "),

@@ -14,6 +14,12 @@ NOISE_BELOW = 8.0
 """Standard deviations below 0 that noise may take a value: the statistics judge it further."""
 
 
+LOBES = (
+    "; nothing tells whether noise explains them (a filter with negative lobes, control variates): give a variance or "
+    "several renders"
+)
+
+
 def shape_findings(test: Image, reference: Image) -> list[Finding]:
     """Whatever makes the two arrays impossible to compare: kind, dtype, shape."""
     findings = []
@@ -47,12 +53,15 @@ def value_findings(test: Image, reference: Image, least: float, noisy: bool = Tr
     """NaN, infinite and negative values (below -least) of either image, and a black test image.
 
     Negative values that noise bears out are none of them (filters with negative lobes, few samples); the test has
-    noise only if `noisy`.
+    noise only if `noisy`. Where an image's noise is not known, those that are left are "below zero": not proven wrong.
     """
     findings = []
     for name, image, other in (("test image", test, reference), ("reference image", reference, test)):
         negative = noisy or image is reference
-        findings += bad_values(name, image.mean, least, partial(_noise_of, image, other) if negative else float)
+        found = bad_values(name, image.mean, least, partial(_noise_of, image, other) if negative else float)
+        if negative and image.variance is None and image.samples != 1:
+            found = [f._replace(kind="below zero", text=f.text + LOBES) if f.kind == "negative" else f for f in found]
+        findings += found
         if image.variance is not None:
             findings += bad_values(f"variance of the {name}", image.variance, 0.0)
     if not findings and not test.mean.any() and reference.mean.any():
@@ -61,7 +70,9 @@ def value_findings(test: Image, reference: Image, least: float, noisy: bool = Tr
 
 
 def _noise_of(image: Image, other: Image) -> Pixels | float:
-    """How far below 0 noise may take a value: as far as its neighbours scatter, and its variance, if any, allows."""
+    """How far below 0 noise may take a value: as its block or a neighbour scatters, and its variance, if any."""
+    from scipy.ndimage import maximum_filter
+
     if image.variance is None and image.samples == 1:
         return 0.0
     shown = residual(image.mean, other.mean)
@@ -69,9 +80,11 @@ def _noise_of(image: Image, other: Image) -> Pixels | float:
     total, count = (to_pixels(x, *image.shape[:2]) for x in (squares, shown.pixels))
     # Without the value itself, which would otherwise excuse itself.
     square = np.maximum(total - estimated(image.mean, other.mean), 0) / np.maximum(count - 2, 1)
+    around = np.ones((3, 3, 1), bool)
+    around[1, 1] = False
+    scatter = np.where(np.isfinite(shown.square), shown.square, 0)
+    square = np.maximum(square, to_pixels(maximum_filter(scatter, footprint=around, mode="constant"), *image.shape[:2]))
     if image.variance is not None:
-        from scipy.ndimage import maximum_filter
-
         square = np.minimum(square, maximum_filter(image.variance, (3, 3, 1)))
     return np.asarray(NOISE_BELOW * np.sqrt(np.maximum(square, 0)))
 

@@ -5,12 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.array_types import Float, Float32, Float64, Int
+from raytwin.array_types import Bool, Float, Float32, Float64
 from raytwin.compare.blocks import (
     SIDE,
     Blocks,
-    Counts,
-    Means,
     Pixels,
     block_counts,
     block_sums,
@@ -21,16 +19,13 @@ from raytwin.compare.blocks import (
 from raytwin.image import Image
 
 FIREFLY = 25.0
-"""A firefly's variance over that of its block and its neighbours: five times their standard deviation."""
+"""A firefly's variance over that of its block: five times the standard deviation."""
 
 EVENTS = 8.0
 """A pixel of mean m and variance v is the sum of some m²/v events of one size; of fewer than this it is rare light."""
 
 ONE_EVENT = 1.01
 """Events that the mean and variance of a single one amount to at most: 1, but for rounding."""
-
-SURE = 20.0
-"""A sum over pixels that expects more fireflies than this has seen some: missing all has probability exp(-20)."""
 
 CAP = 4.0
 """A block's claimed variance may be this many times what the scatter of t - r within it shows."""
@@ -47,55 +42,6 @@ def degrees_of_freedom(image: Image) -> float:
 
 
 # ------------------------------------------------------------------------------------------------------ one image
-
-
-class Side(NamedTuple):
-    """One image's noise: its mean variance, and that of each 8 x 8 block (by, bx, 3).
-    Sums over its fireflies, per channel: `first` of their contributions to their pixels, `second` of the squares, of
-    those that make their pixel brighter than the other image's, and darker (2, 3); and where they are, (y, x, c).
-    """
-
-    mean: float
-    blocks: Float32[np.ndarray, "by bx 3"]
-    first: Float[np.ndarray, "2 3"]
-    second: Float[np.ndarray, "2 3"]
-    fireflies: tuple[Int[np.ndarray, " n"], ...]
-
-    @property
-    def events(self) -> Float[np.ndarray, "3"]:
-        """(3,) the effective number of fireflies, (Σ x)² / Σ x²: their count, where all are alike."""
-        first, second = self.first.sum(axis=0), self.second.sum(axis=0)
-        return np.asarray(np.divide(np.square(first), second, out=np.zeros(3), where=second > 0))
-
-
-def survey(image: Image, other: Pixels) -> Side | None:
-    """The noise of one image, in one pass; None where it has none. `other`: the mean that it is compared with."""
-    v = image.variance
-    if v is None:
-        return None
-    blocks, sums, places = [], np.zeros((2, 6)), [np.zeros((3, 0), np.intp)]
-    for y0, y1, rows in strips(v.shape):
-        strip = v[y0:y1]
-        count = block_counts(strip, rows)
-        blocks.append((block_sums(strip, rows) / count).astype(np.float32))
-        # (mean sqrt(v))^2 is typical of the block even when one value of it is huge.
-        typical = np.square(block_sums(np.sqrt(strip), rows) / count)
-        bright = unblock(strip, rows) > spread((FIREFLY * typical).astype(np.float32), v.shape[1])
-        if bright.any():
-            y, x, c = np.nonzero(bright.reshape(strip.shape))
-            y, x, c = _fireflies(v, y + y0, x, c)
-            places.append(np.array([y, x, c]))
-            own = v[y, x, c].astype(np.float64)
-            # A single event of size S in n samples lifts the mean by S/n and makes its variance (S/n)^2.
-            kind = c + 3 * (image.mean[y, x, c] < other[y, x, c])
-            sums += [np.bincount(kind, w, 6) for w in (np.sqrt(own), own)]
-    return Side(
-        float(v.mean(dtype=np.float64)),
-        np.concatenate(blocks),
-        sums[0].reshape(2, 3),
-        sums[1].reshape(2, 3),
-        tuple(np.concatenate(places, axis=1)),
-    )
 
 
 def rare_light(image: Image) -> float:
@@ -117,53 +63,27 @@ def spread(blocks: Float[np.ndarray, "by bx c"], width: int) -> Float[np.ndarray
     return np.asarray(np.repeat(blocks, SIDE, axis=1)[:, None, :width])
 
 
-def samples_behind(image: Image, side: Side | None, least: float) -> int:
+def samples_behind(image: Image, side: Blocks | None, least: float) -> int:
     """How many samples of a pixel agree where the variance is 0; 0 where the image has no noise (beyond `least`)."""
-    if side is None or not float(side.blocks.max()) > least**2:
+    if side is None or not float(side.max()) > least**2:
         return 0
     return image.samples if image.samples > 1 else max(image.batches or 0, 2)
 
 
-def _fireflies(
-    v: Pixels, y: Int[np.ndarray, " n"], x: Int[np.ndarray, " n"], c: Int[np.ndarray, " n"]
-) -> tuple[Int[np.ndarray, " k"], ...]:
-    """Those of the values (y, x, c) that are an event or few, and alone: an edge is noisier than its block too."""
-    height, width = v.shape[:2]
-    neighbours = np.zeros((8, len(y)), v.dtype)
-    steps = [(dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if dy or dx]
-    for k, (dy, dx) in enumerate(steps):
-        inside = (y + dy >= 0) & (y + dy < height) & (x + dx >= 0) & (x + dx < width)
-        neighbours[k, inside] = v[y[inside] + dy, x[inside] + dx, c[inside]]
-    own = v[y, x, c].astype(np.float64)
-    alone = own > FIREFLY * np.partition(neighbours, -2, axis=0)[-2]
-    return y[alone], x[alone], c[alone]
-
-
-def doubt(variance: Float[np.ndarray, "*n"], mean: Float[np.ndarray, "*n"], dof: float) -> Float32[np.ndarray, "*n"]:
-    """1 / ν of each value's variance, between 1 / dof and 1: how little is known of it.
-
-    m² / v events of one size estimate their variance with a quarter of as many degrees of freedom (exponential
-    noise; the Gaussian's are more, and end at the batches'): a firefly's, which is one event, with one.
-    """
-    known = np.float32(1 / dof if dof > 0 else 1)
-    out = np.square(mean, dtype=np.float32)
-    np.maximum(out, TINY, out=out)  # of black, all is doubtful
-    with np.errstate(over="ignore"):
-        np.divide(variance, out, out=out)
-        out *= 4
-    np.maximum(out, known, out=out)
-    np.minimum(out, 1, out=out)
-    return np.asarray(out)
+def fireflies(v: Pixels, rows: int) -> Bool[np.ndarray, "h w 3"]:
+    """Values of FIREFLY times the variance that is typical of their block, (mean sqrt(v))²: few events made them."""
+    typical = np.square(block_sums(np.sqrt(v), rows) / block_counts(v, rows))
+    return np.asarray(unblock(v, rows) > spread((FIREFLY * typical).astype(np.float32), v.shape[1])).reshape(v.shape)
 
 
 def regularised(
-    v: Pixels | None, side: Side | None, y0: int, y1: int, rows: int
+    v: Pixels | None, side: Blocks | None, y0: int, y1: int, rows: int
 ) -> Float32[np.ndarray, "{y1-y0} w 3"] | Float32[np.ndarray, ""]:
     """Rows y0 to y1 of `v`, float32, each value no less than its 8 x 8 block's mean."""
     if v is None or side is None:
         return np.zeros((), np.float32)
     out = np.array(v[y0:y1], np.float32)
-    blocks = side.blocks[y0 // SIDE : y0 // SIDE + (y1 - y0) // rows]
+    blocks = side[y0 // SIDE : y0 // SIDE + (y1 - y0) // rows]
     in_blocks = unblock(out, rows)
     np.maximum(in_blocks, spread(blocks, v.shape[1]), out=in_blocks)
     return out
@@ -304,60 +224,6 @@ def _along(e: Float32[np.ndarray, "h w 3"], lines: Float64[np.ndarray, " n"], ax
 
 
 # ------------------------------------------------------------------------------------------------------ two images
-
-
-class Missed(NamedTuple):
-    """What an image may have missed: the bias of its fireflies' mean per channel, of bright and of dark ones (2, 3).
-
-    `density`: how many it sees per pixel; `light`: the radiance of which the bias holds, (3,). Where it is brighter,
-    so may the fireflies be.
-    """
-
-    bias: Float[np.ndarray, "2 3"] = np.zeros((2, 3))
-    density: Float[np.ndarray, "3"] = np.zeros(3)
-    light: Float[np.ndarray, "3"] = np.full(3, np.inf)
-
-    @property
-    def always(self) -> "Missed":
-        """Granted to sums from which the fireflies are left out, however many pixels they have."""
-        return self._replace(density=np.zeros(3))
-
-    def of(self, pixels: Counts | int, radiance: Means) -> tuple[Means, Means]:
-        """For means over so many pixels, (..., 1) or one number, (..., 3) each: how much too dark, and too bright."""
-        most = np.maximum(radiance / self.light, 1) * (self.density * pixels < SURE)
-        return most * self.bias[0], most * self.bias[1]
-
-
-def missed(
-    a: Side | None, b: Side | None, samples: tuple[int, int], pixels: int, share: float, light: Float[np.ndarray, "3"]
-) -> tuple[Missed, Missed]:
-    """What the test (a), and what the reference (b) may have missed, at confidence 1 - share.
-
-    For k events of one size the upper limit is that of a Poisson mean: (sqrt(k) + c / 2)^2 + 1, c the Gaussian's
-    quantile. Either image tells how large and how frequent they are: the larger limit counts for both. Where both
-    state their `samples`, what one has seen says how many the other must have, unusual among its pixels or not.
-    `light`: the mean radiance, (3,).
-    """
-    from scipy.special import ndtri
-
-    c = -float(ndtri(share))
-
-    def limit(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        size = np.divide(second, first, out=np.zeros((2, 3)), where=first > 0)
-        return np.asarray((first + c * np.sqrt(second) + (c * c / 4 + 1) * size) / pixels)
-
-    # Among many fireflies some have two neighbours of their kind, and pass for an edge.
-    bias = 1.2 * np.max([limit(s.first, s.second) for s in (a, b) if s is not None], axis=0)
-
-    def one(own: Side | None, other: Side | None, more: float) -> Missed:
-        if own is None:
-            return Missed()
-        seen = own.events if other is None else np.maximum(own.events, more * other.events)
-        return Missed(bias, seen / pixels, np.maximum(light, TINY))
-
-    na, nb = samples
-    counted = na > 1 and nb > 1
-    return one(a, b, na / nb if counted else 0.0), one(b, a, nb / na if counted else 0.0)
 
 
 def variance_ratio(test: Image, reference: Image, least: float = 0.0) -> float | None:

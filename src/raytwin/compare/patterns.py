@@ -6,6 +6,7 @@ A variance that is claimed excuses none of them.
 import math
 
 import numpy as np
+from scipy.ndimage import uniform_filter
 
 from raytwin.compare.blocks import SIDE, Blocks, Pixels
 from raytwin.compare.noise import standardised
@@ -23,12 +24,15 @@ CELL, MOST_CELLS = 64, 16
 over the image, a pattern in a quarter of it meets four."""
 
 
-def patterned(test: Pixels, reference: Pixels, square: Blocks) -> bool:
+def patterned(test: Pixels, reference: Pixels, square: Blocks, inflation: float = 1.0) -> bool:
     """Whether errors repeat at some distance up to LONGEST along rows, columns or diagonals, in a cell or in all.
 
-    `square`: the blocks' variances of t - r that are claimed. Errors that are alike over an area are tested elsewhere:
+    `square`: the blocks' variances of t - r that are claimed; `inflation`: of the variance of sums, because neighbours
+    share samples, whose correlations scatter more, too. Errors that are alike over an area are tested elsewhere:
     a pattern's are less alike between neighbours, in some direction, than at a distance; or they are opposite.
     """
+    # A block that saw none of a few events claims too little.
+    square = np.maximum(square, uniform_filter(square, (5, 5, 1), mode="nearest"))
     finite = square[np.isfinite(square)]
     # What float32 rounds is no scatter: where errors are all alike, they are left out.
     rounding = 1e-9 * float(finite.mean()) if finite.size else 0.0
@@ -36,7 +40,10 @@ def patterned(test: Pixels, reference: Pixels, square: Blocks) -> bool:
     high, wide = (min(CELL, n) for n in e.shape[:2])
     cells = [_correlations(e[y : y + high, x : x + wide]) for y, x in _cells(e.shape, high, wide)]
     for together, power in (*cells, tuple(np.sum(cells, axis=0))):
-        lines = [_along(together, power, (high, wide), *direction) for direction in ((0, 1), (1, 0), (1, 1), (1, -1))]
+        lines = [
+            _along(together, power * inflation, (high, wide), *direction)
+            for direction in ((0, 1), (1, 0), (1, 1), (1, -1))
+        ]
         near = min((1.0, *(x for alike, _ in lines for x in alike[:2])))
         for alike, sure in lines:
             nearer = np.minimum.accumulate(np.concatenate([[near], alike]))[:-1]

@@ -7,7 +7,7 @@ import numpy as np
 
 from raytwin.compare.blocks import Pixels
 from raytwin.compare.comparison import Statistics
-from raytwin.compare.decision import TESTS, Decision, Rounding, decide
+from raytwin.compare.decision import ENOUGH_SAMPLES, TESTS, Decision, Rounding, decide
 from raytwin.compare.exact import NoiseFree, count_noise_free
 from raytwin.compare.finding import Finding, Place, notes
 from raytwin.compare.messages import agreement, noise_findings, percent, what_could_be_seen
@@ -45,6 +45,16 @@ FEW_BATCHES = (
 FEW_SAMPLES = (
     "undecided: too few random samples to know any noise: take at least 4 samples per pixel, and another image for "
     "each seed"
+)
+
+UNSAMPLED = (
+    "undecided: the image has so few samples that all of them may have missed events that are rare and bright: take at "
+    "least {} samples per pixel"
+)
+
+SCALED = (
+    "undecided: single pixels are off by more than the other image's noise, scaled by the samples, explains, but that says "
+    "nothing of rare events: give a variance or several renders"
 )
 
 MOSTLY_RARE = 0.25
@@ -98,6 +108,10 @@ class RadianceTest:
         sides = ("the test", filled.test), ("the reference", filled.reference)
         unstated = [name for name, image in sides if not states_noise(image)]
         first = filled._by_stated_noise()
+        if filled is not self and any(f.kind == "value" for f in first.findings):
+            # Of rare events in a pixel the other image says nothing.
+            sums = [f for f in first.findings if f.kind != "value"]
+            first = first._replace(findings=sums, doubts=first.doubts if sums else (SCALED,))
         if first.findings and any(hardly_sampled(image) for _, image in sides):
             return first._replace(doubts=(FEW_SAMPLES,))
         claims = [block_means(i.variance) for i in (self.test, self.reference) if i.variance is not None]
@@ -119,11 +133,9 @@ class RadianceTest:
         a, b = self.test, self.reference
         if a.samples > 1 and b.samples > 1:
             if a.variance is None and b.variance is not None:
-                filled = b.variance * np.float32(b.samples / a.samples)
-                return replace(self, test=replace(a, variance=filled, batches=b.batches))
+                return replace(self, test=_with_noise_of(a, b))
             if b.variance is None and a.variance is not None:
-                filled = a.variance * np.float32(a.samples / b.samples)
-                return replace(self, reference=replace(b, variance=filled, batches=a.batches))
+                return replace(self, reference=_with_noise_of(b, a))
         return self
 
     def _rounding(self) -> tuple[Rounding | None, "RadianceTest"]:
@@ -175,7 +187,11 @@ class RadianceTest:
             return outcome._replace(doubts=(RARE.format(100 * max(rare)[0], max(rare)[1]),))
         if much > 0.5 and outcome.findings and self._shares_noise(shown):
             return outcome._replace(doubts=(SHARED,))
-        if a.variance is not None and not outcome.findings and patterned(a.mean, b.mean, block_means(a.variance)):
+        if (
+            a.variance is not None
+            and not outcome.findings
+            and patterned(a.mean, b.mean, block_means(a.variance), made.inflation)
+        ):
             bare = replace(self, test=replace(self.test, variance=None, samples=0, batches=None))._by_stated_noise()
             if bare.findings:
                 return bare._replace(findings=[Finding("tile", PATTERN), *bare.findings])
@@ -228,6 +244,8 @@ class RadianceTest:
         )
         seen_by = what_could_be_seen(made.image.detectable, made.tile.detectable, made.inflation, self.rate)
         doubts: tuple[str, ...] = ()
+        if findings and made.excusable and all(f.kind in ("image", "tile", "value") for f in findings):
+            doubts = (UNSAMPLED.format(ENOUGH_SAMPLES // self.pixels + 1),)
         of = (seen, "the whole image's mean"), (made.tile.detectable, "24 x 24 pixels")
         missed = [
             f"{percent(found)} of {what} (a pass needs {percent(limit)})"
@@ -255,6 +273,14 @@ class RadianceTest:
         if outcome.doubts:
             return outcome._replace(doubts=(*outcome.doubts, f"{which}: {ESTIMATED}: {GIVE}"))
         return outcome._replace(notes=(*outcome.notes, *notes([f"{which}: {ESTIMATED}"])))
+
+
+def _with_noise_of(image: Image, other: Image) -> Image:
+    """The image with the other's noise, as its own samples make it."""
+    assert other.variance is not None
+    more = np.float32(other.samples / image.samples)
+    third = np.zeros_like(other.variance) if other.third is None else other.third * more**2
+    return replace(image, variance=other.variance * more, batches=other.batches, third=third)
 
 
 def finite(x: float) -> float | None:

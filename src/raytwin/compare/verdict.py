@@ -94,13 +94,16 @@ def compare(
     findings += outcome.findings
     different, unknown = alpha_findings(test, reference, judging, half_steps)
     findings += different
+    doubts = () if misplaced else outcome.doubts
+    if findings and all(f.kind == "below zero" for f in findings):
+        doubts, findings = (*(f"undecided: {f.text}" for f in findings), *doubts), []
     shift_named = any(f.kind == "shift" for f in findings)
     if findings and not outcome.doubts and shift is not None and shift.certain and not shift_named:
         findings.append(shift_finding(shift))
     comparison = made(
         findings,
         outcome.notes,
-        () if misplaced else outcome.doubts,
+        doubts,
         geometry=geometry,
         radiance=radiance,
         statistics=outcome.statistics,
@@ -123,7 +126,9 @@ def _made(
 
 def _single(image: Image) -> Image:
     """The image in float32, or float64 where it came so: half floats overflow when squared."""
-    wide = {k: x for k in ("mean", "variance") if (x := getattr(image, k)) is not None and x.dtype.itemsize < 4}
+    wide = {
+        k: x for k in ("mean", "variance", "third") if (x := getattr(image, k)) is not None and x.dtype.itemsize < 4
+    }
     return replace(image, **{k: x.astype(np.float32) for k, x in wide.items()})
 
 
@@ -131,4 +136,5 @@ def _scaled(image: Image, unit: float) -> Image:
     """In units of a power of two: every digit stays."""
     k = math.frexp(unit)[1] - 1
     variance = None if image.variance is None else np.ldexp(image.variance, -2 * k)
-    return replace(image, mean=np.ldexp(image.mean, -k), variance=variance)
+    third = None if image.third is None else np.ldexp(image.third, -3 * k)
+    return replace(image, mean=np.ldexp(image.mean, -k), variance=variance, third=third)

@@ -21,7 +21,7 @@ from raytwin.contract.loading import arrays_of
 from raytwin.contract.repair_function import PROOF, further_probes, probes, repair_here, right_ones, words_of
 from raytwin.contract.stage import Arrays, Case, Function, Stage, Variant
 from raytwin.contract.stage_result import CaseResult, StageResult
-from raytwin.diagnose.explanation import Diagnosis
+from raytwin.diagnose.explanation import Explanation
 from raytwin.diagnose.repair import Repair
 
 Outcome = Arrays | str
@@ -31,7 +31,10 @@ Outcome = Arrays | str
 def judge_function(stage: Stage, function: Function, seed: int = 0) -> StageResult:
     """Both at once: the function called and judged in this process."""
     cases = stage.cases(seed)
-    return judge(stage, cases, call_stage(stage, function, cases))
+    found = judge(stage, cases, call_stage(stage, function, cases))
+    if not found.passed or not (last := stage.last(seed)):
+        return found
+    return judge(stage, [*cases, *last], call_stage(stage, function, [*cases, *last]))
 
 
 def repair_function(stage: Stage, function: Function, seed: int = 0, source: str = "") -> Repair | None:
@@ -42,7 +45,8 @@ def repair_function(stage: Stage, function: Function, seed: int = 0, source: str
     def is_wrong(case: Case) -> bool:
         return not is_right(stage, case, call_stage(stage, function, [case])[0])
 
-    cases, further = probes(stage, stage.cases(seed), is_wrong), partial(further_probes, stage, seed)
+    cases = probes(stage, stage.cases(seed), is_wrong) or probes(stage, stage.last(seed), is_wrong)
+    further = partial(further_probes, stage, seed)
     right = right_ones(stage, cases, is_wrong)
     return repair_here(function, cases, partial(is_repaired, stage), source, further, (), right, words_of(stage.name))
 
@@ -142,12 +146,12 @@ def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> S
         where = "" if all(isinstance(got, str) for got in checked) else f" ({cases[worst].shows})"
         return replace(base, sentence=broken + where, inputs=_short_args(stage, cases[worst]))
     arrays = [got for got in checked if not isinstance(got, str)]
-    causes = [] if stage.name in NEEDED else explain(stage, cases, arrays)
+    causes = explain(stage, cases, arrays)
     inputs, expected, found = _worst_value(stage, cases[worst], arrays[worst])
     sentence = _blame(causes) if causes else f"no single common mistake fits. {_where(results)}"
     made = ((causes[0].name, causes[0].sentence),) if causes else ()
     base = replace(base, sentence=sentence, faults=made, inputs=inputs, expected=expected, got=found)
-    if stage.name in NEEDED:
+    if stage.name in NEEDED and not causes:
         return _diagnosed(base, stage, cases, arrays)
     return replace(base, causes=tuple(dict.fromkeys(v.name for v in causes)))
 
@@ -171,21 +175,15 @@ def _diagnosed(base: StageResult, stage: Stage, cases: Sequence[Case], got: Sequ
     found = diagnose(views)
     faults = ((found.cause.name, found.cause.sentence),) if found.cause else ()
     said, causes = "; ".join(student_words(found)), tuple(name for name, _ in faults)
-    return replace(base, sentence=said, causes=causes, faults=faults, exact=found.sureness == "proved")
+    return replace(base, sentence=said, causes=causes, faults=faults, exact=found.certainty == "proved")
 
 
-def student_words(found: Diagnosis) -> tuple[str, ...]:
-    """The diagnosis in sentences for a student: the mistake, what may be meant as well, what is wrong beside it."""
-    first, more, _ = found.where.partition("something else is wrong")
-    where = first.partition(";")[0]
+def student_words(found: Explanation) -> tuple[str, ...]:
+    """The explanation in sentences for a student, without the names of scenes."""
+    where = f"your pictures are {found.where.partition(';')[0]}"
     if found.cause is None:
-        near = found.nearest if found.explained >= 0.5 else None
-        unknown = (f"no single common mistake fits: your pictures are {where}",)
-        return (*unknown, f"closest to it, but not all of it: {near.sentence}") if near else unknown
-    others = (f"or, with the same effect in these pictures: {o.sentence}" for o in found.alternatives)
-    said = [found.cause.sentence, *others]
-    said += [f"your pictures are {where}"] if where else []
-    return (*said, "something else is wrong, too") if more else tuple(said)
+        return (f"no single common mistake fits: {where}", *found.sentences)
+    return (*found.sentences, where) if found.where else found.sentences
 
 
 def _checked(stage: Stage, case: Case, outcome: Outcome) -> Outcome:

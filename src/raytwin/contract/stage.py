@@ -128,6 +128,7 @@ class Stage:
     but for a share `outliers` of the values. `returns`: what its arrays are called. `columns`: (3, 1) does for (3,).
     `in_other_forms`: the variants made of other right functions, tried where none of them alone explains what is wrong.
     `by_values(cases, got)`: a variant that the values themselves tell, such as the number by which misses are marked.
+    `last(seed)`: calls that are made only once all others are right: what is wrong there is one mistake by itself.
     `hints`: what another number of arrays, or shape of the first, is likely to be, where `shape_hint` says less.
     """
 
@@ -142,6 +143,7 @@ class Stage:
     outliers: float = 0.0
     columns: bool = False
     by_values: Callable[[Sequence[Case], Sequence[Arrays]], Variant | None] = lambda cases, got: None
+    last: Callable[[int], list[Case]] = lambda seed: []
     hints: Mapping[Any, str] = field(default_factory=dict)
 
     @property

@@ -6,14 +6,14 @@ begins with `alone` shows only where the function is tested alone. To add a faul
 known beforehand are rows of `parametric_faults`.
 """
 
-from itertools import groupby
+from itertools import groupby, product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from raytwin.diagnose.changes import SHADOW, Fault, chain, in_shadow_test, offset_by, others_hide, row
-from raytwin.diagnose.predict import Array, Pipeline, replaced, slip, touches
+from raytwin.diagnose.changes import SAMPLING, SHADOW, Fault, chain, in_shadow_test, offset_by, others_hide, row
+from raytwin.diagnose.predict import SPREAD, Array, Pipeline, replaced, slip, touches
 
 ACNE = row("acne", SHADOW,
     "shadow rays hit the surface they start from (acne): rounding puts their start now above it, now below; "
@@ -56,7 +56,23 @@ def _way(fields: list[str]) -> Pipeline:
     ))  # fmt: skip
 
 
-FAULTS = read_faults()
+def _mean_of(n: int, low: float, high: float) -> Pipeline:
+    """The mean of n x n rays from `low` to `high` in both directions, pixels from the centre."""
+    places = tuple(product(np.linspace(low, high, n).tolist(), repeat=2))
+    return ((SPREAD, places),)
+
+
+BLENDS = "each pixel is the mean of several rays (anti-aliasing), which blends outlines and the edges of shadows"
+ONE_RAY = "here a pixel shows what the one ray through its centre, (u, v), meets"
+AVERAGED = (
+    row("averaged-over-pixel", SAMPLING, f"{BLENDS}: {ONE_RAY}",
+        *(_mean_of(n, 0.5 / n - 0.5, 0.5 - 0.5 / n) for n in (2, 3, 4)), *(_mean_of(n, -0.5, 0.5) for n in (2, 3))),
+    row("averaged-from-corner", SAMPLING,
+        f"{BLENDS}, and the rays are spread to one side of (u, v) as if that were the pixel's corner: {ONE_RAY}",
+        *(_mean_of(n, 0.5 / n, 1 - 0.5 / n) for n in (2, 3, 4)), *(_mean_of(n, 0.0, 1 - 1 / n) for n in (2, 3, 4)),
+        _mean_of(2, 0.0, 1.0)),
+)  # fmt: skip
+FAULTS = (*read_faults(), *AVERAGED)
 """Every mistake there is, by stage."""
 
 

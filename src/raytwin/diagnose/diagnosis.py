@@ -1,42 +1,30 @@
-"""Which mistake explains these pictures? Each fault's prediction beside what was handed in, over all scenes together.
+"""Which mistake explains these pictures? Cheap questions first, then each fault's prediction beside what was handed in.
 
 A fault is believed for what it predicts: its picture of every scene is compared with the one that was submitted, the
-scenes that are right included. Where one explains only a part, it is said that something else is wrong, too. Where none
-does, it is said where the picture is wrong. `hypothesis_search` tries them.
+scenes that are correct included. Where one explains only a part, it is said that something else is wrong, too. Where
+none does, it is said where the pictures are wrong. `search` tries them.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
 
 from raytwin.compare.finding import Finding
-from raytwin.diagnose.averaged_pixels import averaging_faults
-from raytwin.diagnose.budget import SECONDS, Budget
 from raytwin.diagnose.catalogue import ACNE, FACTS, FAULTS
-from raytwin.diagnose.certainty import (
-    SURE,
-    are_alike,
-    explained_share,
-    hit_shares,
-    is_exact,
-    is_firm,
-    is_good,
-    is_likelier,
-    left_over,
-)
 from raytwin.diagnose.changes import ORDER, OUTPUT, Fault
 from raytwin.diagnose.curve import curve_cause
 from raytwin.diagnose.distances import depth_cause
-from raytwin.diagnose.explanation import Cause, Diagnosis, Sureness
-from raytwin.diagnose.hypothesis_search import Hypothesis, Search
+from raytwin.diagnose.evidence import NOTHING_LEFT, are_alike, fit_of, is_firm, is_likelier
+from raytwin.diagnose.explanation import Cause, Certainty, Explanation
 from raytwin.diagnose.light_decomposition import split
 from raytwin.diagnose.localize import points_of_misses, whereabouts
 from raytwin.diagnose.noisy_values import noisy_cause
 from raytwin.diagnose.parametric_faults import FAMILIES, ParametricFault, radii_of
-from raytwin.diagnose.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, look
-from raytwin.diagnose.predict import RIGHT
+from raytwin.diagnose.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, mixed, sample_pixels
+from raytwin.diagnose.predict import RIGHT, Pipeline
 from raytwin.diagnose.premultiplied import alpha_cause
+from raytwin.diagnose.search import STOPPED, Hypothesis, Search, StoppedEarly
+from raytwin.diagnose.tolerance_mask import doubtful
 from raytwin.files import Rounding
 from raytwin.image import Image
 from raytwin.rungs import RUNGS
@@ -49,7 +37,7 @@ EXACT = 0.9999
 MATCHED = 0.5
 """Share of the wrong pixels that it has to hit: its values must not only come near."""
 PART, SPARED = 0.4, 0.99
-"""Shares of the wrong pixels that a cause has to hit, and of the right ones that it has to spare, to explain a part."""
+"""Shares of the wrong pixels that a cause has to hit, and of the correct ones it has to spare, to explain a part."""
 FEW = 6
 """Wrong pixels below which nothing is named: rounding on outlines."""
 ALTERNATIVES = 3
@@ -57,13 +45,14 @@ ALTERNATIVES = 3
 RARE = 3e-3
 """Share of a picture's pixels: up to here, only single faults without fitted numbers are tried."""
 SPECKLED = 0.1
-"""`PixelSample.mixed` from which on chance is asked: acne of seven tracers in five scenes has .11 to .26, and 981
+"""What `mixed` says from which on chance is asked: acne of seven tracers in five scenes has .11 to .26, and 981
 of 1006 pictures with faults of shapes and light have less."""
 MOST = 25_000
 """Pixels of a picture that are looked at in the end."""
+DOUBTED = 0.1
+"""Share of the pixels: if more stay wrong, differences between correct tracers do not explain it."""
 BRIGHT = 1e6
 """What is stored as white may be anything up to this."""
-
 
 PLAIN = tuple(
     fault for fault in FAULTS
@@ -74,75 +63,6 @@ PLAIN = tuple(
 PLAIN_FAMILIES = tuple(family for family in FAMILIES if family.name in ("image-scaled", "offset", "power"))
 
 
-def diagnose(
-    views: Sequence[SubmittedImage],
-    seed: int = 0,
-    faults: Sequence[Fault] = FAULTS,
-    families: Sequence[ParametricFault] = FAMILIES,
-    seconds: float = SECONDS,
-) -> Diagnosis:
-    """The cause of what is wrong in the views of one submission; `seconds` to search.
-
-    Give the views that are right too: a fault that would have spoiled them is none.
-    """
-    budget = Budget(seconds)
-    samples = [look(view, seed) for view in views]
-    errors = [s.off(s.predict(RIGHT)) for s in samples]
-    count = sum(int(s.wrong.sum()) for s in samples)
-    where = whereabouts(samples, errors)
-    if count == 0:
-        return Diagnosis(right=True, explained=1.0, where="right everywhere")
-    if cause := _one_value(views):
-        return Diagnosis(False, cause, (), 1.0, None, "proved")
-    if count < FEW:
-        return Diagnosis(right=False, where=where)
-    if words := points_of_misses(samples):
-        text = f"rays that meet nothing have points, too ({words}): NaN is wanted there"
-        cause = Cause("points-of-misses", ORDER, text)
-        return Diagnosis(False, cause, (), 1.0, None, "proved", where)
-    samples = [s for s in samples if s.weight.size]
-    return _search(samples, where, faults, families, budget)
-
-
-def _search(
-    samples: list[PixelSample],
-    where: str,
-    faults: Sequence[Fault],
-    families: Sequence[ParametricFault],
-    budget: Budget,
-) -> Diagnosis:
-    """The cause that costs least."""
-    every = faults is FAULTS
-    if families is FAMILIES and samples[0].view.scene and len({s.view.scene for s in samples}) == 1:
-        families = (*FAMILIES, *radii_of(samples[0].view.scene))
-    thorough = max(float((s.weight * s.wrong).sum()) for s in samples) > RARE
-    search = Search(samples, budget)
-    found = search.causes(faults, families if thorough else ())
-    if thorough and every and not (budget.over or search.explained_by(found)) and (means := averaging_faults(samples)):
-        found = sorted([*search.causes(means), *found], key=lambda g: g.cost)
-    if not (search.explained_by(found) and is_exact(samples, found[0].steps)):
-        hit = hit_shares(samples, found[0].steps)[0] if found else 0.0
-        if is_firm(samples) and (chance := _by_chance(samples, where, hit, budget)) is not None:
-            return chance
-    untried = budget.words
-    return replace(_described(found, search, where), untried=untried)
-
-
-def _one_value(views: Sequence[SubmittedImage]) -> Cause | None:
-    """What is told where every channel of every pixel has one value: 0, or one that is not the sky's."""
-    values = {float(x) for view in views for x in (np.min(view.shown), np.max(view.shown))}
-    value = values.pop()
-    if value == 0 and not values and not any(view.points for view in views):
-        return Cause("empty", OUTPUT, "the image is black everywhere")
-    skies = [x for view in views if view.scene for x in view.scene.sky.radiance]
-    if values or not np.isfinite(value) or value == 0 or any(abs(value - x) <= 1e-6 * abs(value) for x in skies):
-        return None
-    if any(view.right is not None and np.ptp(view.right) <= 1e-6 * value for view in views):
-        return None
-    text = f"every pixel has the same value, {value:.4g}: nothing of the scene is in the picture"
-    return Cause("one-value", OUTPUT, text)
-
-
 def explain(
     test: Image,
     reference: Image,
@@ -150,7 +70,6 @@ def explain(
     rung: str = "shadow",
     rounding: Rounding = Rounding(),  # noqa: B008 (frozen)
     sampled: Sampled | None = None,
-    seconds: float = SECONDS,
     of_reference: Rounding = Rounding(),  # noqa: B008 (frozen)
 ) -> tuple[Finding, ...]:
     """Why an image is not its reference: of a known scene any fault, else what a writer does wrong.
@@ -164,151 +83,168 @@ def explain(
         return ()
     if not (np.isfinite(shown).all() and np.isfinite(right).all()):
         return ()
-    if scene and (words := depth_cause(test.surface, reference.surface, scene)):
+    words = depth_cause(test.surface, reference.surface, scene) if scene else ""
+    noisy = test.variance is not None or reference.variance is not None
+    if noisy and not words:
+        both = (np.zeros(shown.shape) if x.variance is None else x.variance for x in (test, reference))
+        words = noisy_cause(shown, np.clip(right, 0, 1) if rounding.clipped else right, *both)
+    elif not words:
+        words = alpha_cause(test, reference, rounding, of_reference)
+    if words:
         return (Finding("likely", words),)
-    variances = [image.variance for image in (test, reference) if image.variance is not None]
-    if variances:
-        zero = np.zeros(shown.shape)
-        both = (zero if image.variance is None else image.variance for image in (test, reference))
-        if words := noisy_cause(shown, np.clip(right, 0, 1) if rounding.clipped else right, *both):
-            return (Finding("likely", words),)
-    elif words := alpha_cause(test, reference, rounding, of_reference):
+    view = _view(test, reference, scene, rung, rounding, of_reference, sampled)
+    made = diagnose([view]) if view.scene else diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES)
+    exact = made.certainty == "correct" or (made.cause is not None and made.explained > EXACT)
+    if not noisy and not exact and (words := curve_cause(view)):
         return (Finding("likely", words),)
-    view = view_of(test, reference, scene, rung, rounding, sampled, of_reference)
-    if view.scene is not None:
-        made = diagnose([view], seconds=seconds)
-    else:
-        made = diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES, seconds=seconds)
-    if not variances and not (made.right or (made.cause and made.explained > EXACT)) and (words := curve_cause(view)):
-        return (Finding("likely", words),)
-    return made.findings if made.cause or view.scene is not None else ()
+    return made.findings if made.cause or view.scene else ()
 
 
-def view_of(
-    test: Image,
-    reference: Image,
-    scene: Scene | None,
-    rung: str,
-    rounding: Rounding = Rounding(),  # noqa: B008 (frozen)
-    sampled: Sampled | None = None,
-    of_reference: Rounding = Rounding(),  # noqa: B008 (frozen)
-) -> SubmittedImage:
-    """Return what `diagnose` looks at: noise is slack, and a scene that no fault can be predicted in is unknown."""
-    shown = test.mean
+def _view(
+    test: Image, reference: Image, scene: Scene | None, rung: str, rounding: Rounding, of_reference: Rounding,
+    sampled: Sampled | None,
+) -> SubmittedImage:  # fmt: skip
+    """What `diagnose` takes: noise is slack, and a scene that no fault can be predicted in is unknown."""
+    shown, right = test.mean, reference.mean
     slack = np.zeros(shown.shape) if rounding.half is None else rounding.half.astype(float)
     variances = [image.variance for image in (test, reference) if image.variance is not None]
     if variances:
         slack = slack + 3 * np.sqrt(np.maximum(np.sum(variances, axis=0, dtype=float), 0))
-    # Faults are predicted under a constant sky, without highlights.
-    known = scene and RUNGS[rung].lit and scene.objects and not (scene.glossy or scene.environment)
-    right: np.ndarray = reference.mean
     bounds: tuple[np.ndarray, ...] = ()
     if of_reference.half is not None:
         above = np.where(of_reference.clipped & (right >= 1), BRIGHT, right + of_reference.half)
         bounds = right - of_reference.half, above
     clipped = rounding.clipped or of_reference.clipped
+    fits = scene and shown.shape == (scene.camera.height, scene.camera.width, 3)
+    # Faults are predicted under a constant sky, without highlights.
+    known = scene and fits and RUNGS[rung].lit and scene.objects and not (scene.glossy or scene.environment)
     return SubmittedImage(
         scene if known else None, shown, right, rung, half=slack, clipped=clipped, sampled=sampled, bounds=bounds
     )
 
 
-def _described(found: list[Hypothesis], search: Search, where: str) -> Diagnosis:
+def diagnose(
+    views: Sequence[SubmittedImage],
+    seed: int = 0,
+    faults: Sequence[Fault] = FAULTS,
+    families: Sequence[ParametricFault] = FAMILIES,
+) -> Explanation:
+    """The cause of what is wrong in the views of one submission.
+
+    Give the views that are correct too: a fault that would have spoiled them is none.
+    """
+    samples = [sample_pixels(view, seed) for view in views]
+    where = whereabouts(samples, [s.errors(RIGHT) for s in samples])
+    count = sum(int(s.wrong.sum()) for s in samples)
+    if count == 0:
+        return Explanation("correct", where=where, explained=1.0)
+    if cause := _one_value(views):
+        return Explanation("proved", (cause,), (cause.sentence,), explained=1.0)
+    if count < FEW:
+        return Explanation("unknown", where=where)
+    if words := points_of_misses(samples):
+        text = f"rays that meet nothing have points, too ({words}): NaN is wanted there"
+        return Explanation("proved", (Cause("points-of-misses", ORDER, text),), (text,), where, 1.0)
+    samples = [s for s in samples if s.weight.size]
+    if (share := _acne(samples)) > 0:
+        cause = Cause(ACNE.name, ACNE.stage, ACNE.sentence)
+        return Explanation("likely", (cause,), (cause.sentence,), where, share)
+    scenes = {s.view.scene for s in samples}
+    if families is FAMILIES and len(scenes) == 1 and (scene := samples[0].view.scene):
+        families = (*FAMILIES, *radii_of(scene))
+    thorough = max(float((s.weight * s.wrong).sum()) for s in samples) > RARE
+    try:
+        search = Search(samples)
+        return _said(search.causes(faults, families if thorough else ()), search, where)
+    except StoppedEarly:
+        stopped = f"the search stopped early, after {STOPPED:.0f} s: not all known mistakes were tried"
+        return Explanation("unknown", sentences=(stopped,), where=where)
+
+
+def _one_value(views: Sequence[SubmittedImage]) -> Cause | None:
+    """What is told where every channel of every pixel has one value: 0, or one that is not the sky's."""
+    values = {float(x) for view in views for x in (np.min(view.shown), np.max(view.shown))}
+    value = values.pop()
+    if value == 0 and not values and not any(view.points for view in views):
+        return Cause("empty", OUTPUT, "the image is black everywhere")
+    skies = [x for view in views if view.scene for x in view.scene.sky_radiance]
+    if values or not np.isfinite(value) or value == 0 or any(abs(value - x) <= 1e-6 * abs(value) for x in skies):
+        return None
+    if any(view.right is not None and np.ptp(view.right) <= 1e-6 * value for view in views):
+        return None
+    text = f"every pixel has the same value, {value:.4g}: nothing of the scene is in the picture"
+    return Cause("one-value", OUTPUT, text)
+
+
+def _acne(samples: Sequence[PixelSample]) -> float:
+    """The share of the squared error that acne explains, which leaves to chance whether a pixel is lit; 0 for none."""
+    spoilt = [s for s in samples if s.wrong.any()]
+    speckled = np.average([mixed(s.frame.wrong) for s in spoilt], weights=[s.wrong.sum() for s in spoilt])
+    if speckled < SPECKLED or not is_firm(samples):
+        return 0.0
+    hit, kept, before, after = [], [], 0.0, 0.0
+    for s in samples:
+        made = np.stack([s.predict(way) for way in ACNE.ways])
+        off = np.stack([s.off(one) for one in made])
+        nearest = off.min(axis=0)
+        hit.append((nearest <= np.minimum(4 * s.tau, s.errors(RIGHT) / 2))[s.wrong])
+        kept.append((nearest <= 4 * s.tau)[~s.wrong])
+        before += s.squared(s.predict(RIGHT))
+        after += s.squared(np.take_along_axis(made, off.argmin(axis=0)[None, :, None], 0)[0])
+    spared = np.concatenate(kept)
+    if np.concatenate(hit).mean() < EXPLAINED or (spared.size and spared.mean() < SPARED):
+        return 0.0
+    return 1 - float(after / max(before, 1e-300))
+
+
+def _said(found: list[Hypothesis], search: Search, where: str) -> Explanation:
+    """The best of the hypotheses if it explains enough; else where the pictures are wrong, and what comes near."""
+    samples = search.samples
     if not found:
-        return Diagnosis(right=False, where=where)
-    samples, budget = search.samples, search.budget
+        return Explanation("unknown", where=where)
     best = _rather_than_a_fact(found, samples)
-    share, each = explained_share(samples, best.steps)
-    hit, kept = hit_shares(samples, best.steps)
-    near = share >= EXPLAINED and best.cost <= 0.6 * search.unexplained
-    if not ((near and hit >= MATCHED) or (hit >= PART and kept > SPARED)):
-        nearest = min(found, key=lambda g: g.cost)
-        share = explained_share(samples, nearest.steps)[0]
-        lit = [(s, s.view.scene) for s in samples if s.view.scene and s.view.scene.objects and not s.view.points]
-        parts_of_light = [
-            f"{scene.name}: {words}" for s, scene in lit if not budget.spent and (words := split(s).words)
-        ]
-        return Diagnosis(
-            right=False,
-            explained=max(share, 0.0),
-            where=where,
-            nearest=nearest.cause,
-            light="; ".join(parts_of_light),
-        )
+    fit = fit_of(samples, best.steps)
+    near = fit.explained >= EXPLAINED and best.cost <= 0.6 * search.unexplained and fit.hit >= MATCHED
+    if not (near or (fit.hit >= PART and fit.kept > SPARED)):
+        return _unknown(found, samples, where)
     if not is_likelier(samples, best.steps):
-        return Diagnosis(right=False, where=where)
-    finite = each[np.isfinite(each)]
-    worst = float(max(finite.min(), 0.0)) if len(samples) > 1 and finite.size else None
-    others = _as_good(best, found, samples, budget)
+        return Explanation("unknown", where=where)
+    others = () if best.cause.name in FACTS else _as_good(best, found, samples)
+    count, left = left_over([s.everywhere(_most(s)) for s in samples], best.steps)
     # Each scene confirms what the others select: one alone proves nothing.
-    confirmed = worst is not None and worst > SURE and sum(bool(s.wrong.any()) for s in samples) > 1
-    unchecked = budget.spent
-    count, left = (0, "") if unchecked else left_over([s.everywhere(_most(s)) for s in samples], best.steps)
-    whole = count < FEW and not unchecked and is_good(samples, best.steps)
-    whole = whole and (not best.cause.numbers or is_exact(samples, best.steps))
-    sureness: Sureness = "proved" if not others and confirmed and whole else "likely"
-    if count >= FEW or hit < EXPLAINED:
-        where = "; ".join(filter(None, (where, f"something else is wrong, too: {left}".rstrip(": "))))
-    return Diagnosis(
-        right=False,
-        cause=best.cause,
-        alternatives=others,
-        explained=share,
-        held_out=worst,
-        sureness=sureness,
-        where=where,
-    )
+    confirmed = fit.least > NOTHING_LEFT and sum(bool(s.wrong.any()) for s in samples) > 1
+    whole = count < FEW and fit.is_good and (fit.exact or not best.cause.numbers)
+    certainty: Certainty = "proved" if confirmed and whole and not others else "likely"
+    said = [best.cause.sentence, *(f"or, with the same effect here: {other.sentence}" for other in others)]
+    if count >= FEW or fit.hit < EXPLAINED:
+        said.append(f"something else is wrong, too: {left}".rstrip(": "))
+    return Explanation(certainty, (best.cause, *others), tuple(said), where, fit.explained)
+
+
+def _unknown(found: list[Hypothesis], samples: list[PixelSample], where: str) -> Explanation:
+    """Where the pictures are wrong; the factors of the parts of light, where these explain it; what comes nearest."""
+    nearest = min(found, key=lambda g: g.cost)
+    share = max(fit_of(samples, nearest.steps).explained, 0.0)
+    lit = [(s, s.view.scene) for s in samples if s.view.scene and s.view.scene.objects and not s.view.points]
+    parts = "; ".join(f"{scene.name}: {words}" for s, scene in lit if (words := split(s).words))
+    where = f"{where}; as if {parts}" if parts else where
+    closest = f"closest to it, but not all of it: {nearest.cause.sentence}"
+    return Explanation("unknown", sentences=(closest,) if share >= MATCHED else (), where=where, explained=share)
 
 
 def _rather_than_a_fact(found: list[Hypothesis], samples: list[PixelSample]) -> Hypothesis:
     """The best guess; not one that says only what is seen where another one leaves nothing, and that does."""
     best = found[0]
-    if best.cause.name in FACTS and not is_exact(samples, best.steps):
-        return next((g for g in found[1:] if is_exact(samples, g.steps)), best)
+    if best.cause.name in FACTS and not fit_of(samples, best.steps).exact:
+        return next((g for g in found[1:] if fit_of(samples, g.steps).exact), best)
     return best
 
 
-def _most(sight: PixelSample) -> int:
-    """Pixels that are looked at in the end: fewer where a scene has many objects."""
-    objects = len(sight.view.scene.objects) if sight.view.scene else 0
-    return min(MOST, max(MET // max(objects, 1), 1))
-
-
-def _by_chance(samples: Sequence[PixelSample], where: str, least: float, budget: Budget) -> Diagnosis | None:
-    """Acne, which leaves it to chance whether a pixel is lit or dark.
-
-    `least`: the share of the wrong pixels that it has to hit, beside EXPLAINED.
-    """
-    spoilt = [s for s in samples if s.wrong.any()]
-    mixed = np.average([s.mixed for s in spoilt], weights=[s.wrong.sum() for s in spoilt])
-    if budget.over or mixed < SPECKLED:
-        return None
-    made = [[s.predict(way) for way in ACNE.ways] for s in samples]
-    off = [np.stack([s.off(one) for one in all_]) for s, all_ in zip(samples, made, strict=True)]
-    hit = np.concatenate([
-        (e.min(axis=0) <= np.minimum(4 * s.tau, s.errors(RIGHT) / 2))[s.wrong]
-        for e, s in zip(off, samples, strict=True)
-    ])  # fmt: skip
-    kept = np.concatenate([e.min(axis=0)[~s.wrong] <= 4 * s.tau for e, s in zip(off, samples, strict=True)])
-    if hit.mean() < max(EXPLAINED, least) or (kept.size and kept.mean() < 0.99):
-        return None
-    before = sum(s.squared(s.predict(RIGHT)) for s in samples)
-    after = sum(s.squared(np.take_along_axis(np.stack(all_), e.argmin(axis=0)[None, :, None], 0)[0])
-                for s, e, all_ in zip(samples, off, made, strict=True))  # fmt: skip
-    cause = Cause(ACNE.name, ACNE.stage, ACNE.sentence)
-    return Diagnosis(False, cause, (), 1 - float(after / max(before, 1e-300)), None, "likely", where)
-
-
-def _as_good(
-    best: Hypothesis, found: Iterable[Hypothesis], samples: list[PixelSample], budget: Budget
-) -> tuple[Cause, ...]:
-    """Return the causes that explain the pictures as well as the best guess."""
-    if best.cause.name in FACTS:
-        return ()
+def _as_good(best: Hypothesis, found: Sequence[Hypothesis], samples: list[PixelSample]) -> tuple[Cause, ...]:
+    """The causes that explain the pictures as well as the best one."""
     own = [s.predict(best.steps) for s in samples]
     others: dict[str, Cause] = {}
     for guess in found:
-        if budget.spent:
-            break
         if guess.cause.name == best.cause.name or guess.cause.numbers != best.cause.numbers:
             continue
         if guess.cost < 1.25 * best.cost or all(
@@ -316,3 +252,22 @@ def _as_good(
         ):
             others.setdefault(guess.cause.name, guess.cause)
     return tuple(others.values())[:ALTERNATIVES]
+
+
+def left_over(samples: Sequence[PixelSample], steps: Pipeline) -> tuple[int, str]:
+    """Pixels that stay wrong though no tracer with these steps shows them so: how many, and where."""
+    errors, count = [], 0
+    for s in samples:
+        e = s.errors(steps)
+        off = e > 4 * s.tau
+        if off.any() and off.sum() <= DOUBTED * off.size:
+            off[off] = ~doubtful(s.only(off).predict, s.scale, steps)
+        errors.append(np.where(off, e, 0.0))
+        count += int(off.sum())
+    return count, whereabouts(samples, errors).split("; ")[0] if count else ""
+
+
+def _most(sample: PixelSample) -> int:
+    """Pixels that are looked at in the end: fewer where a scene has many objects."""
+    objects = len(sample.view.scene.objects) if sample.view.scene else 0
+    return min(MOST, max(MET // max(objects, 1), 1))

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
-from raytwin.scene import Lambert, Scene, Shape, Sky, Sphere, Sun
+from raytwin.scene import Rectangle, Scene, Sky, Sphere, Sun
 
 SIZE = (120, 88)
 """Pixels."""
@@ -39,19 +39,18 @@ def draw_scene(seed: int, size: tuple[int, int] = SIZE, name: str = "", scale: f
     def resized(v: tuple[float, float, float]) -> tuple[float, float, float]:
         return _three(scale * rng.uniform(SMALLER, 1) * np.array(v))
 
-    objects: list[Shape] = []
-    for x in scene.objects:
-        center, material = moved(x.center), Lambert(_colour(rng, 0.3, 0.95))
-        if isinstance(x, Sphere):
-            radius = scale * x.radius * rng.uniform(SMALLER, 1)
-            objects.append(replace(x, center=center, radius=radius, material=material))
-        else:
-            u, v = resized(x.half_u), resized(x.half_v)
-            objects.append(replace(x, center=center, half_u=u, half_v=v, material=material))
+    balls: list[Sphere] = []
+    flats: list[Rectangle] = []
+    for ball in scene.spheres:
+        center, albedo = moved(ball.center), _colour(rng, 0.3, 0.95)
+        balls.append(Sphere(center, scale * ball.radius * rng.uniform(SMALLER, 1), albedo))
+    for flat in scene.planes:
+        center, albedo = moved(flat.center), _colour(rng, 0.3, 0.95)
+        flats.append(Rectangle(center, resized(flat.half_u), resized(flat.half_v), albedo))
     lens = tuple((rng.uniform(0.7, 1.3, 5) * [-0.2, 0.07, 0.008, -0.006, 0.05]).tolist())
     camera = replace(scene.camera, dist=lens, t_cam_board=moved(scene.camera.t_cam_board)).resized(*size)
-    lights = Sun(scene.sun.to_light, _colour(rng, 4.5, 7.5)), Sky(_colour(rng, 0.08, 0.3))
-    return Scene(name or f"drawn-{seed}", camera, tuple(objects), lights)
+    sun, sky = Sun(scene.sun.to_light, _colour(rng, 4.5, 7.5)), Sky(_colour(rng, 0.08, 0.3))
+    return Scene(name or f"drawn-{seed}", camera, tuple(balls), tuple(flats), sun, sky)
 
 
 def _colour(rng: np.random.Generator, low: float, high: float) -> tuple[float, float, float]:

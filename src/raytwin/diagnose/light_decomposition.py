@@ -26,9 +26,9 @@ NAMES = {
 TAKEN = "shadow", "occlusion"
 """Parts that light is lost by."""
 LEAST = 0.01
-"""A factor that is off by less is right."""
+"""A factor that is off by less is correct."""
 FIRM = 4.0
-"""Standard errors: a factor off by less is right."""
+"""Standard errors: a factor off by less is correct."""
 MOST = 4
 """Factors, at most so many of which are told."""
 LEAST_PIXELS = 10
@@ -40,7 +40,7 @@ Halves = tuple[Array, Array]
 
 @dataclass(frozen=True)
 class Share:
-    """On `where` (an object's name; empty: on all) the `part` has this `factor`, 1 if right; `error`: standard."""
+    """On `where` (an object's name; empty: on all) the `part` has this `factor`, 1 if correct; `error`: standard."""
 
     where: str
     part: str
@@ -48,15 +48,14 @@ class Share:
     error: float
 
     @property
-    def wrong(self) -> bool:
-        return abs(self.factor - 1) > max(LEAST, FIRM * self.error)
-
-    @property
     def words(self) -> str:
         name = NAMES[self.part]
-        text = f"{name} is {bright(self.factor)}" if abs(self.factor) > LEAST + 3 * self.error else f"{name} is missing"
-        if self.part in TAKEN and not text.endswith("missing"):
+        if abs(self.factor) <= LEAST + 3 * self.error:
+            text = f"{name} is missing"
+        elif self.part in TAKEN:
             text = f"{name} is {self.factor:.4g} times what it should be"
+        else:
+            text = f"{name} is {bright(self.factor)}"
         return f"{text} on {self.where}" if self.where else text
 
 
@@ -64,66 +63,61 @@ class Share:
 class Split:
     """`shares`: of the parts that are wrong; `explained`: share of the squared error on objects that they explain."""
 
-    shares: tuple[Share, ...]
-    explained: float
+    shares: tuple[Share, ...] = ()
+    explained: float = 0.0
 
     @property
     def words(self) -> str:
         """What is wrong, if that explains the image; else nothing."""
-        wrong = [share.words for share in self.shares if share.wrong]
-        return " and ".join(wrong) if wrong and self.explained >= EXPLAINED else ""
+        wrong = [s.words for s in self.shares if abs(s.factor - 1) > max(LEAST, FIRM * s.error)]
+        return " and ".join(wrong) if self.explained >= EXPLAINED else ""
 
 
-def split(sight: PixelSample, given: Mapping[str, Halves] | None = None) -> Split:
+def split(sample: PixelSample, given: Mapping[str, Halves] | None = None) -> Split:
     """Split one view's light; `given`: sampled parts (H, W, 3), twice each, beside the sun, its shadow and the sky."""
-    bench = sight.bench
+    bench = sample.bench
     assert isinstance(bench, Predictor)
-    if given is None and sight.view.sampled is not None:
-        given = sight.view.sampled(sight.step)
-    parts = _parts(bench, sight, given or {})
-    ids, names = bench.seen().ids, bench.scene.names
-    everywhere, by_object = (_fewest(sight, parts, ids, names, apart) for apart in (False, True))
-    return everywhere if everywhere.words else by_object
-
-
-def _parts(bench: Predictor, sight: PixelSample, given: Mapping[str, Halves]) -> dict[str, Halves]:
-    """(N, 3) of each at the sight's pixels."""
-    with np.errstate(all="ignore"):
-        seen, scene = bench.seen(), bench.scene
+    if given is None and sample.view.sampled is not None:
+        given = sample.view.sampled(sample.step)
+    seen, scene = bench.seen(), bench.scene
     sun = seen.albedo / pi * np.array(scene.sun.irradiance) * np.maximum(seen.cos, 0)[:, None]
-    dark, sky = (seen.visible & (seen.cos > 0))[:, None] - 1.0, seen.albedo * np.array(scene.sky.radiance)
-    own = {"sun": sun, "shadow": sun * dark, "sky": sky}
-    made = {name: (part, part) for name, part in own.items()}
-    for name, (one, other) in given.items():
-        made[name] = one.reshape(-1, 3)[sight.index], other.reshape(-1, 3)[sight.index]
-    return made
+    dark = (seen.visible & (seen.cos > 0))[:, None] - 1.0
+    own = {"sun": sun, "shadow": sun * dark, "sky": seen.albedo * np.array(scene.sky_radiance)}
+    parts = {name: (part, part) for name, part in own.items()}
+    parts |= {name: (sample.at(one), sample.at(other)) for name, (one, other) in (given or {}).items()}
+    on_all = {"": np.ones(len(seen.ids), bool)}
+    everywhere = _fewest(sample, parts, seen.ids, on_all)
+    on_each = {name: seen.ids == k for k, name in enumerate(scene.names)}
+    return everywhere if everywhere.words else _fewest(sample, parts, seen.ids, on_each)
 
 
-def _fewest(sight: PixelSample, parts: dict[str, Halves], ids: Array, names: Sequence[str], apart: bool) -> Split:
-    """The fewest factors g + 1 that leave no more than noise: of parts on all objects, or on each `apart`.
+def _fewest(sample: PixelSample, parts: dict[str, Halves], ids: Array, where: Mapping[str, Array]) -> Split:
+    """The fewest factors g + 1 that leave no more than noise, of parts on each of these places.
 
     With the parts' halves x and y, and what all of them lack of the image, d and e, Σ w (d - x g)(e - y g) is least.
     Errors as far as pixels scatter, each pixel's channels as one (a sandwich). Not where outlines cross pixels.
     """
-    keep = (ids >= 0) & ~sight.edge & (np.abs(sight.shown) < 1e6 * sight.scale).all(axis=-1)  # NaN is none
+    keep = (ids >= 0) & ~sample.edge & (np.abs(sample.shown) < 1e6 * sample.scale).all(axis=-1)  # NaN is none
     if keep.sum() < LEAST_PIXELS:
-        return Split((), 0.0)
-    w, shown = sight.weight[keep, None], sight.shown[keep]
+        return Split()
+    w, shown = sample.weight[keep, None], sample.shown[keep]
     halves = {name: (one[keep], other[keep]) for name, (one, other) in parts.items()}
-    d, e = (shown - np.sum([pair[k] for pair in halves.values()], axis=0) for k in (0, 1))
+    d, e = (shown - half for half in _sum(halves, list(halves)))
     halves["sun"] = _sum(halves, ["sun", "shadow"])  # a sun of another strength casts shadows of another strength
     bounces = [name for name in halves if name.startswith("bounce")]
-    together = {f"{name} on": _sum(halves, bounces[k:]) for k, name in enumerate(bounces[:-1])}
-    where = [(name, (ids[keep] == i)[:, None]) for i, name in enumerate(names)] if apart else [("", np.array([[True]]))]
-    columns = {(at, part): (x * on, y * on) for part, (x, y) in (halves | together).items() for at, on in where}
-    columns = {key: (x, y) for key, (x, y) in columns.items() if (w * x * y).sum() > 1e-8 * sight.scale**2 * w.sum()}
+    halves |= {f"{name} on": _sum(halves, bounces[k:]) for k, name in enumerate(bounces[:-1])}
+    columns = {
+        (place, part): (x * there[keep, None], y * there[keep, None])
+        for part, (x, y) in halves.items() for place, there in where.items()
+    }  # fmt: skip
+    columns = {key: (x, y) for key, (x, y) in columns.items() if (w * x * y).sum() > 1e-8 * sample.scale**2 * w.sum()}
     before = float((w * d * e).sum())
-    noise = min(float((w * np.square(sight.slack[keep] / 3)).sum()), before)
-    found, left = Split((), 0.0), before
+    noise = min(float((w * np.square(sample.slack[keep] / 3)).sum()), before)
+    found, left = Split(), before
     chosen: list[tuple[str, str]] = []
     while len(chosen) < MOST and left - noise > LEAST * (before - noise):
-        fits = [(_with(w, d, e, [columns[k] for k in (*chosen, new)]), new) for new in columns if new not in chosen]
-        (least, g, errors), best = min(fits, key=lambda fit: fit[0][0], default=((left, d, d), None))
+        fits = [(*_fit(w, d, e, [columns[k] for k in (*chosen, new)]), new) for new in columns if new not in chosen]
+        least, g, errors, best = min(fits, key=lambda fit: fit[0], default=(left, d, d, None))
         if best is None or not least < left or abs(g[-1]) < max(LEAST, FIRM * errors[-1]):
             break
         left = least
@@ -138,7 +132,7 @@ def _sum(halves: Mapping[str, Halves], names: Sequence[str]) -> Halves:
     return x, y
 
 
-def _with(w: Array, d: Array, e: Array, columns: Sequence[Halves]) -> tuple[float, Array, Array]:
+def _fit(w: Array, d: Array, e: Array, columns: Sequence[Halves]) -> tuple[float, Array, Array]:
     """(what is left, g, its standard errors)."""
     X, Y = (np.stack([pair[k] for pair in columns], axis=-1) for k in (0, 1))
     A = np.einsum("nci,ncj->ij", w[..., None] * X, Y)

@@ -5,56 +5,53 @@ from collections.abc import Sequence
 import numpy as np
 
 from raytwin.diagnose.pixel_sample import PixelSample
-from raytwin.diagnose.predict import Array, Predictor
+from raytwin.diagnose.predict import Array, Predictor, Seen
 from raytwin.scene import Scene, Sphere
 
 MUCH, LITTLE = 0.05, 0.005
-"""A region is wrong where more of its pixels are, and right where fewer are."""
+"""A region is wrong where more of its pixels are, and correct where fewer are."""
+HARDLY = 1e-4
+"""Share of a picture's pixels: where fewer are wrong, all of it counts as correct."""
 KINDS = ("spheres", "planes", "the background")
 LIGHTS = ("in sunlight", "facing away from the sun", "in cast shadow")
 
 
 def whereabouts(samples: Sequence[PixelSample], errors: Sequence[Array]) -> str:
-    """`wrong only in cast shadow on spheres, right elsewhere`; `errors`: of each sight's pixels."""
-    known = [k for k, s in enumerate(samples) if isinstance(s.bench, Predictor)]
-    if not known:
-        return ""
-    samples, errors = [samples[k] for k in known], [errors[k] for k in known]
-    bad = [e > s.tau for e, s in zip(errors, samples, strict=True)]
-    share = [float((s.weight * b).sum()) for s, b in zip(samples, bad, strict=True)]
+    """`wrong only in cast shadow on spheres, correct elsewhere`; `errors`: of each sample's pixels.
+
+    Then which scenes are correct, and which spheres are wrong where others are not. Empty of unknown scenes.
+    """
+    known = [(s, s.bench, e > s.tau) for s, e in zip(samples, errors, strict=True) if isinstance(s.bench, Predictor)]
+    share = [float((s.weight * bad).sum()) for s, _, bad in known]
     if not any(share):
-        return "right everywhere"
-    table = np.zeros((3, 3, 2, 2))  # kind, light, outline, (all, wrong)
-    for s, b, some in zip(samples, bad, share, strict=True):
-        if some < min(1e-4, max(share)):
+        return "correct everywhere" if known else ""
+    table = np.zeros((3, 3, 2, 2))  # kind, light, outline; pixels, and wrong ones
+    correct, wrong = [], []
+    for (s, bench, bad), some in zip(known, share, strict=True):
+        if some < min(HARDLY, max(share)):
+            correct.append(bench.scene.name)
             continue
-        kind, light = _regions(s)
-        for wrong in (0, 1):
-            np.add.at(table[..., wrong], (kind, light, s.edge.astype(int)), s.weight * (b if wrong else 1.0))
-    return _said(table) + _scenes(samples, share) + _objects(samples, bad)
+        seen = bench.seen()
+        wrong += _wrong_spheres(s, bench.scene, seen, bad)
+        for k, weight in enumerate((s.weight, s.weight * bad)):
+            np.add.at(table[..., k], (*_regions(bench.scene, seen), s.edge.astype(int)), weight)
+    scenes = f"all of {', '.join(correct)} is correct" if correct else ""
+    spheres = f"of the spheres only {'; '.join(wrong[:3])}" if wrong else ""
+    return "; ".join(filter(None, (_said(table), scenes, spheres)))
 
 
 def points_of_misses(samples: Sequence[PixelSample]) -> str:
-    """A point of a ray that meets nothing, where such points alone are wrong: in words; else empty."""
-    spoilt = [s for s in samples if s.wrong.any()]
-    said = []
-    for s in spoilt:
-        if not (s.view.points and isinstance(s.bench, Predictor)):
-            return ""
-        missed = np.isnan(s.right).any(axis=-1)
-        shown = s.shown[missed]
-        if (s.wrong & ~missed).any() or (s.wrong & missed).sum() < 0.99 * missed.sum() or np.isnan(shown).any():
-            return ""
-        said.append(f"as ({', '.join(f'{x:.4g}' for x in shown[0])})")
-    return said[0] if said else ""
+    """A point of a ray that meets nothing, where all such points and no others are wrong: in words; else empty."""
+    spoilt = [(s, np.isnan(s.right).any(axis=-1)) for s in samples if s.wrong.any()]
+    if not all(s.view.points and np.array_equal(s.wrong, missed) for s, missed in spoilt):
+        return ""
+    s, missed = spoilt[0]
+    return f"as ({', '.join(f'{x:.4g}' for x in s.shown[missed][0])})"
 
 
-def _regions(sight: PixelSample) -> tuple[Array, Array]:
-    """Return for each pixel the index of its row in KINDS and in LIGHTS."""
-    assert isinstance(sight.bench, Predictor)
-    with np.errstate(all="ignore"):
-        seen = sight.bench.seen()
-    spheres = np.array([isinstance(x, Sphere) for x in sight.bench.scene.objects] + [False])
+def _regions(scene: Scene, seen: Seen) -> tuple[Array, Array]:
+    """For each pixel the index of its row in KINDS and in LIGHTS."""
+    spheres = np.array([isinstance(x, Sphere) for x in scene.objects] + [False])
     kind = np.where(seen.ids < 0, 2, np.where(spheres[seen.ids], 0, 1))
     light = np.where(seen.cos <= 0, 1, np.where(seen.visible, 0, 2))
     return kind, np.where(kind == 2, 0, light)
@@ -68,57 +65,36 @@ def _said(table: Array) -> str:
     wrong = there & (rate > MUCH)
     if not wrong.any():
         if outline[..., 1].sum() > 4 * inside[..., 1].sum():
-            return "wrong only at outlines, right inside"
+            return "wrong only at outlines, correct inside"
         scattered = 100 * table[..., 1].sum() / table[..., 0].sum()
-        most = np.unravel_index(np.argmax(table[..., 1].sum(axis=2)), (3, 3))
-        return f"wrong in single pixels ({scattered:.2g} %), most {_name(int(most[0]), {int(most[1])}, {int(most[1])})}"
+        kind, light = np.divmod(int(np.argmax(table[..., 1].sum(axis=2))), 3)
+        most = _region(kind, *2 * [np.arange(3) == light])
+        return f"wrong in single pixels ({scattered:.2g} %), most {most}"
     if wrong[there].all():
         return "wrong everywhere"
-    named = []
-    for kind in range(3):
-        has = {k for k in range(3) if there[kind, k]}
-        at = {k for k in has if wrong[kind, k]}
-        if at:
-            named.append(_name(kind, at, has))
+    named = [_region(k, wrong[k], there[k]) for k in range(3) if wrong[k].any()]
     clean = not (there & ~wrong & (rate > LITTLE)).any()
     text = _listed(named)
-    return f"wrong only {text}, right elsewhere" if clean else f"wrong {text}, mostly right elsewhere"
+    return f"wrong only {text}, correct elsewhere" if clean else f"wrong {text}, mostly correct elsewhere"
 
 
-def _name(kind: int, at: set[int], has: set[int]) -> str:
+def _region(kind: int, wrong: Array, there: Array) -> str:
     if kind == 2:
         return "in the background"
-    lights = "" if at == has and len(has) > 1 else " or ".join(LIGHTS[k] for k in sorted(at)) + " "
-    return f"{lights}on {KINDS[kind]}" if lights else f"on {KINDS[kind]}"
+    which = [] if (wrong == there).all() and there.sum() > 1 else np.flatnonzero(wrong)
+    return f"{' or '.join(LIGHTS[k] for k in which)} on {KINDS[kind]}".strip()
 
 
-def _scenes(samples: Sequence[PixelSample], share: Sequence[float]) -> str:
-    right = [_scene(s).name for s, x in zip(samples, share, strict=True) if x < 1e-4]
-    return f"; all of {', '.join(right)} is right" if right else ""
-
-
-def _objects(samples: Sequence[PixelSample], bad: Sequence[Array]) -> str:
-    """Where some of a scene's spheres are wrong and others are not."""
-    said = []
-    for s, b in zip(samples, bad, strict=True):
-        assert isinstance(s.bench, Predictor)
-        ids, names = s.bench.seen().ids, s.bench.scene.names
-        inside = ~s.edge
-        rates = {}
-        for index, (name, thing) in enumerate(zip(names, s.bench.scene.objects, strict=True)):
-            here = (ids == index) & inside
-            if isinstance(thing, Sphere) and s.weight[here].sum() > 1e-3:
-                rates[name] = float((s.weight * b)[here].sum() / s.weight[here].sum())
-        wrong = [name for name, rate in rates.items() if rate > MUCH]
-        if wrong and any(rate < LITTLE for rate in rates.values()):
-            said.append(f"{_listed(wrong)} of {_scene(s).name}")
-    return f"; of the spheres only {'; '.join(said[:3])}" if said else ""
+def _wrong_spheres(s: PixelSample, scene: Scene, seen: Seen, bad: Array) -> list[str]:
+    """`sphere 1 of desk`, where some of a scene's spheres are wrong and others are not."""
+    rates = {}
+    for k, (name, thing) in enumerate(zip(scene.names, scene.objects, strict=True)):
+        weight = s.weight * ((seen.ids == k) & ~s.edge)
+        if isinstance(thing, Sphere) and weight.sum() > 1e-3:
+            rates[name] = float((weight * bad).sum() / weight.sum())
+    wrong = [name for name, rate in rates.items() if rate > MUCH]
+    return [f"{_listed(wrong)} of {scene.name}"] if wrong and min(rates.values()) < LITTLE else []
 
 
 def _listed(words: Sequence[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
-
-
-def _scene(sight: PixelSample) -> Scene:
-    assert isinstance(sight.bench, Predictor)
-    return sight.bench.scene

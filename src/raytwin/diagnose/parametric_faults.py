@@ -5,7 +5,7 @@ Each family is a change of the tracer with parameters. They are found by least s
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import pi
 from typing import Any
 
@@ -14,23 +14,20 @@ import numpy as np
 from raytwin.diagnose.changes import (
     CAMERA,
     LIGHT,
+    NEAR,
     OUTPUT,
     SHADOW,
     SOLVER,
-    Thing,
-    behind,
-    given,
-    is_ball,
-    mixed,
-    moved,
-    offset_by,
-    reading,
-    shown,
+    chain,
+    handed_in,
+    in_shadow,
+    off_surface,
+    read,
+    resized,
     with_number,
-    within,
 )
 from raytwin.diagnose.pixel_sample import PixelSample
-from raytwin.diagnose.predict import Array, Pipeline, SceneDict
+from raytwin.diagnose.predict import Array, Pipeline, slip
 from raytwin.scene import Scene, Sphere
 
 NAMED = (
@@ -51,20 +48,26 @@ SAME = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class ParametricFault:
-    """`make(p)` is the change with the parameters p; `start`: those that change nothing; `step`: small ones.
+    """`slips`: of the textbook, in whose text `p` is the parameters; `start`: those that change nothing; `step`: small.
 
     `sentence(p, scenes)`: what a user reads of parameters that were fitted to these scenes; `tries`: other places to
-    begin at. `possible(p)`: whether the parameters mean anything; a fit that leaves them is dropped.
+    begin at. `possible(p)`: whether the parameters mean anything; a fit that leaves them is dropped. `number(p)`: what
+    the text takes for `p`.
     """
 
     name: str
     stage: str
     start: tuple[float, ...]
     step: float
-    make: Callable[[Any], Pipeline]
+    slips: Pipeline
     sentence: Callable[[Any, Sequence[Scene]], str]
     tries: tuple[tuple[float, ...], ...] = ()
     possible: Callable[[Any], bool] = lambda p: True
+    number: Callable[[Any], Any] = np.array
+
+    def make(self, p: Sequence[float]) -> Pipeline:
+        """The change with these parameters."""
+        return with_number("p", self.number(p), self.slips)
 
 
 def factor(k: float) -> str:
@@ -90,53 +93,6 @@ def _turned(p: Sequence[float]) -> Array:
     return np.asarray(Rotation.from_rotvec(p).as_matrix())
 
 
-def _light_turned(p: Sequence[float]) -> Pipeline:
-    turn = _turned(p)
-    return reading(lambda scene: scene | {"sun": scene["sun"] | {"to_light": turn @ scene["sun"]["to_light"]}})
-
-
-def _posed(f: Callable[[Array, Array], tuple[Array, Array]]) -> Pipeline:
-    """(R, t) -> another R and t."""
-
-    def change(scene: SceneDict) -> SceneDict:
-        R, t = f(scene["R_cam_board"], scene["t_cam_board"])
-        return scene | {"R_cam_board": R, "t_cam_board": t}
-
-    return reading(change)
-
-
-def _camera_turned(p: Sequence[float]) -> Pipeline:
-    turn = _turned(p).T
-    return _posed(lambda R, t: (turn @ R, turn @ t))
-
-
-def _camera_moved(p: Sequence[float]) -> Pipeline:
-    return _posed(lambda R, t: (R, t - R @ np.array(p)))
-
-
-def _focal(p: Sequence[float]) -> Pipeline:
-    return reading(lambda scene: scene | {"K": scene["K"] * [[p[0], p[0], 1], [1, p[-1], 1], [1, 1, 1]]})
-
-
-def _distortion(p: Sequence[float]) -> Pipeline:
-    return reading(lambda scene: scene | {"dist": p[0] * scene["dist"]})
-
-
-def _lit(sun: Any, sky: Any = 1.0) -> Pipeline:
-    """Factors of the sun's part and the sky's."""
-    return given(irradiance=lambda E: E * sun, sky=lambda sky_: sky_ * sky)
-
-
-LET_THROUGH, DIMMED = mixed("dark = dark + share * (lit - dark)"), mixed("dark = share * lit")
-"""Shadows let through a share of the sun, or scale the whole light."""
-BRIGHTER, CONSTANT = behind("share * sky", "share")
-"""The background is a share of the sky's radiance, or has a radiance of its own."""
-
-
-def _power(p: Sequence[float]) -> Pipeline:
-    return shown(lambda x: np.maximum(x, 0) ** p[0])
-
-
 def _degrees(p: Sequence[float]) -> float:
     return float(np.degrees(np.linalg.norm(p)))
 
@@ -156,60 +112,60 @@ def _sun_and_sky(p: Sequence[float], scenes: Sequence[Scene]) -> str:
     return ", and ".join(parts)
 
 
+SUN, SKY = slip("shade", ("* irradiance", "* (p[0] * irradiance)")), slip("shade", ("* sky", "* (p[-1] * sky)"))
 FAMILIES = (
-    ParametricFault("shifted", CAMERA, (0.0, 0.0), 0.1, lambda p: moved(*p),
-           lambda p, _: f"the image is shifted by ({-p[0]:.3g}, {-p[1]:.3g}) pixels (right, down): (0, 0) is the "
-                        "centre of the top-left pixel"),
-    ParametricFault("focal-lengths", CAMERA, (1.0, 1.0), 0.003, _focal,
-           lambda p, _: f"the focal lengths are off: fx by a factor of {p[0]:.4g}, fy by {p[1]:.4g}"),
-    ParametricFault("camera-turned", CAMERA, (0.0, 0.0, 0.0), 0.001, _camera_turned,
-           lambda p, _: f"the camera is turned by {_degrees(p):.3g} degrees: check R"),
-    ParametricFault("camera-moved", CAMERA, (0.0, 0.0, 0.0), 0.001, _camera_moved,
-           lambda p, _: "the eye stands off by ({:.3g}, {:.3g}, {:.3g}) m in the board's frame: it is "
-                        "-Rᵀ t".format(*p)),
-    ParametricFault("distortion-scaled", CAMERA, (1.0,), 0.02, _distortion,
-           lambda p, _: f"the distortion is {p[0]:.3g} times as strong as it should be"),
-    ParametricFault("radius-scaled", SOLVER, (1.0,), 0.005, lambda p: _resized(abs(p[0]) + 1e-9),
-           lambda p, _: f"the spheres are {p[0]:.4g} times as large as they should be", ((0.9,), (1.1,))),
-    ParametricFault("light-turned", LIGHT, (0.0, 0.0, 0.0), 0.01, _light_turned,
-           _sun_moved, ((0.6, 0.0, 0.0), (0.0, 0.6, 0.0), (-0.6, 0.0, 0.0), (0.0, -0.6, 0.0))),
-    ParametricFault("sun-scaled", LIGHT, (1.0,), 0.1, lambda p: _lit(p[0]),
-           lambda p, _: f"the sun's part is {bright(p[0])}"),
-    ParametricFault("sky-scaled", LIGHT, (1.0,), 0.1, lambda p: _lit(1.0, p[0]),
-           lambda p, _: f"the sky's part is {bright(p[0])}"),
-    ParametricFault("surfaces-scaled", LIGHT, (1.0,), 0.1, lambda p: _lit(p[0], p[0]),
-           lambda p, _: f"all that is lit is {bright(p[0])}, the background is right"),
-    ParametricFault("sun-and-sky-scaled", LIGHT, (1.0, 1.0), 0.1, lambda p: _lit(*p),
-           _sun_and_sky),
-    ParametricFault("sun-colour", LIGHT, (1.0, 1.0, 1.0), 0.1, lambda p: _lit(np.array(p)),
-           lambda p, _: "the sun's part is off by the factors {:.4g}, {:.4g}, {:.4g} (red, green, blue)".format(*p)),
-    ParametricFault("shadow-strength", SHADOW, (0.0,), 0.1, lambda p: with_number("share", p[0], LET_THROUGH),
-           lambda p, _: f"shadows let {100 * p[0]:.3g} % of the sun through: there is none where it is hidden"),
-    ParametricFault("shadow-dims", SHADOW, (1.0,), 0.1, lambda p: with_number("share", p[0], DIMMED),
-           lambda p, _: f"shadows scale the whole light by {p[0]:.3g}: they take away the sun's part alone"),
-    ParametricFault("image-scaled", OUTPUT, (1.0,), 0.1, lambda p: shown(lambda x: p[0] * x),
-           lambda p, _: f"the whole image, background too, is {bright(p[0])}"),
-    ParametricFault("offset", OUTPUT, (0.0,), 0.01, lambda p: shown(lambda x: p[0] + x),
-           lambda p, _: f"{p[0]:.4g} is added to every value"),
-    ParametricFault("power", OUTPUT, (1.0,), 0.05, _power,
-           lambda p, _: f"the values are raised to the power {p[0]:.3g}: gamma, where linear radiance is wanted",
-           ((0.5,), (2.0,)), possible=lambda p: 0.2 < p[0] < 5),
-    ParametricFault("background-scaled", OUTPUT, (1.0,), 0.1, lambda p: with_number("share", p[0], BRIGHTER),
-           lambda p, _: f"the background is {bright(p[0])}: a ray that meets nothing shows the sky's radiance"),
+    ParametricFault("shifted", CAMERA, (0.0, 0.0), 0.1, slip("pixel", ("return u, v", "return u + p[0], v + p[1]")),
+        lambda p, _: f"the image is shifted by ({-p[0]:.3g}, {-p[1]:.3g}) pixels (right, down): (0, 0) is the "
+                     "centre of the top-left pixel"),
+    ParametricFault("focal-lengths", CAMERA, (1.0, 1.0), 0.003,
+        read('"K": scene["K"] * [[p[0], p[0], 1], [1, p[1], 1], [1, 1, 1]]'),
+        lambda p, _: f"the focal lengths are off: fx by a factor of {p[0]:.4g}, fy by {p[1]:.4g}"),
+    ParametricFault("camera-turned", CAMERA, (0.0, 0.0, 0.0), 0.001,
+        read('"R_cam_board": p.T @ scene["R_cam_board"], "t_cam_board": p.T @ scene["t_cam_board"]'),
+        lambda p, _: f"the camera is turned by {_degrees(p):.3g} degrees: check R", number=_turned),
+    ParametricFault("camera-moved", CAMERA, (0.0, 0.0, 0.0), 0.001,
+        read('"t_cam_board": scene["t_cam_board"] - scene["R_cam_board"] @ p'),
+        lambda p, _: "the eye stands off by ({:.3g}, {:.3g}, {:.3g}) m in the board's frame: it is "
+                     "-Rᵀ t".format(*p)),
+    ParametricFault("distortion-scaled", CAMERA, (1.0,), 0.02, read('"dist": p * scene["dist"]'),
+        lambda p, _: f"the distortion is {p[0]:.3g} times as strong as it should be"),
+    ParametricFault("radius-scaled", SOLVER, (1.0,), 0.005, resized('abs(p[0]) * x["radius"] + 1e-12'),
+        lambda p, _: f"the spheres are {p[0]:.4g} times as large as they should be", ((0.9,), (1.1,))),
+    ParametricFault("light-turned", LIGHT, (0.0, 0.0, 0.0), 0.01,
+        read('"sun": scene["sun"] | {"to_light": p @ scene["sun"]["to_light"]}'),
+        _sun_moved, ((0.6, 0.0, 0.0), (0.0, 0.6, 0.0), (-0.6, 0.0, 0.0), (0.0, -0.6, 0.0)), number=_turned),
+    ParametricFault("sun-scaled", LIGHT, (1.0,), 0.1, SUN, lambda p, _: f"the sun's part is {bright(p[0])}"),
+    ParametricFault("sky-scaled", LIGHT, (1.0,), 0.1, SKY, lambda p, _: f"the sky's part is {bright(p[0])}"),
+    ParametricFault("surfaces-scaled", LIGHT, (1.0,), 0.1, chain(SUN, SKY),
+        lambda p, _: f"all that is lit is {bright(p[0])}, the background is correct"),
+    ParametricFault("sun-and-sky-scaled", LIGHT, (1.0, 1.0), 0.1, chain(SUN, SKY), _sun_and_sky),
+    ParametricFault("sun-colour", LIGHT, (1.0, 1.0, 1.0), 0.1, slip("shade", ("* irradiance", "* (p * irradiance)")),
+        lambda p, _: "the sun's part is off by the factors {:.4g}, {:.4g}, {:.4g} (red, green, blue)".format(*p)),
+    ParametricFault("shadow-strength", SHADOW, (0.0,), 0.1, in_shadow("dark + p * (lit - dark)"),
+        lambda p, _: f"shadows let {100 * p[0]:.3g} % of the sun through: there is none where it is hidden"),
+    ParametricFault("shadow-dims", SHADOW, (1.0,), 0.1, in_shadow("p * lit"),
+        lambda p, _: f"shadows scale the whole light by {p[0]:.3g}: they take away the sun's part alone"),
+    ParametricFault("image-scaled", OUTPUT, (1.0,), 0.1, handed_in("p * picture"),
+        lambda p, _: f"the whole image, background too, is {bright(p[0])}"),
+    ParametricFault("offset", OUTPUT, (0.0,), 0.01, handed_in("p + picture"),
+        lambda p, _: f"{p[0]:.4g} is added to every value"),
+    ParametricFault("power", OUTPUT, (1.0,), 0.05, handed_in("np.maximum(picture, 0) ** p"),
+        lambda p, _: f"the values are raised to the power {p[0]:.3g}: gamma, where linear radiance is wanted",
+        ((0.5,), (2.0,)), possible=lambda p: 0.2 < p[0] < 5),
+    ParametricFault("background-scaled", OUTPUT, (1.0,), 0.1, slip("radiance", ("np.tile(sky,", "np.tile(p * sky,")),
+        lambda p, _: f"the background is {bright(p[0])}: a ray that meets nothing shows the sky's radiance"),
     ParametricFault("background-constant", OUTPUT, (0.0, 0.0, 0.0), 0.05,
-           lambda p: with_number("share", np.array(p), CONSTANT),
-           lambda p, _: "the background is ({:.3g}, {:.3g}, {:.3g}): a ray that meets nothing shows the sky's "
-                        "radiance".format(*p)),
-    ParametricFault("shadow-start", SHADOW, (-6.0,), 0.2, lambda p: offset_by(10 ** p[0]),
-           lambda p, _: f"the shadow ray starts too far from the surface ({10 ** p[0]:.2g} m): shadows near what "
+        slip("radiance", ("np.tile(sky,", "np.tile(p,")),
+        lambda p, _: "the background is ({:.3g}, {:.3g}, {:.3g}): a ray that meets nothing shows the sky's "
+                     "radiance".format(*p)),
+    ParametricFault("shadow-start", SHADOW, (-6.0,), 0.2, off_surface("10**p[0]"),
+        lambda p, _: f"the shadow ray starts too far from the surface ({10 ** p[0]:.2g} m): shadows near what "
                      "casts them are lost", ((-3.0,), (-2.3,), (-1.7,), (-1.0,), (-0.3,))),
-    ParametricFault("shadow-reach", SHADOW, (3.0,), 0.1, lambda p: within(10 ** p[0]),
-           lambda p, _: f"only what is nearer than {10 ** p[0]:.2g} m casts a shadow: nothing bounds the way to the "
-                        "sun",
-           ((-0.7,), (-1.2,), (0.0,))),
+    ParametricFault("shadow-reach", SHADOW, (3.0,), 0.1, chain(off_surface("1e-7"), NEAR),
+        lambda p, _: f"only what is nearer than {10 ** p[0]:.2g} m casts a shadow: nothing bounds the way to the "
+                     "sun", ((-0.7,), (-1.2,), (0.0,))),
 )  # fmt: skip
 """A number more is a worse explanation: of two that fit alike, the row with fewer parameters stands."""
-
 
 MANY = 8
 """Objects, beyond which no single one is fitted."""
@@ -227,67 +183,14 @@ def radii_of(scene: Scene) -> tuple[ParametricFault, ...]:
 
 def _radius_of(k: int, name: str, number: str, r: float) -> ParametricFault:
     return ParametricFault(
-        f"radius-of-{number}", SOLVER, (0.0,), 0.001 * r,
-        lambda p: _with_radius(k, float(p[0])),
+        f"radius-of-{number}", SOLVER, (0.0,), 0.001 * r, resized(f'abs(x["radius"] + p[0] * (k == {k})) + 1e-12'),
         lambda p, _: f"the radius of {name} is {1000 * abs(p[0]):.3g} mm too {'large' if p[0] > 0 else 'small'}",
         ((0.03 * r,), (-0.03 * r,)),
     )  # fmt: skip
 
 
-def _with_radius(k: int, more: float) -> Pipeline:
-    """The k-th object's radius larger by so many metres."""
-
-    def larger(x: Thing) -> Thing:
-        return x | {"radius": abs(x["radius"] + more) + 1e-12}
-
-    return reading(lambda scene: scene | {
-        "things": [larger(x) if i == k else x for i, x in enumerate(scene["things"])]})  # fmt: skip
-
-
-def _resized(factor: float) -> Pipeline:
-    """Spheres of another radius."""
-    return reading(lambda scene: scene | {
-        "things": [x | {"radius": factor * x["radius"]} if is_ball(x) else x for x in scene["things"]]})  # fmt: skip
-
-
-def fit(
-    family: ParametricFault,
-    samples: Sequence[PixelSample],
-    over: Callable[[], bool] = lambda: False,
-) -> tuple[tuple[float, ...], float]:
-    """The parameters that explain most, and their cost, the mean over sights; as far as it comes until `over`."""
-    made = [_nearer(family, samples, p, 9, over)[0] for p in (family.start, *family.tries)]
-    return min(((p, total(samples, family.make(p))) for p in made), key=lambda x: x[1])
-
-
-def promising(
-    families: Sequence[ParametricFault],
-    samples: Sequence[PixelSample],
-    most: int,
-    over: Callable[[], bool] = lambda: False,
-) -> list[ParametricFault]:
-    """Those whose first step explains most, each begun at its best place, of as many as are tried until `over`."""
-    tried: dict[str, tuple[float, ParametricFault]] = {}
-    for family, start in ((f, p) for f in families for p in (f.start, *f.tries)):
-        if over():
-            break
-        p, cost = _nearer(family, samples, start, 1, over)
-        begun = cost, replace(family, start=p, tries=())
-        tried[family.name] = min(tried.get(family.name, begun), begun, key=lambda x: x[0])
-    return [family for _, family in sorted(tried.values(), key=lambda x: x[0])[:most]]
-
-
-def total(samples: Sequence[PixelSample], steps: Pipeline) -> float:
-    """The mean cost."""
-    return float(np.mean([s.cost(s.errors(steps)) for s in samples]))
-
-
-def _nearer(
-    family: ParametricFault,
-    samples: Sequence[PixelSample],
-    start: tuple[float, ...],
-    rounds: int,
-    over: Callable[[], bool],
+def nearer(
+    family: ParametricFault, samples: Sequence[PixelSample], start: tuple[float, ...], rounds: int = 9
 ) -> tuple[tuple[float, ...], float]:
     """Parameters that explain more, and their cost: least squares whose tolerance shrinks from round to round.
 
@@ -312,8 +215,6 @@ def _nearer(
     large = np.abs(off(q))
     width = 2 * float(np.quantile(large[large > 1], 0.9)) if (large > 1).any() else 1.0
     for k in range(rounds):
-        if over():
-            break
         step = (1 if width > 1 else 0.1) / REACH
         found = least_squares(off, q, loss=loss, f_scale=width, diff_step=step, max_nfev=3 if rounds == 1 else 4)
         q, cost = found.x, 2 * found.cost / width**2

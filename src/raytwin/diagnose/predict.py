@@ -8,16 +8,14 @@ two mistakes are one tuple after the other. What a mistake leaves alone is compu
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
-from types import FunctionType, SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytwin import tracer
+from raytwin.diagnose import fast_textbook
 from raytwin.diagnose.textbook import FUNCTIONS, Changes, namespace, slipped
 from raytwin.renderers.scene_exchange import as_arrays
-from raytwin.scene import Camera, Scene, Sphere
-from raytwin.scene.lens import newton_step
+from raytwin.scene import Camera, Scene
 
 Array = np.ndarray
 Pipeline = tuple[tuple[str, Any], ...]
@@ -32,17 +30,13 @@ FACES_AWAY = (("return visible", "return visible & (np.sum(normals * to_light, a
 
 
 class Seen(NamedTuple):
-    """(N,) `ids` (-1: nothing), `cos` n·l and `visible`, the sun; (N, 3) `points`, `normals`, `albedo`, 0 for none."""
+    """(N,) `ids` (-1: nothing), `cos` n·l and `visible`, the sun; (N, 3) `points`, `albedo`, 0 for none."""
 
     ids: Array
     points: Array
-    normals: Array
     albedo: Array
     cos: Array
     visible: Array
-
-
-# ------------------------------------------------------------------------------------------ mistakes
 
 
 def replaced(**functions: Callable[[Any], Any]) -> Pipeline:
@@ -55,15 +49,9 @@ def slip(function: str, *changes: tuple[str, str]) -> Pipeline:
     return ((function, changes),)
 
 
-def slips(function: str, *texts: str) -> tuple[Pipeline, ...]:
-    """A mistake for each text, `old => new`, several of which are joined by ` ;; `."""
-    pairs = ([one.partition(" => ")[::2] for one in text.split(" ;; ") if one] for text in texts)
-    return tuple(slip(function, *text) for text in pairs)
-
-
 def text_of(way: Pipeline) -> tuple[str, Changes] | None:
     """The function and the replacements that a mistake is made of; None where it is not one slip."""
-    return way[0] if len(way) == 1 and isinstance(way[0][1], tuple) else None
+    return way[0] if len(way) == 1 and way[0][0] in FUNCTIONS and isinstance(way[0][1], tuple) else None
 
 
 def touches(pipeline: Pipeline, *names: str) -> bool:
@@ -71,12 +59,11 @@ def touches(pipeline: Pipeline, *names: str) -> bool:
     return any(name in names for name, _ in pipeline)
 
 
-def applied(pipeline: Pipeline, name: str, right: Any) -> Any:
-    """What the steps of this name make of the right one."""
-    for other, what in pipeline:
-        if other == name:
-            right = what(right)
-    return right
+def steps_of(pipeline: Pipeline, *names: str) -> Pipeline:
+    """Its steps of these names, with the numbers that their text may have; empty where it has none of them."""
+    if not touches(pipeline, *names):
+        return RIGHT
+    return tuple(step for step in pipeline if step[0] in names or step[0] not in (*FUNCTIONS, SPREAD))
 
 
 def written(pipeline: Pipeline) -> dict[str, Any]:
@@ -89,101 +76,17 @@ def written(pipeline: Pipeline) -> dict[str, Any]:
         if isinstance(what, tuple):
             texts[name] = (*texts.get(name, ()), *what)
     texts.setdefault("sun_visible", FACES_AWAY)
-    space = namespace((slipped(name, texts.get(name, ())) for name in FUNCTIONS), FAST)
-    if "undistort" not in texts:
-        space["undistort"] = _undistort
-    if "intersect_all" not in texts:
-        space["intersect_all"] = partial(_intersect_all, space)
-    if "normals_at" not in texts:
-        space["normals_at"] = _normals_at
+    space = namespace((slipped(name, texts.get(name, ())) for name in FUNCTIONS), fast_textbook.FAST)
+    twins = {
+        "undistort": fast_textbook.undistort, "normals_at": fast_textbook.normals_at,
+        "intersect_all": partial(fast_textbook.intersect_all, space),
+    }  # fmt: skip
+    space |= {name: twin for name, twin in twins.items() if name not in texts}
     for name, what in pipeline:
         if name != SPREAD and not isinstance(what, tuple):
             space[name] = what(space.get(name))
     return space
 
-
-def _sum(a: Any, axis: Any = None, keepdims: bool = False) -> Any:
-    if axis == -1 and a.ndim > 1 and a.shape[-1] == 3:
-        made = a[..., 0] + a[..., 1] + a[..., 2]
-        return made[..., None] if keepdims else made
-    return np.sum(a, axis=axis, keepdims=keepdims)
-
-
-def _norm(a: Any, axis: Any = None, keepdims: bool = False) -> Any:
-    if axis == -1 and np.ndim(a) > 1:
-        return np.sqrt(_sum(np.square(a), -1, keepdims))
-    return np.linalg.norm(a, axis=axis, keepdims=keepdims)
-
-
-def _cross(a: Any, b: Any) -> Any:
-    if np.shape(a) != (3,) or np.shape(b) != (3,):
-        return np.cross(a, b)
-    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
-    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
-
-
-LINALG = SimpleNamespace(**{**vars(np.linalg), "norm": _norm})
-FAST = SimpleNamespace(**{**vars(np), "sum": _sum, "cross": _cross, "linalg": LINALG})
-"""NumPy, quicker for vectors of three."""
-
-
-def rewritten(function: Any, code: Any = None, **others: Any) -> Any:
-    """The same function, or one of another code in its place, which calls these others."""
-    return FunctionType(code or function.__code__, {**function.__globals__, **others})
-
-
-def _undistort(xd: Array, yd: Array, dist: Array) -> tuple[Array, Array]:
-    """The tracer's own way back through the lens, ended where nothing moves any more."""
-    if not np.any(dist):
-        return xd, yd
-    x, y = tracer.undistort(xd, yd, dist.tolist(), steps=4)
-    for _ in range(12):
-        dx, dy = newton_step(x, y, xd, yd, dist.tolist())
-        x, y = x + dx, y + dy
-        if max(np.abs(dx).max(initial=0.0), np.abs(dy).max(initial=0.0)) < 1e-8:  # the error is that, squared
-            break
-    return x, y
-
-
-def _intersect_all(space: dict[str, Any], origins: Array, directions: Array, things: Any) -> Array:
-    """t (objects, N); the text works on spheres in a further axis as well, unless a slip in it does not."""
-    t = np.full((max(1, len(things)), len(origins)), np.inf)
-    balls = [k for k, thing in enumerate(things) if "radius" in thing]
-    if balls:
-        solve = space["intersect_sphere"]
-        centers, radii = (np.array([things[k][name] for k in balls])[:, None] for name in ("center", "radius"))
-        try:
-            found = np.asarray(solve(origins, directions, centers, radii), float)
-        except (ValueError, IndexError):
-            found = np.empty(0)
-        if found.shape != (len(balls), len(origins)):
-            found = np.stack([solve(origins, directions, things[k]["center"], things[k]["radius"]) for k in balls])
-        t[balls] = found
-    for k, thing in enumerate(things):
-        if "radius" not in thing:
-            t[k] = space["intersect_plane"](origins, directions, thing["center"], thing["half_u"], thing["half_v"])
-    t[np.isnan(t)] = np.inf
-    return t
-
-
-def _normals_at(points: Array, which: Array, eye: Array, things: Any) -> Array:
-    """All at once; seen from outside a sphere's normal needs no turning, and most leave it out."""
-    none, table = (np.zeros(3), np.inf, np.zeros(3)), []
-    for thing in things:
-        if "radius" in thing:
-            table.append((thing["center"], thing["radius"], np.zeros(3)))
-        else:
-            n = _cross(thing["half_u"], thing["half_v"])
-            table.append((np.zeros(3), np.inf, n / np.linalg.norm(n)))
-    centers, radii, flats = (np.array(column)[which] for column in zip(*table, none, strict=True))
-    f = points - centers
-    n = np.where(np.isfinite(radii)[:, None], f / radii[:, None], flats)
-    turns = np.isinf(radii) | (_norm(eye - centers, -1) <= radii)
-    away = turns & ~(_sum(n * (eye - points), -1) > 0)
-    return np.where(away[:, None], -n, n)
-
-
-# ------------------------------------------------------------------------------------------ predictions
 
 DEPENDS = {
     "through": ("undistort", "through"),
@@ -200,8 +103,7 @@ CACHED = 12
 def as_dict(scene: Scene, shadows: bool) -> SceneDict:
     """The contract's dict, with `things`: all objects in the scene's order."""
     made = as_arrays(scene, "shadow" if shadows else "lambert")
-    balls, flats = iter(made["spheres"]), iter(made["planes"])
-    return made | {"things": [next(balls if isinstance(x, Sphere) else flats) for x in scene.objects]}
+    return made | {"things": [*made["spheres"], *made["planes"]]}
 
 
 QUIET = np.errstate(all="ignore")
@@ -229,22 +131,19 @@ class Predictor:
 
     def described(self, pipeline: Pipeline) -> SceneDict:
         """The scene as this tracer takes it."""
-        changes = tuple(step for step in pipeline if step[0] == "read_scene")
-        return self._remembered("scene", changes, partial(self._described, changes))
 
-    def _described(self, changes: Pipeline) -> SceneDict:
-        made = as_dict(self.scene, self.shadows)
-        if changes:
-            made, things = written(changes)["read_scene"](made, made["things"])
-            made = made | {"things": things}
-        return made
+        def described() -> SceneDict:
+            scene, things = written(changes)["read_scene"](made, made["things"])
+            return scene | {"things": things}
+
+        changes, made = steps_of(pipeline, "read_scene"), as_dict(self.scene, self.shadows)
+        return self._remembered("scene", changes, described) if changes else made
 
     def functions(self, pipeline: Pipeline) -> dict[str, Any]:
         """Those of this tracer; what they give for the same arguments is not computed again."""
         space = written(pipeline)
         for name, causes in DEPENDS.items():
-            mistakes = tuple(step for step in pipeline if step[0] in causes or step[0] not in (*FUNCTIONS, SPREAD))
-            space[name] = partial(self._remembered, name, mistakes, space[name])
+            space[name] = partial(self._remembered, name, steps_of(pipeline, *causes), space[name])
         return space
 
     @QUIET
@@ -269,12 +168,8 @@ class Predictor:
         u, v = written(pipeline)["pixel"](self.u, self.v, *self.camera.image_size)
         return np.broadcast_to(u, self.u.shape), np.broadcast_to(v, self.u.shape)
 
-    @QUIET
-    def met(self, pipeline: Pipeline = RIGHT) -> tuple[Any, Array, Array]:
-        """The eye; which thing each ray meets; where, not finite for none."""
-        return self._met(self.described(pipeline), self.functions(pipeline))
-
     def _met(self, scene: SceneDict, space: dict[str, Any]) -> Any:
+        """The eye; which thing each ray meets; where, not finite for none."""
         u, v = space["pixel"](self.u, self.v, scene["width"], scene["height"])
         rays = space["through"](scene["K"], scene["dist"], u, v)
         return space["met"](rays, scene, scene["things"])
@@ -292,14 +187,14 @@ class Predictor:
             normals[hit] = space["normals_at"](points[hit], which[hit], eye, things)
             if self.shadows and scene["sun"]["irradiance"].any():
                 visible[hit] = space["sun_visible"](points[hit], normals[hit], which[hit], to_light, eye, things)
-        return Seen(which, np.where(hit[:, None], points, 0), normals, albedo, normals @ to_light, visible)
+        return Seen(which, np.where(hit[:, None], points, 0), albedo, normals @ to_light, visible)
 
     @QUIET
     def radiance(self, pipeline: Pipeline = RIGHT) -> Array:
         """(N, 3), before output: the mean over all rays of a pixel."""
         if touches(pipeline, SPREAD):
             one = tuple(step for step in pipeline if step[0] != SPREAD)
-            places = applied(pipeline, SPREAD, None)
+            places = next(what for name, what in pipeline if name == SPREAD)
             rays = [self.at(self.u + x, self.v + y).radiance(one) for x, y in places]
             return np.asarray(sum(rays) / len(rays))
         scene, space = self.described(pipeline), self.functions(pipeline)
@@ -314,16 +209,14 @@ class Predictor:
     @QUIET
     def points(self, pipeline: Pipeline = RIGHT) -> Array:
         """(N, 3) where each ray first meets an object, NaN for none."""
-        _, which, points = self.met(pipeline)
+        _, which, points = self._met(self.described(pipeline), self.functions(pipeline))
         return np.where((which >= 0)[:, None], points, np.nan)
 
 
 def output(pipeline: Pipeline, radiance: Array, brightest: float) -> Array:
     """The values that a tracer with these mistakes hands in."""
-    if not touches(pipeline, "hand_in"):
-        return radiance
-    steps = tuple(step for step in pipeline if step[0] == "hand_in")
-    return np.asarray(written(steps)["hand_in"](radiance, brightest), float)
+    steps = steps_of(pipeline, "hand_in")
+    return np.asarray(written(steps)["hand_in"](radiance, brightest), float) if steps else radiance
 
 
 def _same(a: Any, b: Any) -> bool:
@@ -346,31 +239,19 @@ def planted(scene: Scene, *mistakes: Pipeline, shadows: bool = True) -> Array:
 
 @dataclass(eq=False)
 class UnknownScene:
-    """A right picture (H, W, 3) of nobody knows which scene: its pixels can be moved, and its values changed.
+    """Correct pictures (H, W, 3) of nobody knows which scene: their pixels can be moved, and their values changed.
 
-    `bounds`: the least and the largest picture that its format stores as this one.
+    `pictures`: the correct one, and where a format rounds it, the least and the largest that are stored as this one.
     """
 
-    right: Array
+    pictures: tuple[Array, ...]
     u: Array
     v: Array
     brightest: float = 1.0
-    bounds: tuple[Array, ...] = ()
 
-    def at(self, u: Array, v: Array) -> "UnknownScene":
-        return UnknownScene(self.right, u, v, self.brightest, self.bounds)
-
-    @property
-    def ends(self) -> tuple["UnknownScene", ...]:
-        """The same of the bounds."""
-        return tuple(UnknownScene(bound, self.u, self.v, self.brightest) for bound in self.bounds)
-
-    def place(self, pipeline: Pipeline = RIGHT) -> tuple[Array, Array]:
-        return written(pipeline)["pixel"](self.u, self.v, self.right.shape[1], self.right.shape[0])
-
-    def radiance(self, pipeline: Pipeline = RIGHT) -> Array:
-        """(N, 3), before output; NaN beyond the picture."""
-        h, w = self.right.shape[:2]
-        u, v = (np.rint(x).astype(int) for x in self.place(pipeline))
-        there = (u >= 0) & (u < w) & (v >= 0) & (v < h)
-        return np.where(there[:, None], self.right[np.clip(v, 0, h - 1), np.clip(u, 0, w - 1)], np.nan)
+    def radiances(self, pipeline: Pipeline = RIGHT) -> list[Array]:
+        """(N, 3) of each, before output; NaN beyond the picture."""
+        h, w = self.pictures[0].shape[:2]
+        u, v = (np.rint(x).astype(int) for x in written(pipeline)["pixel"](self.u, self.v, w, h))
+        there = ((u >= 0) & (u < w) & (v >= 0) & (v < h))[:, None]
+        return [np.where(there, one[np.clip(v, 0, h - 1), np.clip(u, 0, w - 1)], np.nan) for one in self.pictures]

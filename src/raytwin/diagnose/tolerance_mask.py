@@ -33,13 +33,10 @@ ASIDES = tuple(moved(x, y) for x in (-ASIDE, ASIDE) for y in (-ASIDE, ASIDE))
 
 def varied(pipeline: Pipeline) -> tuple[Pipeline, ...]:
     """The same tracer in other right ways: with other starts of shadow rays where their test is no mistake, too."""
-    tested = tuple(step for step in pipeline if step[0] in SHADOW_STEPS)
+    tested = tuple(step for step in pipeline if step[0] == "sun_visible")
     rest = tuple(step for step in pipeline if step not in tested)
     starts = STARTS if tested in ((), *SHADOW_TESTS) else ()
     return (*((*rest, *start) for start in starts), *((*pipeline, *aside) for aside in ASIDES))
-
-
-SHADOW_STEPS = ("sun_visible", "offset", "reach")
 
 
 def doubtful(predict: Callable[[Pipeline], Array], scale: float, steps: Pipeline = RIGHT) -> Array:

@@ -3,7 +3,7 @@
 Reading: TOML into records, scenes, photos, EXR, any image (`read_image`). Writing: always under a temporary name first.
 """
 
-from raytwin.files.cache import Cache, cache_folder, installed, made_by
+from raytwin.files.cache import cache_folder, installed, made_by
 from raytwin.files.exr import read_exr, split_layer, write_exr
 from raytwin.files.images import kind_of, read_image, write_image
 from raytwin.files.limits import MAX_PIXELS
@@ -15,7 +15,6 @@ from raytwin.files.mitsuba_file import (
     mitsuba_plugins,
     read_mitsuba,
     with_film,
-    with_pose,
     write_mitsuba,
 )
 from raytwin.files.photo_files import (
@@ -42,6 +41,8 @@ from raytwin.files.scene_files import (
     read_camera,
     read_scene,
     read_sky_map,
+    scene_and_photos,
+    scene_name,
     scene_text,
     write_camera,
     write_scene,

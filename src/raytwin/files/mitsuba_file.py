@@ -62,9 +62,7 @@ def read_mitsuba(path: str | os.PathLike) -> MitsubaScene:
         raise InputError(file, OUTERMOST, f"<{root.tag}>")
     found = reading.found
     for element in root.iter():
-        for key in _files_of(element):
-            if not _names_file(element, key, folders):
-                continue
+        for key in _files_of(element, folders):
             inside = _found(f"{file}: {element.get('name') or element.tag}", element.get(key, ""), folders, folder)
             if inside not in found:
                 found[inside] = hashlib.sha256(_content(inside, "a file")).hexdigest()
@@ -190,20 +188,17 @@ def _content(file: Path, kind: str, most: int = MOST_BYTES) -> bytes:
         raise InputError(file, "a file that can be read", error.strerror or error) from None
 
 
-def _files_of(element: ET.Element) -> Iterator[str]:
-    """The attributes that name files: whatever is called so, and texts that look like paths."""
+def _files_of(element: ET.Element, folders: list[Path]) -> Iterator[str]:
+    """The attributes that name files: whatever is called so, and texts that look like paths and lead to something.
+
+    Others, such as the `aovs` of an integrator, may have slashes too.
+    """
     if element.get("filename"):
         yield "filename"
     value = element.get("value", "")
-    if element.tag == "string" and (element.get("name") == "filename" or "/" in value or "\\" in value):
+    leads = ("/" in value or "\\" in value) and any(os.path.exists(f / value) for f in folders)  # noqa: PTH110 long texts
+    if element.tag == "string" and (leads or element.get("name") == "filename"):
         yield "value"
-
-
-def _names_file(element: ET.Element, key: str, folders: list[Path]) -> bool:
-    """Whether it names a file: called `filename`, or a text that looks like a path and leads to something. Others, such
-    as the `aovs` of an integrator, may have slashes too."""
-    called = key == "filename" or element.get("name") == "filename"
-    return called or any(os.path.exists(folder / element.get(key, "")) for folder in folders)  # noqa: PTH110 long texts
 
 
 def as_loaded(scene: MitsubaScene) -> ET.Element:
@@ -212,9 +207,8 @@ def as_loaded(scene: MitsubaScene) -> ET.Element:
     for element in root.iterfind(".//film/string[@name='pixel_format']"):
         element.set("value", COLOURS.get(element.get("value", "").lower(), element.get("value", "")))
     for element in root.iter():
-        for key in _files_of(element):
-            if _names_file(element, key, [Path(scene.folder)]):
-                element.set(key, str(Path(scene.folder) / element.get(key, "")))
+        for key in _files_of(element, [Path(scene.folder)]):
+            element.set(key, str(Path(scene.folder) / element.get(key, "")))
     return root
 
 
@@ -294,21 +288,10 @@ def _with_film(scene: MitsubaScene, integers: dict[str, int]) -> MitsubaScene:
     return _edited(scene, root)
 
 
-def with_pose(scene: MitsubaScene, to_world: list[float]) -> MitsubaScene:
-    """The scene whose first sensor has this matrix, 16 numbers by rows."""
-    root = ET.fromstring(scene.text)
-    sensor = root.find("sensor")
-    assert sensor is not None  # checked when it was read
-    for element in [e for e in sensor.findall("transform") if e.get("name") == "to_world"]:
-        sensor.remove(element)
-    transform = ET.SubElement(sensor, "transform", {"name": "to_world"})
-    ET.SubElement(transform, "matrix", {"value": " ".join(map(repr, to_world))})
-    return _edited(scene, root)
-
-
 def _edited(scene: MitsubaScene, root: ET.Element) -> MitsubaScene:
     """The scene with other elements, which name no further files."""
-    named = {element.get(key, "") for element in root.iter() for key in _files_of(element)}
+    folders = [Path(scene.folder)]
+    named = {element.get(key, "") for element in root.iter() for key in _files_of(element, folders)}
     names = {shape.get("id", "") for shape in root.iter("shape")}
     return msgspec.structs.replace(
         scene,
@@ -330,7 +313,7 @@ def write_mitsuba(scene: MitsubaScene, folder: Path) -> MitsubaScene:
             with replacing(folder / names[name]) as temporary:
                 temporary.write_bytes(content)
     for element in root.iter():
-        for key in _files_of(element):
+        for key in _files_of(element, [Path(scene.folder)]):
             element.set(key, names.get(element.get(key, ""), element.get(key, "")))
     ET.indent(root)
     text = ET.tostring(root, "unicode")

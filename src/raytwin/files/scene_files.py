@@ -12,22 +12,13 @@ import tomli_w
 from msgspec import UNSET, structs
 
 from raytwin.errors import InputError
-from raytwin.files.images import read_image
+from raytwin.files.images import read_image, write_image
 from raytwin.files.limits import MAX_PIXELS
 from raytwin.files.look_at import camera_table
-from raytwin.files.safe_write import replacing, write_text
+from raytwin.files.safe_write import write_text
 from raytwin.files.toml_json import plain, read_toml, to_record, unknown_key, write_toml
-from raytwin.scene import (
-    Camera,
-    PhotoCamera,
-    Scene,
-    SceneFile,
-    Tolerance,
-    WrittenPlane,
-    WrittenSphere,
-    material_of,
-)
-from raytwin.scene.object_names import called, numbered
+from raytwin.image import Image
+from raytwin.scene import NOWHERE, Camera, PhotoCamera, Scene, Sky, Tolerance
 from raytwin.scene_folders import find_scene
 
 MOST_COLUMNS = 4096
@@ -38,58 +29,67 @@ ROUNDED = 2e-3
 """R R^T is off by less where a rotation was rounded to three decimals or more."""
 
 
-def read_scene(path: str | os.PathLike | Scene | SceneFile) -> SceneFile:
+def read_scene(path: str | os.PathLike | Scene) -> Scene:
     """Read and check a scene, given the `path` of its folder or scene.toml, or its name; or check one made in Python.
 
-    Raises InputError that names file and field. Lengths are metres; see the page on scene.toml for its keys.
+    Raises InputError that names file and field, also where the camera is yet to be calibrated from photos. Lengths are
+    metres; see the page on scene.toml for its keys.
     """
-    if isinstance(path, Scene | SceneFile):
-        scene = SceneFile.of(path) if isinstance(path, Scene) else path
-        if scene.camera is not None:
-            check_camera(scene.camera, f"scene {scene.name}: camera.")
-        check_contents(scene, f"scene {scene.name}: ")
-        return scene
+    scene, photos = scene_and_photos(path)
+    if photos is not None:
+        raise InputError(f"scene {scene.name}: camera", "a calibrated camera", "photos to calibrate it from")
+    return scene
+
+
+def scene_and_photos(path: str | os.PathLike | Scene) -> tuple[Scene, PhotoCamera | None]:
+    """Read and check a scene and, where its camera is to be found in photos, which; till then that is NOWHERE."""
+    if isinstance(path, Scene):
+        check_camera(path.camera, f"scene {path.name}: camera.")
+        check_contents(path, f"scene {path.name}: ")
+        return path, None
     file = find_scene(path)
     if file.suffix.lower() == ".xml":
         raise InputError(file, "a scene.toml: only compare, reference and shrink take a Mitsuba file", "XML")
     data = read_toml(file)
-    for key in ("name", "folder", "photos"):  # of the record, not of the file
-        if key in data:
-            raise unknown_key(file, key)
+    if "name" in data:  # of the record, not of the file
+        raise unknown_key(file, "name")
     if "camera" not in data:
         raise InputError(f"{file}: camera", "is missing. Write a table [camera] with image_size and look_at.")
-    table = data.pop("camera")
+    table, photos, data["camera"] = data["camera"], None, NOWHERE
     if isinstance(table, dict) and "photos" in table:
-        data["photos"] = to_record(file, table, PhotoCamera, "camera")
+        photos = to_record(file, table, PhotoCamera, "camera")
     else:
         if isinstance(table, dict) and "look_at" in table:
             table = camera_table(file, table)
         data["camera"] = to_record(file, table, Camera, "camera")
         check_camera(data["camera"], f"{file}: camera.")
-    data["name"] = file.resolve().parent.name + ("" if file.name == "scene.toml" else f"-{file.stem}")
-    data["folder"] = str(file.parent)
+    data["name"] = scene_name(file)
     read_sky_map(file, data)
-    scene = to_record(file, data, SceneFile)
+    scene = to_record(file, data, Scene)
     check_contents(scene, f"{file}: ")
-    _check_map(scene, f"{file}: ")
-    return scene
+    _check_map(scene.sky, f"{file}: ")
+    return scene, photos
 
 
-def write_scene(path: Path, scene: SceneFile, comment: str = "") -> Path:
-    """Write a scene whose camera is known, with the file of its sky's map beside it; return `path`."""
-    if scene.sky.map is not UNSET:
-        source = Path(scene.folder) / scene.sky.map
-        if source.resolve() != (path.parent / source.name).resolve():
-            with replacing(path.parent / source.name) as temporary:
-                temporary.write_bytes(source.read_bytes())
-        scene = structs.replace(scene, sky=structs.replace(scene.sky, map=source.name))
+def scene_name(path: str | os.PathLike) -> str:
+    """Return the name of a scene: its folder's, with the file's where that is not scene.toml."""
+    file = find_scene(path)
+    return file.resolve().parent.name + ("" if file.name == "scene.toml" else f"-{file.stem}")
+
+
+def write_scene(path: Path, scene: Scene, comment: str = "") -> Path:
+    """Write a scene, with its sky's map beside it as an EXR; return `path`."""
+    if (texels := scene.sky.texels) is not UNSET:
+        name = Path("sky.exr" if scene.sky.map is UNSET else scene.sky.map).with_suffix(".exr").name
+        write_image(path.parent / name, Image(texels.radiance, samples=0))
+        scene = structs.replace(scene, sky=structs.replace(scene.sky, map=name))
     write_text(path, scene_text(scene, comment))
     return path
 
 
-def scene_text(scene: SceneFile, comment: str = "") -> str:
-    """Return the scene.toml of a scene whose camera is known: without defaults, vectors and matrices on one line."""
-    tables = {k: v for k, v in plain(scene).items() if k not in ("name", "folder", "photos") and v}
+def scene_text(scene: Scene, comment: str = "") -> str:
+    """Return the scene.toml of a scene: without defaults, vectors and matrices on one line."""
+    tables = {k: v for k, v in plain(scene).items() if k != "name" and v}
     for table in (tables["camera"], *tables.get("spheres", ()), *tables.get("planes", ())):
         for key in [key for key in ("dist", "in_photo") if not table.get(key)]:
             table.pop(key, None)
@@ -104,27 +104,21 @@ def scene_text(scene: SceneFile, comment: str = "") -> str:
     return f"{head}\n{text}"
 
 
-def check_contents(scene: SceneFile, where: str) -> None:
-    """Raise InputError unless the sun has a direction, planes are rectangles and materials are whole.
+def check_contents(scene: Scene, where: str) -> None:
+    """Raise InputError unless planes are rectangles, materials are whole and names differ.
 
     `where` is put before the field's name: `scenes/desk/scene.toml: `.
     """
-    if not math.hypot(*scene.sun.to_light) > 0:
-        raise InputError(f"{where}sun.to_light", "a direction", "the zero vector")
+    fields = [f"{kind}[{i}]" for kind in ("spheres", "planes") for i in range(len(getattr(scene, kind)))]
     for i, plane in enumerate(scene.planes):
         _check_edges(f"{where}planes[{i}]", np.asarray(plane.half_u), np.asarray(plane.half_v))
-    things: list[tuple[str, WrittenSphere | WrittenPlane]] = []
-    things += [(f"spheres[{i}]", sphere) for i, sphere in enumerate(scene.spheres)]
-    things += [(f"planes[{i}]", plane) for i, plane in enumerate(scene.planes)]
-    for name, thing in things:
+    for field, thing in zip(fields, scene.objects, strict=True):
         try:
-            material_of(thing)
+            _ = thing.material
         except InputError as error:
-            raise InputError(f"{where}{name}", *error.fields[1:]) from None
-    numbers = numbered(name.partition("s[")[0] for name, _ in things)
-    names = called(numbers, [thing.name for _, thing in things], [thing.albedo for _, thing in things])
+            raise InputError(f"{where}{field}", *error.fields[1:]) from None
     taken: set[str] = set()
-    for (field, _), name in zip(things, names, strict=True):
+    for field, name in zip(fields, scene.names, strict=True):
         if name in taken:
             raise InputError(f"{where}{field}.name", "a name that no other object has", repr(name))
         taken.add(name)
@@ -157,9 +151,8 @@ def read_sky_map(file: Path, data: dict[str, Any]) -> None:
     data["sky"] = sky | {"texels": {"size": [w, h], "texels": texels}}
 
 
-def _check_map(scene: SceneFile, where: str) -> None:
+def _check_map(sky: Sky, where: str) -> None:
     """Raise InputError where the map times its scale is more than float32 holds."""
-    sky = scene.sky
     if sky.texels is UNSET or sky.scale is UNSET:
         return
     brightest = float(np.frombuffer(sky.texels.texels, "<f4").max())
@@ -217,7 +210,7 @@ def _no_rotation(R: np.ndarray) -> str:
 
 
 def read_camera(path: str | os.PathLike) -> Camera:
-    """A camera.toml, as `raytwin calibrate -o` writes it; the boards' shapes in it are passed over."""
+    """A camera.toml, as `raytwin photo calibrate -o` writes it; the boards' shapes in it are passed over."""
     data = read_toml(path)
     data.pop("boards", None)
     camera = to_record(path, data, Camera)

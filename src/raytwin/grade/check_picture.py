@@ -46,7 +46,7 @@ def check_picture(asked: Question) -> CheckedPicture:
         passed, error, wrong = _compare_points(right, got, asked.tolerance)
     else:
         passed, error, wrong = _compare_radiance(right, got, asked, half, clipped, scale)
-    part = Part(shows, passed, exercise.share(passed, error, wrong), error, wrong, answer.seconds)
+    part = Part(shows, passed, error=error, wrong=wrong, seconds=answer.seconds)
     if not points and (bad := ~np.isfinite(got).all(axis=-1)).any():
         (y, x), count = np.argwhere(bad)[0], int(bad.sum())
         problem = f"{count} pixel{'s are' if count > 1 else ' is'} NaN or infinite, the first at (x={x}, y={y})"

@@ -13,9 +13,9 @@ from pathlib import Path
 import msgspec
 
 from raytwin.errors import InputError
-from raytwin.grade.feedback import with_feedback
 from raytwin.grade.grade_submission import grade_submission
 from raytwin.grade.job import Job, job_of
+from raytwin.grade.points import marked_by
 from raytwin.grade.questions import references_of
 from raytwin.grade.result import Result
 from raytwin.grade.rubric import Rubric, read_rubric
@@ -44,7 +44,7 @@ def jobs_of(submissions: Path, rubric_path: Path, whole: bool = False) -> list[J
     paths = (
         [submissions]
         if whole or _is_one(submissions, rubric)
-        else sorted(p for p in submissions.iterdir() if _counts(p))
+        else sorted((p for p in submissions.iterdir() if _counts(p)), key=lambda p: (p.name.casefold(), p.name))
     )
     if not paths:
         raise InputError(submissions, "submissions: files, or folders, of students", "an empty folder")
@@ -87,7 +87,7 @@ def run(
     killed run left in the temporary directory are removed first.
     """
     sweep()
-    said = _with_feedback_of(jobs)
+    said = _marked_by_rubric_of(jobs)
     made = Stored(out / RESULTS, Result).run(
         grade_submission, jobs, workers, failed=_fault, redo=lambda result: result.grader_fault, again=again,
         each=each and (lambda result: each(said(result))), progress=progress, stage="grade",
@@ -125,15 +125,17 @@ def with_class(results: Sequence[Result], out: Path, rubric: Rubric) -> list[Res
                 raise InputError(
                     out / RESULTS / f"{key}.json", f"the stored result of {student}", "none that can be read"
                 )
-            found[student] = with_feedback(other, rubric)
+            if other.exercises and [e.stage for e in other.exercises] != [e.stage for e in rubric.exercises]:
+                raise InputError(listed, "was graded by other exercises. Grade the whole class again.")
+            found[student] = marked_by(other, rubric)
     return [found[student] for student in dict.fromkeys([*(name for name, _ in keys), results[0].student])]
 
 
-def _with_feedback_of(jobs: Sequence[Job]) -> Callable[[Result], Result]:
-    """Say the sentences of a result's own rubric, which is read once."""
+def _marked_by_rubric_of(jobs: Sequence[Job]) -> Callable[[Result], Result]:
+    """Mark a result by its own rubric, which is read once."""
     rubrics = {path: read_rubric(path) for path in {j.rubric for j in jobs}}
     by_key = {j.key: rubrics[j.rubric] for j in jobs}
-    return lambda result: with_feedback(result, by_key[result.key])
+    return lambda result: marked_by(result, by_key[result.key])
 
 
 def _fault(job: Job, error: Exception) -> Result:

@@ -41,11 +41,11 @@ def _with_row(exercise: Marked, rows: Sequence[Feedback]) -> Marked:
 
 
 def unnamed(results: Sequence[Result]) -> list[tuple[Marked, list[Result]]]:
-    """The wrong results whose cause is unknown, those that several share first, each with whose they are."""
+    """The wrong results of which neither cause nor line is known, those that several share first, each with whose."""
     groups: list[tuple[Marked, list[Result]]] = []
     for result in results:
         for exercise in result.exercises:
-            if exercise.status != "fail" or exercise.faults or not exercise.fingerprint:
+            if exercise.status != "fail" or exercise.named or exercise.follows or not exercise.fingerprint:
                 continue
             for first, who in groups:
                 if first.stage == exercise.stage and same(first.fingerprint, exercise.fingerprint):

@@ -1,9 +1,8 @@
-"""Follow-through credit: a picture that is wrong because of a function that failed on its own is not lost twice.
+"""Follow-through: whether a picture is wrong only because of functions that failed on their own.
 
 Wrong pictures are asked for once more, with the right function in the failed one's place, wherever the submission's
-modules have its name. What is right then needs no other cause, and earns the rubric's `follow_through` of its points;
-what is still wrong has a second one. A picture that is made of functions alone earns only the share of those that are
-the submission's own.
+modules have its name. What is right then needs no other cause; what is still wrong has a second one. Of a picture that
+is made of functions alone, the share of those that are the submission's own counts.
 """
 
 import inspect
@@ -18,8 +17,7 @@ from raytwin.contract.composed_tracer import NEEDED, PARTS
 from raytwin.diagnose import textbook
 from raytwin.grade.check_picture import CheckedPicture, check_picture
 from raytwin.grade.questions import Question
-from raytwin.grade.result import Marked, Result
-from raytwin.grade.rubric import Rubric
+from raytwin.grade.result import Again, Marked
 from raytwin.grade.sandboxed_calls import ask
 from raytwin.sandbox.sandbox import Code, Sandbox
 
@@ -92,44 +90,24 @@ def ask_again(
     return Rerun(names, again)
 
 
-def followed(result: Result, rubric: Rubric, asked: Sequence[Question], helped: Rerun) -> Result:
-    """Return the result with follow-through credit."""
-    if not (rubric.follow_through and helped.again):
-        return result
-    exercises = []
-    for exercise in result.exercises:
-        mine = [q for q in asked if q.exercise.name == exercise.name]
-        if exercise.status == "fail" and any(id(q) in helped.again for q in mine):
-            exercise = _credited(exercise, [_share(q, helped) for q in mine], rubric.follow_through, helped.names)
-        exercises.append(exercise)
-    return msgspec.structs.replace(result, exercises=tuple(exercises))
+def with_again(marked: Marked, asked: Sequence[Question], helped: Rerun) -> Marked:
+    """Return the exercise with what came of its pictures when these were asked for once more."""
+    if marked.status != "fail":
+        return marked
+    parts = tuple(
+        msgspec.structs.replace(p, again=None if q.answer.problem else _again(q, helped))
+        for p, q in zip(marked.parts, asked, strict=True)
+    )
+    return msgspec.structs.replace(marked, parts=parts)
 
 
-def _share(question: Question, helped: Rerun) -> float:
-    """What the picture earns with the right functions in place of the failed ones, 0 to 1."""
-    if id(question) not in helped.again or question.answer.problem:
-        return 0.0
+def _again(question: Question, helped: Rerun) -> Again | None:
+    if id(question) not in helped.again:
+        return None
     again, checked = helped.again[id(question)]
     needed = NEEDED[question.exercise.stage]
-    own = 1 - len(set(needed) & set(helped.names)) / len(needed)
-    return checked.part.share * (own if again.made_of else 1.0)
-
-
-def _credited(exercise: Marked, shares: Sequence[float], rate: float, names: Sequence[str]) -> Marked:
-    parts = tuple(
-        msgspec.structs.replace(p, share=max(p.share, round(rate * share, 6)))
-        for p, share in zip(exercise.parts, shares, strict=True)
-    )
-    points = round(exercise.of * sum(p.share for p in parts) / len(parts), 4)
-    if points <= exercise.points:
-        return exercise
-    more = round(points - exercise.points, 4)
-    said = (
-        f"you lose points for your {' and '.join(names)}, and keep {f'{more:.2f}'.rstrip('0').rstrip('.')} here for "
-        "what is right without it"
-    )
-    sentences = (*exercise.sentences, said)
-    return msgspec.structs.replace(exercise, parts=parts, points=points, followed=more, sentences=sentences)
+    own = 1 - len(set(needed) & set(helped.names)) / len(needed) if again.made_of else 1.0
+    return Again(checked.part.passed, checked.part.error, checked.part.wrong, own)
 
 
 def source_of(names: Sequence[str]) -> str:

@@ -4,6 +4,7 @@ The submission runs in a sandbox and gives arrays. Everything else happens here,
 scenes are drawn from the seed, numbers compared, causes named.
 """
 
+import os
 import time
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,9 +12,10 @@ from pathlib import Path
 import msgspec
 
 from raytwin.errors import InputError
-from raytwin.grade.follow_through import followed
+from raytwin.grade.excerpt import with_own_text
 from raytwin.grade.job import Job
 from raytwin.grade.marks import marked
+from raytwin.grade.points import with_points
 from raytwin.grade.questions import questions_of
 from raytwin.grade.result import Result
 from raytwin.grade.rubric import read_rubric
@@ -50,8 +52,8 @@ def _graded(job: Job) -> tuple[Result, bool]:
     except InputError as error:
         for one in asked:
             one.answer = Answer(problem=error.fault, sort="missing")
-        return marked(result, rubric, asked, plain(error))[0], False
-    result, helped = marked(result, rubric, asked, problem, code)
-    result = followed(result, rubric, asked, helped)
+        said = plain(error).replace(f"{Path(job.path).parent}{os.sep}", "")
+        return with_points(marked(result, rubric, asked, said), rubric), False
+    result = with_points(with_own_text(marked(result, rubric, asked, problem, code), code), rubric)
     result = msgspec.structs.replace(result, seconds=round(time.perf_counter() - began, 4))
     return result, any(refused(one.answer) for one in asked)

@@ -42,8 +42,7 @@ def job_of(student: str, path: Path, rubric_path: Path, rubric: Rubric) -> Job:
     except (InputError, OSError, ValueError) as error:
         content, unreadable = hashlib.sha256(os.fsencode(path)).digest(), plain(error)
     seed = rubric.seed_of(content)
-    # Feedback is put to results that are there, wherever the rubric lies.
-    asked = msgspec.json.encode(msgspec.structs.replace(rubric, feedback=(), folder="")).decode()
+    asked = msgspec.json.encode(rubric.questions).decode()
     parts = [content.hex(), asked, str(seed), files.made_by(GRADER, ()), student]
     key = hashlib.sha256("\0".join([*parts, unreadable]).encode()).hexdigest()[:24]
     return Job(student, os.fspath(path), str(rubric_path), seed, key, unreadable)

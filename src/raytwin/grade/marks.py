@@ -1,6 +1,5 @@
-"""What answers are worth: points of each exercise, what is said about it, and the bonus for speed."""
+"""What is found of the answers: of each exercise which parts are right, and the cause of what is not; no points."""
 
-import time
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -11,33 +10,31 @@ import numpy as np
 from raytwin.contract.check_function import judge, student_words
 from raytwin.contract.stage_result import says_why
 from raytwin.contract.stage_table import LESSONS
-from raytwin.diagnose.diagnosis import Diagnosis, diagnose
+from raytwin.diagnose.diagnosis import diagnose
+from raytwin.diagnose.explanation import Explanation
 from raytwin.grade.check_picture import CheckedPicture, check_picture
 from raytwin.grade.fingerprint import fingerprint
-from raytwin.grade.follow_through import Rerun, ask_again
+from raytwin.grade.follow_through import Rerun, ask_again, with_again
 from raytwin.grade.questions import Question
-from raytwin.grade.result import FOLLOWS, SUREST, Marked, Part, Picture, Result, Status
+from raytwin.grade.result import SUREST, Marked, Part, Picture, Result, Status
 from raytwin.grade.rubric import Exercise, Rubric
 from raytwin.grade.sandboxed_repair import SecondLook
 from raytwin.grade.wrong_picture import wrong_picture
 from raytwin.sandbox.sandbox import Code
 
-SECONDS, AT_MOST = 9.0, 3.0
-"""CPU seconds for the causes of all pictures of a submission, and for those of some: what is named is named sooner."""
+SEARCHES = 3
+"""Searches for the causes of a submission's pictures, at most: of all of them, and of those of single exercises."""
 FURTHER = 1.25
 """Multiple of the wrong pixels: if right functions leave more, they do not fit the submission's own ways."""
 MOST_VIEWS = 3
 """Wrong pictures of a submission that can be looked at pixel by pixel; of the others there is a small one."""
 
 
-def marked(
-    result: Result, rubric: Rubric, asked: list[Question], problem: str, code: Code | None = None
-) -> tuple[Result, Rerun]:
-    """Return the result with its exercises marked, and what failed functions do to its pictures.
+def marked(result: Result, rubric: Rubric, asked: list[Question], problem: str, code: Code | None = None) -> Result:
+    """Return the result with its exercises, whose points `marked_by` fills in.
 
     Functions that fail alone are repaired before causes of pictures are looked for: the same change may make these
-    right, too. Speed is that of drawn scenes: of a named one a submission may have stored the picture. Images have no
-    seconds.
+    right, too.
     """
     with SecondLook(rubric, None if problem else code) as look:
         return _marked(result, rubric, asked, problem, code, look)
@@ -45,7 +42,7 @@ def marked(
 
 def _marked(
     result: Result, rubric: Rubric, asked: list[Question], problem: str, code: Code | None, look: SecondLook
-) -> tuple[Result, Rerun]:
+) -> Result:
     of = {e.name: [a for a in asked if a.exercise is e] for e in rubric.exercises}
     checked = {id(a): check_picture(a) for a in asked if a.scene is not None}
     marks = {e.name: _mark_stage(of[e.name]) for e in rubric.exercises if of[e.name][0].scene is None}
@@ -61,33 +58,45 @@ def _marked(
     marks |= {m.name: m for m in look.at([*marks.values()], right, beside=[*beside])}
     failed = [marks[m.name] for m in failed]
     mended = {id(a) for a in spoilt if a.exercise.stage in look.found}
-    causes = _Causes(checked, helped, [m for m in failed if m.stage in helped.names], result.seed, mended)
-    pictures, speed = [], []
-    for exercise in drawn_ones:
+    outside = {id(a) for a in asked if not a.exercise.inside}
+    seen = {k: c for k, c in checked.items() if k in outside}
+    again = replace(helped, again={k: pair for k, pair in helped.again.items() if k in outside})
+    causes = _Causes(seen, again, [m for m in failed if m.stage in helped.names], result.seed, mended)
+    pictures: list[Picture] = []
+    for exercise in sorted(drawn_ones, key=lambda e: e.inside):
         mine = of[exercise.name]
-        one, wrong = _mark_pictures(exercise, mine, causes)
+        before = [marks[e.name] for e in drawn_ones if e.name in marks]
+        found = _from_inside(mine, checked, before, helped) if exercise.inside else causes.of(mine)
+        one, wrong = _mark_pictures(exercise, mine, checked, found)
         pictures += wrong
-        marks[exercise.name] = one
-        drawn = [a.answer.seconds for a in mine if a.drawn]
-        timed = rubric.speed is not None and rubric.speed.of == one.name and code is not None and code.kind != "images"
-        if timed and one.error is not None and drawn:
-            speed.append((one.name, sum(drawn) / len(drawn), one.error))
-    unclear = [m for e in drawn_ones if not ((m := marks[e.name]).follows or says_why(m.sureness, m.faults))]
+        marks[exercise.name] = with_again(one, of[exercise.name], helped)
+    first = [e for e in drawn_ones if not e.inside]
+    if all(marks[e.name].status == "pass" for e in first):
+        first = drawn_ones
+    unclear = [m for e in first if not ((m := marks[e.name]).follows or says_why(m.sureness, m.faults))]
     shown = [(a.exercise.stage, a.case) for a in spoilt]
     marks |= {m.name: m for m in look.at(unclear, right, helped.names if causes.beside else (), pictures=shown)}
-    bonus = 0.0
-    if rubric.speed is not None and speed and marks[rubric.speed.of].status == "pass":
-        bonus = rubric.speed.earned(speed[0][1])
-    made = msgspec.structs.replace(
+    return msgspec.structs.replace(
         result,
-        exercises=tuple(marks[e.name] for e in rubric.exercises),
+        exercises=tuple(_with_repair(marks[e.name], look, of[e.name]) for e in rubric.exercises),
         pictures=tuple(pictures),
-        speed=tuple(speed),
-        bonus=bonus,
         problem=problem,
         own_seconds=round(sum(a.answer.seconds for a in asked), 4),
     )
-    return made, replace(helped, beside=causes.beside)
+
+
+def _with_repair(m: Marked, look: SecondLook, asked: Sequence[Question]) -> Marked:
+    """The exercise with the hints of the change that repairs it, if one does, and that change as its mistake.
+
+    What repairs pictures from outside is tried on those from inside a sphere.
+    """
+    found = look.found.get(m.stage)
+    if found is None or m.status == "pass" or m.because:
+        return m
+    if asked[0].exercise.inside and not look.mends(m.stage, [a.case for a in asked]):
+        return m
+    hints = tuple(found.hint(level) for level in (1, 2, 3))
+    return msgspec.structs.replace(m, hints=hints, mistakes=(*m.mistakes, hints[-1]))
 
 
 def _status(parts: list[Part], asked: list[Question]) -> Status:
@@ -116,11 +125,10 @@ def _mark_stage(asked: list[Question]) -> Marked:
         Part(
             c.shows,
             c.passed,
-            exercise.share(c.passed, c.error, c.wrong),
-            c.error,
-            c.wrong,
-            a.answer.seconds,
-            a.answer.problem,
+            error=c.error,
+            wrong=c.wrong,
+            seconds=a.answer.seconds,
+            problem=a.answer.problem,
         )
         for c, a in zip(found.cases, asked, strict=True)
     ]
@@ -128,15 +136,13 @@ def _mark_stage(asked: list[Question]) -> Marked:
         name=exercise.name,
         stage=exercise.stage,
         status=_status(parts, asked),
-        points=round(exercise.points * sum(p.share for p in parts) / len(parts), 4),
-        of=exercise.points,
-        visibility=exercise.visibility,
         unit=found.unit,
         tolerance=found.tolerance,
         sentences=(found.sentence,),
         causes=found.causes,
         sureness=found.sureness,
         faults=found.faults or tuple((name, found.sentence) for name in found.causes),
+        mistakes=found.causes if says_why(found.sureness, found.faults) else (),
         inputs=found.inputs,
         expected=found.expected,
         got=found.got,
@@ -145,11 +151,16 @@ def _mark_stage(asked: list[Question]) -> Marked:
 
 
 class _Found(NamedTuple):
-    """What is said of an exercise's pictures; `faults`: (name, sentence) of each mistake."""
+    """What is said of an exercise's pictures; `faults`: (name, sentence) of each mistake.
+
+    `because`: functions that make them wrong; `mistakes`: what explains each all that is wrong.
+    """
 
     sentences: tuple[str, ...] = ()
     faults: tuple[tuple[str, str], ...] = ()
     sureness: str = ""
+    because: tuple[str, ...] = ()
+    mistakes: tuple[str, ...] = ()
 
 
 class _Causes:
@@ -168,18 +179,18 @@ class _Causes:
     ) -> None:  # fmt: skip
         self.checked, self.helped, self.failed, self.seed = checked, helped, failed, seed
         self.mended, checked = mended, {k: c for k, c in checked.items() if k not in mended}
-        self.seconds, self.functions = SECONDS, " and ".join(helped.names)
+        self.searches, self.functions = SEARCHES, " and ".join(f"`{name}`" for name in helped.names)
         known = bool(failed) and all(m.faults or m.repair for m in failed)
         left = [k for k, (_, again) in helped.again.items() if not (again.part.passed or k in mended)]
         fixed_by = bool(helped.again) and not left
         self.beside = any(_is_nearer(checked[k], helped.again[k][1]) for k in left)
-        self.together: Diagnosis | None = None
+        self.together: Explanation | None = None
         if not (known and self.beside):
             explained = helped.again if known and fixed_by else {}
             self.together = self._diagnosed([c for k, c in checked.items() if k not in explained])
         named = self.together is not None and self.together.cause is not None
         self.theirs = fixed_by and (known or not named)
-        self.rest: Diagnosis | None = None
+        self.rest: Explanation | None = None
         if self.beside and not named:
             found = self._diagnosed([helped.again[k][1] if k in helped.again else c for k, c in checked.items()])
             if found is not None and found.cause is not None:
@@ -187,15 +198,13 @@ class _Causes:
             else:
                 self.together = self.together or self._diagnosed(list(checked.values()))
 
-    def _diagnosed(self, checked: Sequence[CheckedPicture]) -> Diagnosis | None:
-        """None if nothing is wrong, there are no numbers, or no time is left."""
+    def _diagnosed(self, checked: Sequence[CheckedPicture]) -> Explanation | None:
+        """None if nothing is wrong, there are no numbers, or no search is left."""
         views = [c.view for c in checked if c.view is not None]
-        if self.seconds <= 0 or not _has_wrong_numbers(checked):
+        if self.searches == 0 or not _has_wrong_numbers(checked):
             return None
-        began = time.thread_time()
-        found = diagnose(views, self.seed, seconds=min(self.seconds, AT_MOST))
-        self.seconds -= time.thread_time() - began
-        return found
+        self.searches -= 1
+        return diagnose(views, self.seed)
 
     def of(self, asked: Sequence[Question]) -> _Found:
         """Return what is said of one exercise."""
@@ -204,7 +213,9 @@ class _Causes:
         if wrong and all(map(self.helped.fixed_by, wrong)) and self.failed and (self.theirs or self.rest):
             faults = tuple(dict.fromkeys(fault for m in self.failed for fault in m.faults))
             sureness = max((m.sureness for m in self.failed), key=SUREST.index) if faults else ""
-            return _Found((f"{FOLLOWS} {self.functions}: with a right one this is right",), faults, sureness)
+            once = f"{self.functions} is" if len(self.helped.names) == 1 else "these are"
+            caused = f"Caused by {self.functions}. Once {once} correct, so is this picture."
+            return _Found((caused,), faults, sureness, self.helped.names)
         if not _has_wrong_numbers(mine) or any(id(a) in self.mended for a in asked):
             return _Found()
         found = self.rest or self.together
@@ -212,12 +223,15 @@ class _Causes:
         if found is not None and found.cause is None and others:
             found = self._diagnosed(mine) or found
             # What other pictures speak against is not proved.
-            found = replace(found, sureness="likely" if found.cause else "unknown")
+            found = replace(found, certainty="likely" if found.cause else "unknown")
         if found is None:
             return _Found()
         faults = ((found.cause.name, found.cause.sentence),) if found.cause else ()
-        beside = (f"beside that, your {self.functions} makes it wrong",) if self.rest is not None else ()
-        return _Found((*student_words(found), *beside), faults, found.sureness if faults else "")
+        makes = "makes" if len(self.helped.names) == 1 else "make"
+        beside = (f"{self.functions} {makes} it wrong, too",) if self.rest is not None else ()
+        said = (*student_words(found), *beside)
+        alone = self.rest is None and says_why(found.certainty, faults)
+        return _Found(said, faults, found.certainty if faults else "", (), tuple(n for n, _ in faults) if alone else ())
 
 
 def _has_wrong_numbers(checked: Sequence[CheckedPicture]) -> bool:
@@ -233,15 +247,33 @@ def _is_nearer(before: CheckedPicture, after: CheckedPicture) -> bool:
     return not same and not worse
 
 
-def _mark_pictures(exercise: Exercise, asked: list[Question], causes: _Causes) -> tuple[Marked, list[Picture]]:
-    checked = [causes.checked[id(a)] for a in asked]
+def _from_inside(
+    asked: Sequence[Question], checked: Mapping[int, CheckedPicture], others: Sequence[Marked], helped: Rerun
+) -> _Found:
+    """What is said of pictures from inside a sphere. They tell little, so other pictures that are wrong come first."""
+    if not (wrong := [a for a in asked if not checked[id(a)].part.passed]):
+        return _Found()
+    if failed := [m for m in others if m.status != "pass"]:
+        first = next((m for m in failed if m.because or m.mistakes), failed[0])
+        said = f"Pictures from outside are wrong, too. Start with {first.name}."
+        return _Found((said,), (), "", first.because if all(map(helped.fixed_by, wrong)) else (), first.mistakes)
+    outcomes = [a.answer.problem or tuple(x.astype(float) for x in a.answer.arrays) for a in asked]
+    found = judge(LESSONS[asked[0].exercise.stage], [a.case for a in asked], outcomes)
+    mistakes = found.causes if says_why(found.sureness, found.faults) else ()
+    return _Found(() if found.passed else (found.sentence,), found.faults, found.sureness, (), mistakes)
+
+
+def _mark_pictures(
+    exercise: Exercise, asked: list[Question], every: Mapping[int, CheckedPicture], found: _Found
+) -> tuple[Marked, list[Picture]]:
+    checked = [every[id(a)] for a in asked]
     parts = [c.part for c in checked]
     status = _status(parts, asked)
-    found = causes.of(asked)
     sentences = (*found.sentences, *dict.fromkeys(p.problem for p in parts if p.problem))
     if not sentences and status == "pass":
         sentences = (f"right in all {len(parts)} pictures" if len(parts) > 1 else "the picture is right",)
-    sentences = (*sentences, *dict.fromkeys(a.made_of for a in asked if a.made_of))
+    made_of = tuple(dict.fromkeys(a.made_of for a in asked if a.made_of))
+    sentences = (*sentences, *made_of)
     # Pixel by pixel the worst; the others stay small.
     wrong = [(a, c.got, c) for a, c in zip(asked, checked, strict=True) if c.got is not None]
     wrong.sort(key=lambda w: -(w[2].part.error or 0))
@@ -250,15 +282,14 @@ def _mark_pictures(exercise: Exercise, asked: list[Question], causes: _Causes) -
         name=exercise.name,
         stage=exercise.stage,
         status=status,
-        points=round(exercise.points * sum(p.share for p in parts) / len(parts), 4),
-        of=exercise.points,
-        visibility=exercise.visibility,
         unit="of the picture's scale" if exercise.stage == "render" else "m",
         tolerance=asked[0].tolerance.p999_abs,
         sentences=sentences or ("wrong, and no single common mistake fits",),
         causes=tuple(name for name, _ in found.faults),
         sureness=found.sureness,
         faults=found.faults,
+        mistakes=() if made_of else found.mistakes,
+        because=found.because,
         fingerprint=_fingerprint(asked, checked) if status == "fail" else "",
         parts=tuple(parts),
     )

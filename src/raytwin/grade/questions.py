@@ -11,12 +11,15 @@ import numpy as np
 from raytwin import references
 from raytwin.contract.stage import Case
 from raytwin.contract.stage_table import LESSONS
-from raytwin.diagnose.draw_scene import LARGER, draw_scene
+from raytwin.diagnose.draw_scene import LARGER, SIZE, draw_scene
 from raytwin.diagnose.pixel_sample import traced_once
 from raytwin.grade.rubric import Exercise, Rubric
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.sandbox.sandbox import Answer
-from raytwin.scene import Scene, Tolerance
+from raytwin.scene import Scene, Sphere, Tolerance
+
+INSIDE = (60, 44)
+"""Pixels of a scene that is seen from inside a sphere: little is to be seen."""
 
 
 @dataclass(eq=False)
@@ -45,9 +48,20 @@ def questions_of(rubric: Rubric, seed: int) -> Iterator[Question]:
             yield _reference_question(rubric, exercise, name)
         for i in range(exercise.drawn):
             scale = LARGER if exercise.stage == "render" and i % 2 else 1.0
-            scene = draw_scene(own + i, name=f"random scene {i + 1}", scale=scale)
+            scene = draw_scene(own + i, INSIDE if exercise.inside else SIZE, f"random scene {i + 1}", scale)
+            if exercise.inside:
+                scene = _around_eye(scene)
             right = np.asarray(traced_once(scene, exercise.rung).mean, float)
             yield replace(_picture_question(exercise, scene, right, Tolerance()), drawn=True)
+
+
+def _around_eye(scene: Scene) -> Scene:
+    """The scene within one more sphere, which holds the eye and what is near."""
+    camera = scene.camera
+    eye = -np.transpose(camera.R_cam_board) @ camera.t_cam_board
+    x, y, z = (0.5 * eye).tolist()
+    wall = Sphere((x, y, z), 0.9 * float(np.linalg.norm(eye)), (0.7, 0.55, 0.8))
+    return msgspec.structs.replace(scene, name=f"{scene.name}, from inside", spheres=(*scene.spheres, wall))
 
 
 def _reference_question(rubric: Rubric, exercise: Exercise, name: str) -> Question:

@@ -10,6 +10,18 @@ Status = Literal["pass", "fail", "error", "missing", "limit", "broken"]
 function; `limit`: too much time, memory or output; `broken`: its process ended."""
 
 
+class Again(Record, frozen=True):
+    """What came of a picture that was asked for once more, with correct functions in place of the failed ones.
+
+    `own`: of the functions that it is made of, the share that was the submission's own.
+    """
+
+    passed: bool
+    error: float | None
+    wrong: float | None
+    own: float = 1.0
+
+
 class Part(Record, frozen=True):
     """A case or scene: what it `shows`; `error`: in the exercise's unit, None where there is no number; `wrong`: the
     share of values that are off; `share`: of its points; `problem`: in words, where there are no numbers."""
@@ -21,32 +33,49 @@ class Part(Record, frozen=True):
     wrong: float | None = None
     seconds: float = 0.0
     problem: str = ""
+    again: Again | None = None
+
+
+class CodeLine(Record, frozen=True):
+    """A line of the submission's text; `here`: the one to look at."""
+
+    number: int
+    text: str
+    here: bool
 
 
 class Marked(Record, frozen=True):
     """An exercise, marked. `sentences`: for the student, the first is the cause where one is named (`causes`, by name).
 
     `faults`: (name, sentence) of each mistake that was made; `causes` has those, too, that explain it as well.
+    `code`: lines of the submission that the sentences speak of.
     `inputs`, `expected`, `got`: of the worst value of a stage's cases. `fingerprint`: of the wrong numbers.
-    `repair`: what was wrong where one change of the text makes all right, in an operator's words.
-    `followed`: of the points, those that a picture keeps since a function that failed on its own is to blame.
+    `repair`: what was wrong where one change of the text makes all right, in an operator's words; `hints`: that change
+    in each of three levels of detail. `mistakes`: what each explains all that is wrong here, and shows elsewhere, too.
+    `because`: functions that failed on their own, with correct ones of which this picture is right. `same_as`: the
+    exercise that pays for the same mistake. `followed`: of the points, those that are kept since it is paid for.
     """
 
     name: str
     stage: str
     status: Status
-    points: float
-    of: float
-    visibility: Visibility
-    unit: str
-    tolerance: float
+    points: float = 0.0
+    of: float = 0.0
+    visibility: Visibility = "visible"
+    unit: str = ""
+    tolerance: float = 0.0
     sentences: tuple[str, ...] = ()
     causes: tuple[str, ...] = ()
     sureness: str = ""
     faults: tuple[tuple[str, str], ...] = ()
     fingerprint: str = ""
     repair: str = ""
+    hints: tuple[str, ...] = ()
+    mistakes: tuple[str, ...] = ()
+    because: tuple[str, ...] = ()
+    same_as: str = ""
     followed: float = 0.0
+    code: tuple[CodeLine, ...] = ()
     inputs: str = ""
     expected: str = ""
     got: str = ""
@@ -59,9 +88,26 @@ class Marked(Record, frozen=True):
         return None if None in errors or not errors else max(e for e in errors if e is not None)
 
     @property
+    def named(self) -> dict[str, str]:
+        """Name -> sentence of what is wrong. A line that one change repairs is surer than names that are not proved."""
+        proved = {name: sentence for name, sentence in self.faults if name in self.mistakes}
+        guessed = self.repair and self.sureness != "named"
+        return proved or ({f"{self.stage}: {self.repair}": ""} if guessed else dict(self.faults))
+
+    @property
     def follows(self) -> bool:
-        """Whether it is wrong only since another function is."""
-        return bool(self.sentences) and self.sentences[0].startswith(FOLLOWS)
+        """Whether it is wrong only by a mistake that another exercise pays for."""
+        return bool(self.because or self.same_as)
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """The sentences, and what is kept."""
+        if not self.followed:
+            return self.sentences
+        payer = " and ".join(f"`{name}`" for name in self.because) or f"The same mistake in {self.same_as}"
+        have = "have" if len(self.because) > 1 else "has"
+        kept = f"{self.followed:.2f}".rstrip("0").rstrip(".")
+        return (*self.sentences, f"{payer} {have} cost you points already, so you keep {kept} here.")
 
     @property
     def seconds(self) -> float:
@@ -70,8 +116,10 @@ class Marked(Record, frozen=True):
 
 
 class Picture(Record, frozen=True):
-    """A picture that is wrong. `thumb`: expected, got and error side by side, a PNG as a data URL; `planes`: as the
-    viewer takes them, JSON, empty where others are worse."""
+    """A picture that is wrong. `thumb`: expected, got and error side by side, a PNG as a data URL.
+
+    `planes`: as the viewer takes them, JSON, empty where others are worse. `full`: the error of full colour, 0: none.
+    """
 
     exercise: str
     shows: str
@@ -80,6 +128,7 @@ class Picture(Record, frozen=True):
     stops: float = 0.0
     share: float = 1e-5
     scale: float = 1.0
+    full: float = 0.0
 
 
 class Result(Record, frozen=True):
@@ -119,8 +168,13 @@ class Result(Record, frozen=True):
 
     @property
     def faults(self) -> dict[str, str]:
-        """Name -> sentence of each mistake."""
-        return {name: sentence for e in self.exercises for name, sentence in e.faults}
+        """Name -> sentence of each mistake, once."""
+        return {name: sentence for e in self.exercises if not e.follows for name, sentence in e.named.items()}
+
+    @property
+    def to_mend(self) -> int:
+        """Exercises with a mistake of their own."""
+        return sum(e.status != "pass" and not e.follows for e in self.exercises)
 
     @property
     def all_passed(self) -> bool:
@@ -139,8 +193,6 @@ class Result(Record, frozen=True):
         return self.worst.sentences[0] if self.worst and self.worst.sentences else self.problem
 
 
-FOLLOWS = "follows from your"
-"""How a sentence begins that says which other function makes an exercise wrong."""
 WORST: tuple[Status, ...] = ("limit", "broken", "error", "fail", "missing")
 SUREST = ("named", "proved", "likely", "")
 """`sureness`, from the surest: named by the instructor; proved by a repair, or by predictions that leave nothing."""

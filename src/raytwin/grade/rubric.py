@@ -16,7 +16,7 @@
 import hashlib
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 
@@ -43,6 +43,7 @@ class Exercise(Record, frozen=True):
     """One row: a `stage` tested on its own cases, or a picture on `scenes` by name and on as many `drawn` ones.
 
     `tolerance`: of the stage's error, or of a picture's, relative to its scale; None: the stage's own, the scene's own.
+    `inside`: the drawn scenes are seen from inside a sphere, whose wall hides the sun.
     A case or scene that passes earns its share of the points whole; one that does not earns what `credit` says of its
     error (`measure`: `wrong`, the share of values that are off), interpolated over the error's logarithm: the first
     row's share below it, nothing above the last.
@@ -53,6 +54,7 @@ class Exercise(Record, frozen=True):
     name: str = ""
     scenes: tuple[str, ...] = ()
     drawn: Annotated[int, msgspec.Meta(ge=0, le=100)] = 0
+    inside: bool = False
     rung: str = "shadow"
     tolerance: Positive | None = None
     visibility: Visibility = "visible"
@@ -84,8 +86,8 @@ class Exercise(Record, frozen=True):
 class Speed(Record, frozen=True):
     """Speed against accuracy, of the drawn scenes of the exercise `of`: a leaderboard, and a bonus if wanted.
 
-    The whole `bonus` at `fast` seconds a picture or fewer, none at `slow`, in between by the logarithm; only where the
-    exercise is passed.
+    The whole `bonus` at `fast` seconds a picture or fewer, none at `slow`, in between by the logarithm; only where
+    every exercise is passed.
     """
 
     of: str
@@ -121,7 +123,7 @@ class Rubric(Record, frozen=True):
     standard library, NumPy and SciPy, in words for pip, which installs them on Gradescope. `folder`: where the rubric
     lies, with a `reference` of its own if any. `hints`: of a slip that one change of the submission's text undoes, a
     student reads the line (1), what is wrong there (2), what to write (3); 0: nothing is tried. `follow_through`: the
-    share of its points that a picture keeps if it is right once the functions that failed on their own are replaced.
+    share of its points that an exercise keeps if it is wrong only by a mistake that another one pays for.
     """
 
     title: str
@@ -149,6 +151,12 @@ class Rubric(Record, frozen=True):
     def functions(self) -> tuple[str, ...]:
         """What is looked for in a submission: the stages, and what a picture can be made of where one is missing."""
         return tuple(dict.fromkeys([*self.stages, *(part for s in self.stages for part in NEEDED.get(s, ()))]))
+
+    @property
+    def questions(self) -> tuple[Any, ...]:
+        """What decides the answers and what is found of them: all other keys are arithmetic with stored results."""
+        exercises = [(e.stage, e.scenes, e.drawn, e.inside, e.rung, e.tolerance) for e in self.exercises]
+        return exercises, self.limits, self.file, self.command, self.packages, self.hints > 0
 
     def seed_of(self, content: bytes) -> int:
         """Return a submission's seed, which nobody without the rubric's own can compute."""
@@ -198,11 +206,13 @@ def _check(where: str, e: Exercise) -> None:
         raise InputError(f"{where}.rung", f"a rung without noise ({', '.join(ONE_RAY)})", e.rung)
     if e.stage not in PICTURES and (e.scenes or e.drawn):
         raise InputError(f"{where}.scenes", f"none: {e.stage} has cases of its own", e.scenes or e.drawn)
+    if e.inside and not (e.stage == "render" and e.drawn and not e.scenes):
+        raise InputError(f"{where}.inside", "an exercise of render with drawn scenes alone", e.stage)
     errors = [row[0] for row in e.credit]
     if errors != sorted(errors):
         raise InputError(f"{where}.credit", "rows by rising error", errors)
 
 
 def _name(e: Exercise) -> str:
-    of = ", ".join([*e.scenes, *([f"{e.drawn} drawn"] if e.drawn else [])])
+    of = ", ".join([*e.scenes, *([f"{e.drawn} drawn{' from inside' if e.inside else ''}"] if e.drawn else [])])
     return f"{e.stage} ({e.rung}: {of})" if of and e.stage == "render" else f"{e.stage} ({of})" if of else e.stage

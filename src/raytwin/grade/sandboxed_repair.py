@@ -117,6 +117,16 @@ class SecondLook:
             self.trials.child.call(REPLACE, source_of(names), list(names))
         return self.trials.child
 
+    def mends(self, stage: str, cases: Sequence[Case]) -> bool:
+        """Whether the change that was found for a function makes these cases right, too."""
+        change = self.found[stage].candidate
+        if change is None:
+            return False
+        self.child_with()
+        assert self.trials is not None
+        each = ((case, self.trials.run(stage, (), [change], case.args, False)[0]) for case in cases)
+        return all(got is not None and is_repaired(LESSONS[stage], case, got) for case, got in each)
+
     def close(self) -> None:
         """End the process."""
         if self.trials is not None:

@@ -4,7 +4,7 @@ import msgspec
 import numpy as np
 
 from raytwin import files
-from raytwin.compare import error_map
+from raytwin.compare import error_map, error_scale
 from raytwin.grade.questions import Question
 from raytwin.grade.result import Picture
 from raytwin.image import Image
@@ -32,6 +32,7 @@ def wrong_picture(asked: Question, got: np.ndarray, scale: float, whole: bool) -
         stops=round(-float(np.log2(brightest)), 2) if brightest > 0 else 0.0,
         share=asked.tolerance.p999_abs,
         scale=scale,
+        full=0.0 if points else error_scale(test, reference),
     )
 
 

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -24,7 +25,7 @@ from raytwin.live.view_state import Look, ViewRequest
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.rungs import RUNGS
-from raytwin.scene import Scene, SceneFile
+from raytwin.scene import Scene
 from raytwin.speed import ENGINES
 from raytwin.viewer.packing import binned
 
@@ -45,10 +46,11 @@ Event = tuple[dict[str, Any], tuple[bytes, ...]]
 
 @dataclass(frozen=True)
 class Session:
-    """A scene whose camera is known, and what can render it here. `subject`: in the tracer's place, where given."""
+    """A scene and what can render it here. `subject`: in the tracer's place, where given; `folder`: the scene's own."""
 
-    base: SceneFile
+    base: Scene
     subject: Renderer | None = None
+    folder: Path = Path()
 
     @property
     def engines(self) -> tuple[str, ...]:

@@ -274,7 +274,7 @@ class _About(_Guarded):
 
     def get(self) -> None:
         session = self.server.session
-        scene = session.base.scene
+        scene = session.base
         about = {
             "scene": session.base.name, "width": scene.camera.width, "height": scene.camera.height,
             "camera": files.plain(scene.camera), "first": files.plain(self.server.first),
@@ -308,7 +308,7 @@ class _Toml(_Guarded):
     def post(self) -> None:
         try:
             wanted, base = from_json(self.request.body), self.server.session.base
-            text = scene_toml(base, wanted)
+            text = scene_toml(base, wanted, self.server.session.folder)
         except InputError as error:
             raise HTTPError(400, reason="no scene") from error
         self.set_header("Content-Type", "application/toml; charset=utf-8")

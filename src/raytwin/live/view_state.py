@@ -6,17 +6,18 @@ from pathlib import Path
 from typing import Annotated
 
 import msgspec
+from msgspec.structs import replace
 
 from raytwin import files
 from raytwin.errors import InputError, check_one_of
 from raytwin.rungs import RUNGS
-from raytwin.scene import Camera, Scene, SceneFile, WrittenPlane, WrittenSky, WrittenSphere, WrittenSun
+from raytwin.scene import NOWHERE, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.scene.record_base import Matrix, NonNegative, Positive, Radiance, Record, Vector
+from raytwin.scene.scene import NO_SUN
 from raytwin.speed import ENGINES
 from raytwin.tracer import SOLVERS
 
 MOST_OBJECTS, MOST_SAMPLES = 1000, 4096
-UNIT: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class Look(Record, frozen=True):
@@ -57,9 +58,9 @@ class ViewRequest(Record, frozen=True):
     way.
     """
 
-    spheres: Annotated[tuple[WrittenSphere, ...], msgspec.Meta(max_length=MOST_OBJECTS)] = ()
-    planes: Annotated[tuple[WrittenPlane, ...], msgspec.Meta(max_length=MOST_OBJECTS)] = ()
-    sun: WrittenSun = WrittenSun((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+    spheres: Annotated[tuple[Sphere, ...], msgspec.Meta(max_length=MOST_OBJECTS)] = ()
+    planes: Annotated[tuple[Rectangle, ...], msgspec.Meta(max_length=MOST_OBJECTS)] = ()
+    sun: Sun = NO_SUN
     sky: WantedSky = WantedSky()
     camera: WantedCamera | None = None
     rung: str = "shadow"
@@ -80,30 +81,29 @@ class ViewRequest(Record, frozen=True):
             ("solver", self.solver, SOLVERS),
         ):
             check_one_of(what, name, rows)
-        files.check_contents(SceneFile("", None, self.spheres, self.planes, self.sun), "")
+        files.check_contents(Scene("", NOWHERE, self.spheres, self.planes), "")
         if (turned := self.camera) is not None:
-            files.check_camera(Camera((1, 1), UNIT, turned.R_cam_board, turned.t_cam_board), "camera.")
+            files.check_camera(
+                replace(NOWHERE, R_cam_board=turned.R_cam_board, t_cam_board=turned.t_cam_board), "camera."
+            )
         return self
 
-    def written(self, base: SceneFile) -> SceneFile:
-        """The scene's file as it would stand for this."""
+    def scene(self, base: Scene) -> Scene:
+        """The scene that this asks for."""
         if base.sky.map is msgspec.UNSET:
-            sky = WrittenSky(self.sky.radiance)
+            sky = Sky(self.sky.radiance)
         else:
-            sky = msgspec.structs.replace(base.sky, scale=self.sky.scale, rotation=self.sky.rotation)
-        placed = msgspec.structs.replace(base, spheres=self.spheres, planes=self.planes, sun=self.sun, sky=sky)
-        if self.camera is None or base.camera is None:
+            sky = replace(base.sky, scale=self.sky.scale, rotation=self.sky.rotation)
+        placed = replace(base, spheres=self.spheres, planes=self.planes, sun=self.sun, sky=sky)
+        if self.camera is None:
             return placed
         (fx, s, cx), (z, fy, cy), last = base.camera.K
         K = ((fx * self.camera.zoom, s, cx), (z, fy * self.camera.zoom, cy), last)
         turned = {name: getattr(self.camera, name) for name in ("R_cam_board", "t_cam_board")}
-        return placed.with_camera(msgspec.structs.replace(base.camera, K=K, **turned))
-
-    def scene(self, base: SceneFile) -> Scene:
-        return self.written(base).scene
+        return placed.with_camera(replace(base.camera, K=K, **turned))
 
 
-def wanted_of(base: SceneFile, engine: str) -> ViewRequest:
+def wanted_of(base: Scene, engine: str) -> ViewRequest:
     """What is shown first."""
     sky = base.sky
     scale, turn = (default if x is msgspec.UNSET else x for x, default in ((sky.scale, 1.0), (sky.rotation, 0.0)))
@@ -128,10 +128,10 @@ def from_link(text: str) -> ViewRequest:
     return from_json(plain, "--view")
 
 
-def scene_toml(base: SceneFile, wanted: ViewRequest) -> str:
-    """Return the scene.toml of what is shown. What was calibrated is written out, so that it needs no photo."""
-    shown = wanted.written(base)
+def scene_toml(base: Scene, wanted: ViewRequest, folder: Path) -> str:
+    """Return the scene.toml of what is shown; `folder` has the file of its map. It needs no photo any more."""
+    shown = wanted.scene(base)
     if shown.sky.map is not msgspec.UNSET:
-        path = str((Path(base.folder) / shown.sky.map).resolve())  # it may be saved anywhere
-        shown = msgspec.structs.replace(shown, sky=msgspec.structs.replace(shown.sky, map=path))
+        path = str((folder / shown.sky.map).resolve())  # it may be saved anywhere
+        shown = replace(shown, sky=replace(shown.sky, map=path))
     return files.scene_text(shown, f"{base.name}, as it was left while exploring it.")

@@ -63,7 +63,7 @@ def loop(scene: Scene, rung: str = "lambert", trim: str = "none") -> np.ndarray:
                 light = 0.0
             out[v, u] = [
                 a * (light * e + s)
-                for a, e, s in zip(thing.material.albedo, scene.sun.irradiance, scene.sky.radiance, strict=True)
+                for a, e, s in zip(thing.material.albedo, scene.sun.irradiance, scene.sky_radiance, strict=True)
             ]
     return out
 

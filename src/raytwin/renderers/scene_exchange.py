@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.scene import Camera, Lambert, MitsubaScene, Record, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, MitsubaScene, Record, Rectangle, Scene, Sky, Sphere, Sun
 
 
 def as_arrays(scene: Scene, rung: str = "shadow") -> dict[str, Any]:
@@ -22,12 +22,10 @@ def as_arrays(scene: Scene, rung: str = "shadow") -> dict[str, Any]:
         "height": camera.height,
         "dist": np.array(camera.coefficients, float),
         **_arrays(camera, "K", "R_cam_board", "t_cam_board"),
-        "spheres": [
-            _arrays(s, "center") | {"radius": float(s.radius)} | _arrays(s.material, "albedo") for s in scene.spheres
-        ],
-        "planes": [_arrays(r, "center", "half_u", "half_v") | _arrays(r.material, "albedo") for r in scene.rectangles],
+        "spheres": [_arrays(s, "center") | {"radius": float(s.radius)} | _arrays(s, "albedo") for s in scene.spheres],
+        "planes": [_arrays(r, "center", "half_u", "half_v", "albedo") for r in scene.planes],
         "sun": _arrays(scene.sun, "to_light", "irradiance"),
-        "sky": _arrays(scene.sky, "radiance"),
+        "sky": {"radiance": np.array(scene.sky_radiance, float)},
         "rung": rung,
     }
 
@@ -51,13 +49,10 @@ def as_scene(record: dict[str, Any]) -> Scene:
     camera = Camera(
         (record["width"], record["height"]), *(plain(record[k]) for k in ("K", "R_cam_board", "t_cam_board", "dist"))
     )
-    spheres = [Sphere(plain(s["center"]), s["radius"], Lambert(plain(s["albedo"]))) for s in record["spheres"]]
-    planes = [
-        Rectangle(plain(p["center"]), plain(p["half_u"]), plain(p["half_v"]), Lambert(plain(p["albedo"])))
-        for p in record["planes"]
-    ]
+    spheres = (Sphere(plain(s["center"]), s["radius"], plain(s["albedo"])) for s in record["spheres"])
+    planes = (Rectangle(*(plain(p[k]) for k in ("center", "half_u", "half_v", "albedo"))) for p in record["planes"])
     sun = Sun(plain(record["sun"]["to_light"]), plain(record["sun"]["irradiance"]))
-    return Scene(record["name"], camera, (*spheres, *planes), (sun, Sky(plain(record["sky"]["radiance"]))))
+    return Scene(record["name"], camera, (*spheres,), (*planes,), sun, Sky(plain(record["sky"]["radiance"])))
 
 
 def as_json(scene: dict[str, Any]) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """The subject, in its many ways: whole frames, several rays a pixel, guesses between rays; and the paper's loop."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -122,20 +122,17 @@ class Supersampled(_ByEngine):
         self.ready()
         side = round(self.samples**0.5)
         steps = ((np.arange(side) + 0.5) / side - 0.5).tolist()
-        shifts = [(x, y) for y in steps for x in steps]
-        return lambda seed: Image(mean_of_shifts(scene, self.rung, self.engine, shifts), samples=self.samples)
+        moved = [scene.with_camera(scene.camera.grid(x, y)) for y in steps for x in steps]
 
+        def call(seed: int) -> Image:
+            total: Any = np.float32(0)
+            for one in moved:
+                out = background(one, self.rung)
+                draw(one, out, self.rung, self.engine)
+                total = total + out
+            return Image(total / np.float32(len(moved)), samples=self.samples)
 
-def mean_of_shifts(scene: Scene, rung: str, engine: str, shifts: Sequence[tuple[float, float]]) -> np.ndarray:
-    """The mean image (H, W, 3) over rays through pixel centres moved by each (x, y) of `shifts`, in pixels."""
-    moved = [scene.with_camera(scene.camera.grid(x, y)) for x, y in shifts]
-    total = background(moved[0], rung)
-    draw(moved[0], total, rung, engine)
-    for one in moved[1:]:
-        out = background(one, rung)
-        draw(one, out, rung, engine)
-        total += out
-    return total / np.float32(len(shifts))
+        return call
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from raytwin import twin
 from raytwin.image import Image
 from raytwin.renderers.renderer import Call, Renderer
@@ -77,7 +79,7 @@ class Plain(_ByVariant):
 
         def call(seed: int) -> Image:
             twin.activate(self.variant)
-            image = Image(twin.render_plain(loaded, self.samples, seed), samples=self.samples)
+            image = Image(twin.render_plain(loaded, self.samples, seed).astype(np.float32), samples=self.samples)
             return image.blacken(without_ray(scene.camera))
 
         return call

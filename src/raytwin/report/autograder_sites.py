@@ -10,9 +10,9 @@ from typing import Any
 
 from raytwin import files
 from raytwin.grade.result import Marked, Picture, Result
-from raytwin.grade.rubric import PICTURES, Rubric
-from raytwin.report.class_page import STATUS, SURENESS, next_step, of_points
+from raytwin.grade.rubric import Rubric
 from raytwin.report.junit import Problem, add_case, legal, write_suites
+from raytwin.report.student_page import STATUS, SURENESS, next_step, of_points, unshown, without
 
 MOST_BYTES = 950_000
 """Bytes of a results.json: Gradescope takes one megabyte."""
@@ -35,10 +35,10 @@ def write_gradescope(result: Result, rubric: Rubric, path: str | os.PathLike[str
 
 def gradescope(result: Result, rubric: Rubric) -> dict[str, Any]:
     """https://gradescope-autograders.readthedocs.io/en/latest/specs/"""
-    tests, unshown = [], _unshown(result)
+    tests, hidden = [], unshown(result)
     for number, e in enumerate(result.exercises, start=1):
         picture = _picture(result, e)
-        text = "\n".join(_lines(e, unshown))
+        text = "\n".join(_lines(e, hidden))
         test: dict[str, Any] = {
             "name": e.name,
             "number": str(number),
@@ -98,31 +98,12 @@ def write_grade_junit(results: Sequence[Result], path: str | os.PathLike[str]) -
     write_suites(root, path)
 
 
-def _unshown(result: Result) -> frozenset[str]:
-    """Return the names of the scenes that only exercises which are not visible have.
-
-    One cause is looked for in all pictures of a submission, so its words may name any of them.
-    """
-    named: dict[bool, set[str]] = {True: set(), False: set()}
-    for e in result.exercises:
-        if e.stage in PICTURES:
-            named[e.visibility == "visible"] |= {p.shows.partition(", ")[0] for p in e.parts}
-    return frozenset(named[False] - named[True])
-
-
-def _without(names: Collection[str], text: str) -> str:
-    """Return the text with other words for these scenes."""
-    for name in sorted(names, key=len, reverse=True):
-        text = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", "a scene that is not shown", text)
-    return text
-
-
-def _lines(e: Marked, unshown: Collection[str] = ()) -> list[str]:
+def _lines(e: Marked, hidden: Collection[str] = ()) -> list[str]:
     """What a student reads: the sentence, then numbers, then which cases pass.
 
-    `unshown`: scenes whose names a visible exercise keeps to itself.
+    `hidden`: scenes whose names a visible exercise keeps to itself.
     """
-    lines = [_without(unshown, text) for text in e.sentences] if e.visibility == "visible" else [*e.sentences]
+    lines = [without(hidden, text) for text in e.said] if e.visibility == "visible" else [*e.said]
     if lines and e.sureness:
         lines[0] += f" ({SURENESS[e.sureness]})"
     if e.status != "pass":

@@ -1,75 +1,58 @@
-"""A class's pages: the class as a matrix, a page a student, failures first; scripts and styles once for all.
+"""A class's pages: the class as a matrix, a page per student, scripts and styles once for all.
 
-write_class(results, rubric, folder)    # index.html, students/*.html, shared/*, results.csv, results.json, junit.xml
+write_class(results, rubric, folder)    # index.html, students/*.html, shared/*, results.csv, results.json
 """
 
 import hashlib
-import json
+import itertools
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 from raytwin import files, viewer
 from raytwin.grade.feedback import row_of, unnamed
 from raytwin.grade.fingerprint import same
-from raytwin.grade.result import SUREST, Marked, Picture, Result
-from raytwin.grade.rubric import PICTURES, Rubric
-from raytwin.report.page import asset, render_page, write_page
+from raytwin.grade.result import SUREST, Marked, Result
+from raytwin.grade.rubric import Rubric
+from raytwin.report.page import asset, write_page
 from raytwin.report.spreadsheet import write_csv
+from raytwin.report.student_page import STATUS, SURENESS, of_points, seen_as, student_page, styles
 
 SHARED = "shared"
 STUDENTS = "students"
+FOR_STUDENTS = "for-students"
 BINS = 10
 """Steps of the points' distribution."""
-SURENESS = {
-    "named": "named by the instructor",
-    "proved": "proved",
-    "likely": "likely",
-    "": "cause unknown",
-}
-"""How sure a cause is, from the surest, in words."""
 
 
-def write_class(results: Sequence[Result], rubric: Rubric, folder: Path) -> list[str]:
+def write_class(results: Sequence[Result], rubric: Rubric, folder: Path, for_students: bool = False) -> list[str]:
     """Write every output of a class; return the students whose page could not be made, each of whom gets a plain one.
 
-    Students' names are as they were handed in; files are named so that none escapes.
+    Students' names are as they were handed in; files are named so that none escapes. `for_students`: also a page for
+    each to hand out.
     """
+    results = sorted(results, key=lambda r: (r.student.casefold(), r.student))
     shared = folder / SHARED
     files.write_text(shared / "viewer.js", viewer.script())
     files.write_text(shared / "grade.js", asset("table.js") + asset("grade.js"))
-    files.write_text(shared / "grade.css", asset("report.css") + viewer.style() + asset("grade.css"))
+    files.write_text(shared / "grade.css", styles())
     alike = near_identical(results)
     names = {r.key: page_name(r) for r in results}
-    common: dict[str, Any] = {
-        "of_points": of_points,
-        "STATUS": STATUS,
-        "SURENESS": SURENESS,
-        "PICTURES": PICTURES,
-        "rubric": rubric,
-    }
-    common["page"] = lambda result: names[result.key]
+    handed_out = handout_names(results) if for_students else {}
     failed = []
     for result in results:
-        try:
-            views, said = [_view(p) for p in result.pictures], alike.get(result.key, [])
-            text = render_page(
-                "grade_student.html.j2",
-                r=result,
-                exercises=_ordered(result),
-                views=views,
-                alike=said,
-                next_step=next_step,
-                **common,
-            )
-        except Exception as error:  # ours: it costs this page and no other
-            failed.append(result.student)
-            text = PLAIN_PAGE.format(escape(result.student), escape(f"{type(error).__name__}: {error}"))
-        files.write_text(folder / STUDENTS / names[result.key], text)
+        for where, named in ((STUDENTS, names), (FOR_STUDENTS, handed_out)):
+            if result.key in named:
+                try:
+                    text = student_page(result, rubric, where == FOR_STUDENTS)
+                except Exception as error:  # ours: it costs this page and no other
+                    failed.append(result.student)
+                    why = f": {type(error).__name__}: {error}" if where == STUDENTS else ""
+                    text = PLAIN_PAGE.format(escape(result.student), escape(why))
+                files.write_text(folder / where / named[result.key], text)
     write_page(
         folder / "index.html",
         "grade_class.html.j2",
@@ -84,35 +67,22 @@ def write_class(results: Sequence[Result], rubric: Rubric, folder: Path) -> list
         crashed=[r for r in results if broken(r)],
         certainty=certainty,
         in_short=in_short,
-        **common,
+        of_points=of_points,
+        seen_as=seen_as,
+        page=lambda result: names[result.key],
+        rubric=rubric,
+        STATUS=STATUS,
+        SURENESS=SURENESS,
     )
     write_csv(folder / "results.csv", csv_rows(results, rubric))
     files.write_json(folder / "results.json", summary(results, rubric))
     return failed
 
 
-def _ordered(result: Result) -> list[Marked]:
-    """What to look at first comes first, then by lost points; what passes, and last what is not written."""
-    late = {"pass": 1, "missing": 2}
-    first = result.worst
-    return sorted(result.exercises, key=lambda e: (late.get(e.status, 0), e is not first, -(e.of - e.points)))
-
-
 PLAIN_PAGE = (
     '<!DOCTYPE html>\n<html lang="en"><meta charset="utf-8"><title>{0}</title>'
-    '<h1>{0}</h1><p>The grader could not make this page: {1}</p><p><a href="../index.html">The class</a></p>\n'
+    "<h1>{0}</h1><p>The grader could not make this page{1}</p>\n"
 )
-
-STATUS = {
-    "pass": ("✓", "passes"),
-    "fail": ("✗", "other numbers"),
-    "error": ("!", "an error, or no usable array"),
-    "missing": ("–", "not written"),
-    "limit": ("◷", "too much time, memory or output"),
-    "broken": ("☇", "the process ended"),
-}
-"""Status -> a sign that needs no colour, and what it means."""
-
 
 CRASHED = ("limit", "broken", "error")
 
@@ -121,17 +91,23 @@ def broken(result: Result) -> bool:
     return bool(result.problem) or any(e.status in CRASHED for e in result.exercises)
 
 
-def of_points(points: float) -> str:
-    """
-    >>> of_points(12.0), of_points(3.25)
-    ('12', '3.25')
-    """
-    return f"{points:.2f}".rstrip("0").rstrip(".")
-
-
 def page_name(result: Result) -> str:
-    short = re.sub(r"[^A-Za-z0-9_-]+", "-", result.student).strip("-")[:60]
-    return f"{short}-{hashlib.sha256(result.student.encode(errors='replace')).hexdigest()[:6]}.html"
+    return f"{_short(result)}-{hashlib.sha256(result.student.encode(errors='replace')).hexdigest()[:6]}.html"
+
+
+def handout_names(results: Sequence[Result]) -> dict[str, str]:
+    """Key -> file name: the student's, with a number where two are alike but for signs or case."""
+    found: dict[str, str] = {}
+    for result in results:
+        ends = itertools.chain([""], (f"-{k}" for k in itertools.count(2)))
+        names = (f"{_short(result) or 'student'}{end}.html" for end in ends)
+        taken = {name.casefold() for name in found.values()}
+        found[result.key] = next(name for name in names if name.casefold() not in taken)
+    return found
+
+
+def _short(result: Result) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", result.student).strip("-")[:60]
 
 
 def histogram(shares: Iterable[float]) -> list[int]:
@@ -159,7 +135,7 @@ def faults(results: Sequence[Result]) -> list[tuple[str, str, list[tuple[Result,
     found: dict[str, tuple[str, dict[str, tuple[Result, str]]]] = {}
     for result in results:
         for e in result.exercises:
-            for name, sentence in e.faults:
+            for name, sentence in () if e.follows else e.named.items():
                 who = found.setdefault(name, (sentence, {}))[1]
                 if result.key not in who or SUREST.index(e.sureness) < SUREST.index(who[result.key][1]):
                     who[result.key] = result, e.sureness
@@ -177,22 +153,6 @@ def in_short(result: Result) -> str:
     return "; ".join((result.problem or result.first_problem).split("\n"))
 
 
-def next_step(e: Marked | None) -> str:
-    """What a student does about an exercise, or a file, after reading what is wrong."""
-    if e is None:
-        return "Run the file yourself until it loads without an error, then hand in again."
-    if e.status == "missing":
-        return f"Write {e.stage}; the starter file says what it takes and returns."
-    if e.status == "limit":
-        return "Find the loop that does not end, or do all rays at once, then hand in again."
-    if e.status in ("error", "broken"):
-        return f"Run {e.stage} yourself until it returns an array without an error, then hand in again."
-    change = "Change that" if e.faults or e.sureness else "Find out what differs there"
-    if e.stage in PICTURES:
-        return f"{change}, and compare your picture with the expected one below."
-    return f'{change}, then test it alone: raytwin.check("{e.stage}", {e.stage}).'
-
-
 def leaderboard(results: Sequence[Result]) -> list[tuple[Result, float, float]]:
     """(result, computed seconds per picture, error) of those whose pictures are right, the fastest first."""
     passed = {r.key: {e.name for e in r.exercises if e.status == "pass"} for r in results}
@@ -204,31 +164,11 @@ def near_identical(results: Sequence[Result]) -> dict[str, list[tuple[Result, st
     """Key -> who has the same wrong numbers, and in which exercise. The same mistake does that, too."""
     found: dict[str, dict[str, tuple[Result, str]]] = {}
     marked = [(r, e) for r in results for e in r.exercises if e.fingerprint]
-    for (a, x), (b, y) in combinations(marked, 2):
+    for (a, x), (b, y) in itertools.combinations(marked, 2):
         if a.key != b.key and x.stage == y.stage and same(x.fingerprint, y.fingerprint):
             found.setdefault(a.key, {})[b.key] = (b, y.name)
             found.setdefault(b.key, {})[a.key] = (a, x.name)
     return {key: list(others.values()) for key, others in found.items()}
-
-
-def _view(picture: Picture) -> dict[str, Any]:
-    """What the viewer mounts: the picture's planes and how to show them; empty where there is a small one alone."""
-    view: dict[str, Any] = {"exercise": picture.exercise, "shows": picture.shows, "thumb": picture.thumb, "data": ""}
-    if picture.planes:
-        panes = [
-            {"key": "reference", "kind": "radiance", "title": "Expected", "tab": "expected"},
-            {"key": "test", "kind": "radiance", "title": "Got", "tab": "got"},
-            {"key": "map", "kind": "map", "title": "Difference", "tab": "difference"},
-        ]
-        more = {
-            "names": {"test": "got", "reference": "expected"},
-            "panes": [pane | {"alt": f"{pane['title']}, {picture.shows}"} for pane in panes],
-            "objects": [], "noisy": False, "places": [], "marks": [], "start": None, "address": False,
-            "bound": {"share": picture.share, "scale": picture.scale, "held": True}, "exposure": picture.stops,
-        }  # fmt: skip
-        # "<" would end the element that holds it.
-        view["data"] = json.dumps(json.loads(picture.planes) | more).replace("<", "\\u003c")
-    return view
 
 
 # ------------------------------------------------------------------------------------------ numbers

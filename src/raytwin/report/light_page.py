@@ -34,11 +34,9 @@ SCALE = "scale: white paper in full light has luminance 1; its albedo is assumed
 
 def light_summary(found: "LightEstimate") -> str:
     """The models tried, what showed the sun, the light with its standard deviations, and warnings."""
-    lines = ["model                     held-out error   off the last model   seconds"]
+    lines = ["model                     off the finest, on a matt sphere"]
     for i, t in enumerate(found.trials):
-        taken = "  <- taken" if i == found.taken else ""
-        lines.append(f"  {t.name:<22} {100 * t.error:10.2f} % {100 * t.on_sphere:18.2f} % {t.seconds:9.2f}{taken}")
-    lines += ["(both: how far off a matt sphere's shading is)"]
+        lines.append(f"  {t.name:<22} {100 * t.on_sphere:10.2f} %{'  <- taken' if i == found.taken else ''}")
     lines += [f"{name}: {value}" for name, value in light_facts(found)]
     lines.append(f"({SCALE})")
     return "\n".join([*lines, *(f"warning: {text}" for text in found.warnings)])
@@ -153,7 +151,7 @@ def _axes(found: "LightEstimate", photo: "LinearPhoto") -> tuple[list[tuple], li
 
 def _evidence(found: "LightEstimate", photo: "LinearPhoto") -> list[tuple]:
     """Outlines of balls, an upright with its shadow, and an arrow towards the sun from the top of it."""
-    from raytwin.calib.lighting.mirror_ball import outline, sun_spot
+    from raytwin.calib.lighting.mirror_ball import outline
     from raytwin.workflows.estimate_light import middle_of
 
     if found.refusal:
@@ -161,8 +159,8 @@ def _evidence(found: "LightEstimate", photo: "LinearPhoto") -> list[tuple]:
     else:
         lines = [(outline(photo, mirror.ball), "#fd0", True) for mirror in found.evidence.mirrors]
     cross = photo.camera.width / 100 * np.array([(-1, 0), (1, 0), (0, 0), (0, -1), (0, 1)])
-    spots = [spot[0] for m in found.evidence.mirrors if (spot := sun_spot(photo, m.ball))]
-    lines += [(spot + cross, "#fd0", False) for spot in spots]
+    k = next(i for i, one in enumerate(found.photos) if one is photo)
+    lines += [(spot[0] + cross, "#fd0", False) for m in found.evidence.mirrors if (spot := m.spots[k])]
     shadow, sun = found.evidence.shadow, found.light.to_light if found.light else None
     if shadow:
         foot, height = np.array([*shadow.foot, 0]), shadow.height

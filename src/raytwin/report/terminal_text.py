@@ -26,7 +26,6 @@ def summary(result: "Result") -> str:
         f"  silhouettes: {outlines}",
         f"  radiance: p99.9 error {_number(r.p999_abs)}, worst {_number(r.max_abs)}, rmse {_number(r.rmse)}",
     ]
-    lines += [f"  {row.name}: {row.found:.6g} {row.unit}, true {row.truth:.6g}" for row in result.truth]
     return "\n".join(lines)
 
 

@@ -69,7 +69,7 @@ class Camera(Record, frozen=True):
         x, y, z = (-np.asarray(self.R_cam_board).T @ np.asarray(self.t_cam_board)).tolist()
         return x, y, z
 
-    def grid(self, x: float = 0, y: float = 0, step: int = 1, size: tuple[int, int] | None = None) -> "Camera":
+    def grid(self, x: float = 0, y: float = 0, step: float = 1, size: tuple[int, int] | None = None) -> "Camera":
         """Return the camera whose pixel (u, v) sees what this one's (x + step u, y + step v) sees.
 
         `size` is (width, height), by default this camera's.
@@ -94,3 +94,8 @@ class Camera(Record, frozen=True):
             (0.0, 0.0, 1.0),
         )
         return msgspec.structs.replace(self, image_size=(width, height), K=K)
+
+
+UNTURNED: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+NOWHERE = Camera((1, 1), UNTURNED, UNTURNED, (0.0, 0.0, 0.0))
+"""Stands in for a camera that has yet to be found in photos."""

@@ -6,7 +6,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from raytwin.scene.lights import Environment, Light, Sun
+from raytwin.scene.camera import UNTURNED
+from raytwin.scene.lights import Sky
 from raytwin.scene.record_base import Vector
 from raytwin.scene.scene import Scene
 from raytwin.scene.validate import check_lengths, check_places
@@ -24,20 +25,13 @@ def to_camera_frame(scene: Scene, precision: str = "float64") -> Scene:
     def turned(vectors: Any) -> Sequence[Vector]:
         return [(x, y, z) for x, y, z in (np.reshape(vectors, (-1, 3)) @ R.T).tolist()]
 
-    def facing(light: Light) -> Light:
-        if isinstance(light, Sun):
-            return replace(light, to_light=turned(light.to_light)[0])
-        if isinstance(light, Environment):
-            return replace(light, R_map_board=tuple(turned(light.R_map_board)))
-        return light
-
     centers = turned(np.array([thing.center for thing in scene.objects]).reshape(-1, 3) - eye)
-    objects = tuple(thing.turned(R, c) for thing, c in zip(scene.objects, centers, strict=True))
-    camera = replace(
-        scene.camera, R_cam_board=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), t_cam_board=(0.0, 0.0, 0.0)
-    )
-    lights = tuple(facing(light) for light in scene.lights)
-    local = replace(scene, camera=camera, objects=objects, lights=lights)
+    objects: Any = tuple(thing.turned(R, c) for thing, c in zip(scene.objects, centers, strict=True))
+    camera = replace(scene.camera, R_cam_board=UNTURNED, t_cam_board=(0.0, 0.0, 0.0))
+    sun, sky, placed = replace(scene.sun, to_light=turned(scene.sun.to_light)[0]), scene.sky, len(scene.spheres)
+    if (around := scene.environment) is not None:
+        sky = Sky(texels=replace(around, R_map_board=tuple(turned(around.R_map_board))))
+    local = replace(scene, camera=camera, spheres=objects[:placed], planes=objects[placed:], sun=sun, sky=sky)
     check_lengths(local, precision)
     check_places(local, precision)
     return local

@@ -1,16 +1,18 @@
-"""Where light comes from. To add a light, write its record, add it to the union, and see `raytwin.lights`."""
+"""Where light comes from. To add a light, write its record, give Scene a field for it, and see `raytwin.lights`."""
 
 import math
+from functools import lru_cache
 
 import msgspec
 import numpy as np
+from msgspec import UNSET, UnsetType
 
 from raytwin.errors import InputError
-from raytwin.scene.record_base import Matrix, PixelCount, Radiance, Record, Vector
+from raytwin.scene.record_base import Matrix, NonNegative, PixelCount, Radiance, Record, Vector
 
 
-class Sun(Record, frozen=True, tag="sun"):
-    """A distant light: `to_light` points to it, unit; `irradiance` is what a surface facing it receives.
+class Sun(Record, frozen=True):
+    """[sun]: a distant light: `to_light` points to it, unit; `irradiance` is what a surface facing it receives.
 
     A direction of another length is normalized when the record is made.
     """
@@ -20,20 +22,14 @@ class Sun(Record, frozen=True, tag="sun"):
 
     def __post_init__(self) -> None:
         if not math.hypot(*self.to_light) > 0:
-            raise InputError("Sun.to_light", "a direction", "the zero vector")
+            raise InputError("sun.to_light", "a direction", "the zero vector")
         # A direction that is unit to rounding is left as it is, however often its record is copied.
         while abs((length := math.hypot(*self.to_light)) - 1) > 1e-15:
             x, y, z = self.to_light
             msgspec.structs.force_setattr(self, "to_light", (x / length, y / length, z / length))
 
 
-class Sky(Record, frozen=True, tag="sky"):
-    """A constant sky: the same radiance from every direction, and the background behind all objects."""
-
-    radiance: Radiance = (0.0, 0.0, 0.0)
-
-
-class Environment(Record, frozen=True, tag="environment"):
+class Environment(Record, frozen=True, omit_defaults=True):
     """A sky that differs by direction: a map of columns x rows pixels, also what the camera sees past every object.
 
     For the direction (x, y, z) in the map's axes, z up, u = 1/2 + atan2(x, y) / 2π runs along the columns and
@@ -54,8 +50,32 @@ class Environment(Record, frozen=True, tag="environment"):
         """(rows, columns, 3)."""
         return np.frombuffer(self.texels, "<f4").reshape(self.size[1], self.size[0], 3)
 
-    def scaled(self, by: float) -> "Environment":
-        return msgspec.structs.replace(self, texels=(self.radiance * np.float32(by)).tobytes())
+
+class Sky(Record, frozen=True):
+    """[sky]: `radiance`, the same from every direction, and the background behind all objects; or a map.
+
+    `map` is a file's name, `texels` what was read from it; its radiance is multiplied by `scale` and turned by
+    `rotation`, degrees about the board's z axis, counterclockwise as seen from its tip.
+    """
+
+    radiance: Radiance = (0.0, 0.0, 0.0)
+    map: str | UnsetType = UNSET
+    scale: NonNegative | UnsetType = UNSET
+    rotation: float | UnsetType = UNSET
+    texels: Environment | UnsetType = UNSET
+
+    @property
+    def environment(self) -> Environment | None:
+        """Return the map, scaled and turned; None for a constant sky."""
+        return None if self.texels is UNSET else _placed(self.texels, self.scale, self.rotation)
 
 
-Light = Sun | Sky | Environment
+@lru_cache(maxsize=4)
+def _placed(map_: Environment, scale: float | UnsetType, rotation: float | UnsetType) -> Environment:
+    if rotation is not UNSET:
+        c, s = math.cos(math.radians(rotation)), math.sin(math.radians(rotation))
+        turned = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ map_.R_map_board
+        map_ = msgspec.structs.replace(map_, R_map_board=tuple(map(tuple, turned.tolist())))
+    if scale is not UNSET:
+        map_ = msgspec.structs.replace(map_, texels=(map_.radiance * np.float32(scale)).tobytes())
+    return map_

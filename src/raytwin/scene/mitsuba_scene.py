@@ -6,7 +6,7 @@ from xml.etree.ElementTree import canonicalize
 import msgspec
 
 from raytwin.scene.record_base import PixelCount, Record
-from raytwin.scene.scene_file import Tolerance
+from raytwin.scene.scene import Tolerance
 
 
 class MitsubaScene(Record, frozen=True):

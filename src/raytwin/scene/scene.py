@@ -1,30 +1,79 @@
-"""What is rendered."""
+"""What scene.toml says, and what is rendered."""
 
-from typing import Any, Self, TypeVar
+from typing import Annotated, Any, Self
 
 import msgspec
 
 from raytwin.errors import InputError
 from raytwin.scene.camera import Camera
-from raytwin.scene.lights import Environment, Light, Sky, Sun
+from raytwin.scene.lights import Environment, Sky, Sun
 from raytwin.scene.material import Phong
 from raytwin.scene.object_names import called, numbered
-from raytwin.scene.record_base import Record
+from raytwin.scene.record_base import Albedo, Fraction, Positive, Radiance, Record, Vector
 from raytwin.scene.shapes import Rectangle, Shape, Sphere
 
-L = TypeVar("L", Sun, Sky, Environment)
-
 NO_SUN = Sun((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
-NO_SKY = Sky()
+
+
+class PhotoCamera(Record, frozen=True):
+    """[camera] of a scene with photos: calibrate it from `photos` of `board`, and stand where `photo` was taken.
+
+    Paths are relative to the scene's folder. `model` names the distortion model to fit.
+    """
+
+    photos: str
+    board: str
+    photo: str
+    model: str = "auto"
+
+
+class Pyramid(Record, frozen=True):
+    """A transparent pyramid, only drawn on photos: four vertices, metres; a face's linear colour and opacity."""
+
+    vertices: tuple[Vector, Vector, Vector, Vector]
+    color: Albedo = (0.1, 0.5, 0.9)
+    opacity: Fraction = 0.35
+
+
+class Tolerance(Record, frozen=True):
+    """When two noise-free images agree: every number is a bound that the comparison tests.
+
+    `mask_pixels`: pixels in which different objects may be seen; `p999_abs`: the 99.9 % quantile of the absolute
+    error of radiance, as a share of the reference's scale (the 99 % quantile of its positive values: about 1 where
+    white is 1) or of a brighter value; `outlier_fraction`: how large a share of the pixels may err by more than ten
+    times that.
+    """
+
+    mask_pixels: Annotated[int, msgspec.Meta(ge=0)] = 0
+    p999_abs: Positive = 1e-5
+    outlier_fraction: Fraction = 1e-4
 
 
 class Scene(Record, frozen=True):
-    """A camera, shapes and lights. An object's id is its index in `objects`, and -1 is the background."""
+    """A camera, objects, lights, and how well images of them must agree; `pyramids` are drawn into photos alone.
+
+    An object's id is its index in `objects`, the spheres and then the planes; -1 is the background.
+    """
 
     name: str
     camera: Camera
-    objects: tuple[Shape, ...] = ()
-    lights: tuple[Light, ...] = ()
+    spheres: tuple[Sphere, ...] = ()
+    planes: tuple[Rectangle, ...] = ()
+    sun: Sun = NO_SUN
+    sky: Sky = Sky()
+    tolerance: Tolerance = Tolerance()
+    pyramids: tuple[Pyramid, ...] = ()
+
+    def __post_init__(self) -> None:
+        for field, kind in (("spheres", Sphere), ("planes", Rectangle)):
+            for i, thing in enumerate(getattr(self, field)):
+                if not isinstance(thing, kind):
+                    raise InputError(f"Scene.{field}[{i}]", f"a {kind.__name__}", type(thing).__name__)
+
+    @property
+    def scene(self) -> Self:
+        """Return itself: what `read_scene(path).scene` was in 0.1."""
+        return self
 
     @property
     def image_size(self) -> tuple[int, int]:
@@ -32,23 +81,14 @@ class Scene(Record, frozen=True):
         return self.camera.image_size
 
     @property
-    def spheres(self) -> tuple[Sphere, ...]:
-        return tuple(thing for thing in self.objects if isinstance(thing, Sphere))
-
-    @property
-    def rectangles(self) -> tuple[Rectangle, ...]:
-        return tuple(thing for thing in self.objects if isinstance(thing, Rectangle))
-
-    @property
-    def planes(self) -> tuple[Rectangle, ...]:
-        """Return the rectangles, as `[[planes]]` of a scene.toml has them."""
-        return self.rectangles
+    def objects(self) -> tuple[Shape, ...]:
+        return (*self.spheres, *self.planes)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Return what people call the objects, all different: the file's names, else `sphere 1 (red)`."""
         things = self.objects
-        return called(self.numbers, [thing.name for thing in things], [thing.material.albedo for thing in things])
+        return called(self.numbers, [thing.name for thing in things], [thing.albedo for thing in things])
 
     @property
     def numbers(self) -> tuple[str, ...]:
@@ -56,21 +96,16 @@ class Scene(Record, frozen=True):
         return numbered(thing.kind for thing in self.objects)
 
     @property
-    def sun(self) -> Sun:
-        """Return the sun, or a dark one if there is none. Raises InputError for two."""
-        return self._only(Sun) or NO_SUN
-
-    @property
-    def sky(self) -> Sky:
-        """Return the sky, or a dark one if there is none. Raises InputError for two, or for a sky map."""
-        if self.environment:
-            raise InputError(f"scene {self.name}: sky", "the same radiance everywhere, for this", "an environment map")
-        return self._only(Sky) or NO_SKY
-
-    @property
     def environment(self) -> Environment | None:
         """Return the sky map, or None for a constant sky."""
-        return self._only(Environment)
+        return self.sky.environment
+
+    @property
+    def sky_radiance(self) -> Radiance:
+        """Return the radiance of a sky that is the same everywhere. Raises InputError for a map."""
+        if self.sky.texels is not msgspec.UNSET:
+            raise InputError(f"scene {self.name}: sky", "the same radiance everywhere, for this", "an environment map")
+        return self.sky.radiance
 
     @property
     def glossy(self) -> bool:
@@ -82,14 +117,8 @@ class Scene(Record, frozen=True):
         if self.glossy:
             raise InputError(f"scene {self.name}", f"Lambertian objects alone, for {who}", "a Phong highlight")
 
-    def _only(self, kind: type[L]) -> L | None:
-        found = [light for light in self.lights if isinstance(light, kind)]
-        if len(found) > 1:
-            raise InputError(f"scene {self.name}: lights", f"one {kind.__name__} at most", len(found))
-        return found[0] if found else None
-
     def with_(self, *, size: tuple[int, int] | None = None, **changes: Any) -> Self:
-        """Return the scene with something changed: `camera`, `objects`, `spheres`, `planes`, `lights`, `sun`, `sky`.
+        """Return the scene with other values of some fields; `objects` takes spheres and planes in one list.
 
         `size` is the picture's (width, height), in pixels. `sun` and `sky` take None for no light of that kind.
 
@@ -100,15 +129,14 @@ class Scene(Record, frozen=True):
         >>> scene.camera.image_size, len(scene.objects), scene.sky.radiance
         ((32, 24), 1, (1.0, 1.0, 1.0))
         """
-        if "spheres" in changes or "planes" in changes:
-            kinds = [changes.pop(name, getattr(self, name)) for name in ("spheres", "planes")]
-            changes["objects"] = tuple(thing for part in kinds for thing in part)
-        for name, kind in (("sun", Sun), ("sky", Sky | Environment)):
-            if name in changes:
-                new = changes.pop(name)
-                others = tuple(light for light in changes.get("lights", self.lights) if not isinstance(light, kind))
-                changes["lights"] = (*others, *([] if new is None else [new]))
-        made = super().with_(**changes)
+        if "objects" in changes:
+            things = list(changes.pop("objects"))
+            changes["planes"] = [thing for thing in things if isinstance(thing, Rectangle)]
+            changes["spheres"] = [thing for thing in things if not isinstance(thing, Rectangle)]
+        if isinstance(sky := changes.get("sky"), Environment):
+            changes["sky"] = Sky(texels=sky)
+        none = {"sun": NO_SUN, "sky": Sky()}
+        made = super().with_(**{k: none[k] if v is None and k in none else v for k, v in changes.items()})
         return made if size is None else made.with_(camera=made.camera.resized(*size).with_())
 
     def with_camera(self, camera: Camera) -> "Scene":

@@ -1,11 +1,11 @@
-"""What differs between two scenes as they are written: `sun.irradiance 3 -> 3.2`."""
+"""What differs between two scenes: `sun.irradiance 3 -> 3.2`."""
 
 from collections.abc import Iterator
 from typing import Any
 
 import msgspec
 
-from raytwin.scene.scene_file import SceneFile
+from raytwin.scene.scene import Scene
 
 DECIDE = ("camera", "spheres", "planes", "sun", "sky", "tolerance")
 """What decides how a scene looks, and when two images of it agree."""
@@ -13,14 +13,14 @@ MOST_NAMED = 4
 """Changes that `summary` names; of further ones it gives the number."""
 
 
-def summary(old: SceneFile, new: SceneFile) -> str:
+def summary(old: Scene, new: Scene) -> str:
     """The changes in one line; empty where there are none."""
     found = list(changes(old, new))
     more = [f"and {len(found) - MOST_NAMED} more"] if len(found) > MOST_NAMED else []
     return ", ".join([*found[:MOST_NAMED], *more])
 
 
-def changes(old: SceneFile, new: SceneFile) -> Iterator[str]:
+def changes(old: Scene, new: Scene) -> Iterator[str]:
     """Every value that differs, by its key: `spheres[1].radius 0.03 -> 0.04`."""
     for name in DECIDE:
         yield from _differences(name, *(msgspec.to_builtins(getattr(scene, name)) for scene in (old, new)))

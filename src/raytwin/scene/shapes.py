@@ -6,29 +6,58 @@ Rays meet it by `tracer.world.intersect`, kernels look it up in `speed.fast_worl
 
 import math
 from itertools import product
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import msgspec
 import numpy as np
 from msgspec import UNSET, UnsetType
 
-from raytwin.scene.material import Lambert, Material
+from raytwin.errors import InputError
+from raytwin.scene.material import Lambert, Material, Phong
 from raytwin.scene.record_base import Albedo, Positive, Record, Vector
 
+ObjectName = Annotated[str, msgspec.Meta(min_length=1, max_length=40)]
 
-class Sphere(Record, frozen=True, tag="sphere"):
-    """|p - center| = radius, metres. `name`: what people call it."""
+
+class Painted:
+    """A shape's last fields: Lambert's albedo, or Phong's numbers where it has `specular` and `exponent`, and a name.
+
+    `albedo` may be given as a whole material: `Sphere(center, radius, Phong(...))`. What is unset is not in the
+    scene's hash, so that a new key leaves the hashes of old scenes as they were.
+    """
+
+    __slots__ = ()
+    albedo: Albedo
+    specular: Albedo | UnsetType
+    exponent: float | UnsetType
+    name: str | UnsetType
+
+    def __post_init__(self) -> None:
+        this: Any = self
+        if isinstance(given := this.albedo, Lambert | Phong):
+            for field in ("albedo", "specular", "exponent"):
+                msgspec.structs.force_setattr(this, field, getattr(given, field, UNSET))
+
+    @property
+    def material(self) -> Material:
+        """Raises InputError where one of `specular` and `exponent` is missing, or more light leaves than comes."""
+        if self.specular is UNSET and self.exponent is UNSET:
+            return Lambert(self.albedo)
+        if self.specular is UNSET or self.exponent is UNSET:
+            raise InputError("Phong", "both specular and exponent", "one of them")
+        return Phong(self.albedo, self.specular, self.exponent)
+
+
+class Sphere(Record, Painted, frozen=True):
+    """[[spheres]]: |p - center| = radius, metres. `name`: what people call it."""
 
     kind: ClassVar[str] = "sphere"
     center: Vector
     radius: Positive
-    material: Material = Lambert()
-    name: str | UnsetType = UNSET
-
-    @property
-    def albedo(self) -> Albedo:
-        """Return the material's diffuse albedo."""
-        return self.material.albedo
+    albedo: Albedo = (0.8, 0.8, 0.8)
+    specular: Albedo | UnsetType = UNSET
+    exponent: Positive | UnsetType = UNSET
+    name: ObjectName | UnsetType = UNSET
 
     @property
     def facing(self) -> tuple[Vector, float]:
@@ -53,8 +82,8 @@ class Sphere(Record, frozen=True, tag="sphere"):
         return msgspec.structs.replace(self, center=center)
 
 
-class Rectangle(Record, frozen=True, tag="rectangle"):
-    """`center ± half_u ± half_v`, visible and lit from both sides.
+class Rectangle(Record, Painted, frozen=True):
+    """[[planes]]: `center ± half_u ± half_v`, visible and lit from both sides.
 
     `half_u` and `half_v` are perpendicular half-edges in metres. `in_photo` marks what a photo already shows (the
     board, the table): it catches shadows, but `augment` does not draw it.
@@ -64,14 +93,11 @@ class Rectangle(Record, frozen=True, tag="rectangle"):
     center: Vector
     half_u: Vector
     half_v: Vector
-    material: Material = Lambert()
+    albedo: Albedo = (0.8, 0.8, 0.8)
     in_photo: bool = False
-    name: str | UnsetType = UNSET
-
-    @property
-    def albedo(self) -> Albedo:
-        """Return the material's diffuse albedo."""
-        return self.material.albedo
+    specular: Albedo | UnsetType = UNSET
+    exponent: Positive | UnsetType = UNSET
+    name: ObjectName | UnsetType = UNSET
 
     @property
     def normal(self) -> Vector:

@@ -35,7 +35,7 @@ def check_lengths(local: Scene, precision: str) -> None:
 def check_places(local: Scene, precision: str) -> None:
     """Raise InputError where rounding decides what is seen or shaded: rectangles in one place, an eye in one."""
     ids = [i for i, thing in enumerate(local.objects) if isinstance(thing, Rectangle)]
-    flat, rounding = local.rectangles, ROUNDING[precision]
+    flat, rounding = local.planes, ROUNDING[precision]
     center, normal = (np.array(a).reshape(-1, 3) for a in ([t.center for t in flat], [t.normal for t in flat]))
     far = rounding * np.array([math.hypot(*t.center) + math.hypot(*t.half_u) + math.hypot(*t.half_v) for t in flat])
     for k in np.flatnonzero(np.abs((normal * center).sum(axis=1)) <= far).tolist():

@@ -81,7 +81,7 @@ def background(scene: Scene, rung: str = "shadow") -> Float32[np.ndarray, "h w 3
                 d = view.ray(*pixel_grid(view.engine, (0, y, w, min(y + step, h))))
                 out[y : y + step] = np.stack(view.light.sky.radiance(d), axis=-1)
     else:
-        row = np.tile(np.array(scene.sky.radiance if RUNGS[rung].background else (0, 0, 0), np.float32), (w, 1))
+        row = np.tile(np.array(scene.sky_radiance if RUNGS[rung].background else (0, 0, 0), np.float32), (w, 1))
         if w * h < 1 << 20:
             out[:] = row
         else:  # one thread does not use all of the memory's speed

@@ -1,14 +1,12 @@
 """What the lessons stand on: the desk's photos and its scene, in plain NumPy."""
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from raytwin import files, twin
 from raytwin.image import Image
-from raytwin.scene import Rectangle
 from raytwin.tracer import intersect_rectangle
 
 PHOTOS = 8
@@ -38,10 +36,9 @@ class Desk:
     def __init__(self, width: int = 160, scene: str = "desk") -> None:
         from raytwin.calib import boards, photos  # with OpenCV, which writing the walk needs not
 
-        written = files.read_scene(scene)
-        asked = written.photos
+        self.scene, asked = files.scene_and_photos(scene)
         assert asked is not None  # the desk's camera is to be found
-        self._written, folder = written, Path(written.folder)
+        folder, spheres, planes = files.find_scene(scene).parent, self.scene.spheres, self.scene.planes
         self.board = boards.read_board(folder / asked.board)
         taken = files.list_photos(folder / asked.photos)[:PHOTOS]
         self.photo_name = asked.photo if asked.photo in [p.name for p in taken] else taken[0].name
@@ -49,13 +46,13 @@ class Desk:
         self._found, _ = photos.detect_photos(taken, self.board.family)
         self._name = str(folder / asked.photos / self.photo_name)
         self._width = width
-        self.centers = np.array([s.center for s in written.spheres])
-        self.radii = np.array([s.radius for s in written.spheres])
-        self.albedos = np.array([s.albedo for s in written.spheres])
-        self.irradiance, self.sky = np.array(written.sun.irradiance), np.array(written.sky.radiance)
-        self.to_light = np.array(written.sun.to_light) / np.linalg.norm(written.sun.to_light)
-        self.planes = [Rectangle(p.center, p.half_u, p.half_v) for p in written.planes]
-        self._plane_albedos = np.array([p.albedo for p in written.planes])
+        self.centers = np.array([s.center for s in spheres])
+        self.radii = np.array([s.radius for s in spheres])
+        self.albedos = np.array([s.albedo for s in spheres])
+        self.irradiance, self.sky = np.array(self.scene.sun.irradiance), np.array(self.scene.sky_radiance)
+        self.to_light = np.array(self.scene.sun.to_light)
+        self.planes = planes
+        self._plane_albedos = np.array([p.albedo for p in planes])
 
     @property
     def corners(self) -> np.ndarray:
@@ -84,7 +81,7 @@ class Desk:
         camera = photos.camera_at(found, pose)
         self.full_K = np.array(found.K)
         camera = camera.resized(self._width, round(self._width * sizes[1] / sizes[0]))
-        self.scene = self._written.at(camera)
+        self.scene = self.scene.with_camera(camera)
         self.width, self.height = camera.image_size
         self.K, self.dist = np.array(camera.K), np.array(camera.coefficients)
         self.R, self.t, self.eye = np.array(camera.R_cam_board), np.array(camera.t_cam_board), np.array(camera.eye)

@@ -12,7 +12,6 @@ import json
 import os
 import platform
 import re
-import signal
 import subprocess
 import sys
 import time
@@ -32,19 +31,15 @@ OWN_CHOICE = "Dr.Jit's own choice"
 PROBE = Path(__file__).with_name("probe.py")
 PROBE_SECONDS = 120
 """Seconds until a probe without a picture is given up; the first kernel compiles for several."""
-PACKAGES = ("raytwin", "mitsuba", "drjit", "numpy", "opencv-contrib-python-headless")
+PACKAGES = ("raytwin", "mitsuba", "drjit", "numpy", "opencv-contrib-python-headless", "pupil-apriltags")
 
 
 class Tried(msgspec.Struct, frozen=True):
-    """One candidate: the library's path (or the variant's name, where it needs none) and how its probe went.
-
-    `settled`: another try would end the same way; a probe that timed out may just have met a busy machine.
-    """
+    """One candidate: the library's path (or the variant's name, where it needs none) and how its probe went."""
 
     path: str
     ok: bool
     why: str
-    settled: bool = True
 
 
 class Backend(msgspec.Struct, frozen=True):
@@ -128,9 +123,8 @@ def choose(forced: str | None = None) -> Backend:
     memory = files.cache_folder() / f"backend-{_machine(candidates)}.json"
     with contextlib.suppress(OSError, msgspec.MsgspecError):
         known = msgspec.json.decode(memory.read_bytes(), type=Backend)
-        if known.variant not in (None, *VARIANTS) or known.libllvm not in (None, *candidates):
-            raise msgspec.ValidationError("a backend that was not found here")
-        return msgspec.structs.replace(known, seconds=time.perf_counter() - start)
+        if known.variant in VARIANTS and known.libllvm in (None, *candidates):
+            return msgspec.structs.replace(known, seconds=time.perf_counter() - start)
     tried: list[Tried] = []
     found: tuple[str | None, str | None, str | None] = (None, None, None)
     for path in candidates:
@@ -140,7 +134,7 @@ def choose(forced: str | None = None) -> Backend:
             found = (forced or LLVM, None if path == CUDA else path, version)
             break
     backend = Backend(*found, tuple(tried), time.perf_counter() - start, versions())
-    if all(t.settled for t in tried):  # else the next process asks again
+    if backend.variant:  # else the next process asks again: a probe may just have met a busy machine
         with contextlib.suppress(InputError):  # a cache that cannot be written costs a probe next time, nothing else
             files.write_json(memory, backend)
     return backend
@@ -161,16 +155,15 @@ def probe(variant: str, libllvm: str | None = None) -> tuple[Tried, str | None]:
             env=environment, capture_output=True, text=True, errors="replace", timeout=PROBE_SECONDS,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
-        return Tried(name, False, f"no picture after {PROBE_SECONDS} s", settled=False), None
+        return Tried(name, False, f"no picture after {PROBE_SECONDS} s"), None
     except OSError as error:
-        return Tried(name, False, f"cannot start {sys.executable or 'Python'}: {error}", settled=False), None
+        return Tried(name, False, f"cannot start {sys.executable or 'Python'}: {error}"), None
     try:
         found = json.loads(child.stdout.strip().splitlines()[-1])
         version = ".".join(map(str, found["llvm"])) if found["llvm"] else None
         right = abs(found["depth"] - 3) < 1e-3 and found["lit"] == 1 and abs(found["light"] - 0.125) < 5e-3
     except (IndexError, ValueError, KeyError, TypeError):
-        killed = child.returncode == -getattr(signal, "SIGKILL", 9)  # from outside, as where memory ends
-        return Tried(name, False, _last_words(child.returncode, child.stderr), settled=not killed), None
+        return Tried(name, False, _last_words(child.returncode, child.stderr)), None
     if child.returncode != 0 or not right:
         return Tried(name, False, f"a wrong picture: {found}" if child.returncode == 0 else "crashed at exit"), version
     return Tried(name, True, f"renders (LLVM {version})" if version else "renders"), version

@@ -14,7 +14,7 @@ from raytwin.progress import Progress, silent
 from raytwin.scene.mitsuba_scene import MitsubaScene
 from raytwin.twin import render_cache
 from raytwin.twin.backend import activate, made_with
-from raytwin.twin.plain import LANES
+from raytwin.twin.plain import render_plain
 
 BATCHES = 16
 """Independent renders behind a variance."""
@@ -52,10 +52,13 @@ def _pooled(scene: MitsubaScene, samples: int, seed: int, batches: int, progress
         means.append(_rendered(scene, loaded, each, (seed, k)).reshape(height, width, 3))
     progress("twin", batches, batches)
     mean = np.mean(means, axis=0, dtype=float).astype(np.float32)
-    variance = None
+    variance = third = None
     if batches > 1:
         variance = (np.var(means, axis=0, ddof=1, dtype=float) / batches).astype(np.float32)
-    return Image(mean, variance, each * batches, _surface(scene, loaded), batches)
+    if batches > 2:
+        cubes = ((x - mean.astype(float)) ** 3 for x in means)
+        third = (sum(cubes) / (batches * (batches - 1) * (batches - 2))).astype(np.float32)  # see ImagePool
+    return Image(mean, variance, each * batches, _surface(scene, loaded), batches, third=third)
 
 
 def mitsuba_provenance(
@@ -64,25 +67,6 @@ def mitsuba_provenance(
     """Everything that decides the pixels of `render_mitsuba`, as text: for an EXR's header."""
     about = made_with(f"file {VERSION}", activate(variant).variant) | {"scene": scene.digest}
     return about | {"samples": str(samples), "seed": str(seed), "batches": str(batches)}
-
-
-def mitsuba_surface(scene: MitsubaScene) -> Surface:
-    """What the center of each pixel sees."""
-    activate()
-    return _surface(scene, _loaded(scene))
-
-
-def mitsuba_reach(scene: MitsubaScene) -> tuple[np.ndarray, np.ndarray]:
-    """The first sensor's `to_world` (4, 4), and how far each shape's box reaches in front of it; negative: behind."""
-    activate()
-    loaded = _loaded(scene)
-    pose = np.array(loaded.sensors()[0].world_transform().matrix, np.float64).reshape(4, 4)
-    forward = np.linalg.inv(pose)[2]
-    reach = []
-    for shape in loaded.shapes():
-        low, high = (np.array(corner, np.float64).ravel() for corner in (shape.bbox().min, shape.bbox().max))
-        reach.append(forward[3] + np.maximum(forward[:3] * low, forward[:3] * high).sum())
-    return pose, np.array(reach)
 
 
 def _loaded(scene: MitsubaScene) -> Any:
@@ -98,24 +82,15 @@ def _loaded(scene: MitsubaScene) -> Any:
 
 def _rendered(scene: MitsubaScene, loaded: Any, samples: int, seed: tuple[int, int]) -> np.ndarray:
     """(H, W, 3): the film's colours, or its grey, without what an `aov` integrator adds after them."""
-    import mitsuba as mi
-
     width, height = scene.image_size
     colours = _colours(scene)
-    most = max(1, LANES // (width * height))
-    passes = -(-samples // most)
-    total: np.ndarray = np.zeros((height, width, 3))
-    for k in range(passes):
-        part = samples // passes + (k < samples % passes)
-        number = int(np.random.SeedSequence([*seed, k]).generate_state(1)[0])
-        try:
-            made = np.asarray(mi.render(loaded, spp=part, seed=number))
-        except Exception as error:
-            raise _refused(scene, error) from None
-        if made.shape[:2] != (height, width) or made.shape[2] < colours:
-            raise InputError(scene.file, f"a film of {width} x {height} pixels in grey or RGB", made.shape)
-        total += part * np.broadcast_to(made[..., :colours], total.shape)
-    return total / samples
+    try:
+        made = render_plain(loaded, samples, seed)
+    except Exception as error:
+        raise _refused(scene, error) from None
+    if made.shape[:2] != (height, width) or made.shape[2] < colours:
+        raise InputError(scene.file, f"a film of {width} x {height} pixels in grey or RGB", made.shape)
+    return np.broadcast_to(made[..., :colours], (height, width, 3))
 
 
 def _colours(scene: MitsubaScene) -> int:

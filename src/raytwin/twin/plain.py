@@ -34,19 +34,15 @@ def load_plain(scene: Scene, integrator: str = "direct", variant: str | None = N
     return load(world)
 
 
-def render_plain(loaded: Any, samples: int = 1, seed: int = 0) -> np.ndarray:
-    """`samples` a pixel of what `load_plain` loaded: (H, W, 3) float32. The variant must still be the active one."""
+def render_plain(loaded: Any, samples: int = 1, seed: int | tuple[int, ...] = 0) -> np.ndarray:
+    """`samples` a pixel by its own integrator and film: (H, W, channels) float64. The variant must be active."""
     import mitsuba as mi
 
-    film = loaded.sensors()[0].film().size()
-    pixels = int(film[0]) * int(film[1])
-    each = min(samples, max(1, LANES // pixels))
-    while samples % each:
-        each -= 1
-    total = np.zeros((int(film[1]), int(film[0]), 3), np.float32)
-    for i in range(samples // each):
-        part = np.array(mi.render(loaded, spp=each, seed=seed * (samples // each) + i))
-        if each == samples:
-            return part
-        total += part
-    return total / (samples // each)
+    width, height = loaded.sensors()[0].film().crop_size()
+    passes = -(-samples // max(1, LANES // (int(width) * int(height))))
+    total: Any = 0.0
+    for k in range(passes):
+        part = samples // passes + (k < samples % passes)
+        number = np.random.SeedSequence([*np.atleast_1d(seed).tolist(), k]).generate_state(1)[0]
+        total = total + part * np.asarray(mi.render(loaded, spp=part, seed=int(number)), float)
+    return np.asarray(total / samples)

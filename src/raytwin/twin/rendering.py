@@ -83,13 +83,13 @@ def _rendered(scene: Scene, textures: Mapping[int, np.ndarray], plan: "_Plan", p
 
     shape = scene.camera.height, scene.camera.width
     surface, mean = _centers(twin, shape, rung if rung.lit and plan.sampling == "center" else None, say)
-    variance: np.ndarray | None = None
+    variance = third = None
     if not rung.lit:
         mean = np.where(surface.mask[..., None], (surface.normal + 1) / 2, np.float32(0))
     if not plan.exact:
-        found, variance = _sampled(twin, shape, rung, plan, lambda part: say(1 + part * plan.samples))
+        found, variance, third = _sampled(twin, shape, rung, plan, lambda part: say(1 + part * plan.samples))
         mean = (mean + found if plan.sampling == "center" else found).astype(np.float32)
-    image = Image(mean, variance, plan.samples, surface, None if plan.exact else plan.batches)
+    image = Image(mean, variance, plan.samples, surface, None if plan.exact else plan.batches, third=third)
     return image.blacken(without_ray(scene.camera))
 
 
@@ -152,7 +152,7 @@ def _plan(
 
 
 def _about(scene: Scene, plan: _Plan, textures: Mapping[int, np.ndarray], variant: str | None) -> dict[str, str]:
-    seen = (scene.camera, scene.objects, scene.lights)
+    seen = (scene.camera, scene.spheres, scene.planes, scene.sun, scene.sky)
     content = hashlib.sha256(msgspec.json.encode(seen, enc_hook=files.plain))
     for i, texture in textures.items():
         content.update(f"{i} {texture.shape}".encode() + texture.tobytes())
@@ -185,8 +185,8 @@ def _centers(
 
 def _sampled(
     twin: Any, shape: tuple[int, int], rung: Rung, plan: _Plan, say: Callable[[float], None]
-) -> tuple[np.ndarray, np.ndarray | None]:
-    """Mean (H, W, 3) of all samples and the variance of that mean; at `center` of the light that bounces alone."""
+) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
+    """Mean (H, W, 3) of all samples, that mean's variance and third moment; at `center` of the light that bounces."""
     import drjit as dr
     import mitsuba as mi
 
@@ -196,7 +196,7 @@ def _sampled(
     # Where the batches do not share the samples evenly, the first `more` have one more.
     each, more = divmod(plan.samples, plan.batches)
     kinds = [(size, number) for size, number in ((each + 1, more), (each, plan.batches - more)) if number]
-    mean, variance = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)
+    mean, variance, third = (np.empty((n, 3), np.float32) for _ in range(3))
     block = max(1, LANES // max(size * number for size, number in kinds))
     for a in range(0, n, block):
         b, parts = min(n, a + block), []
@@ -214,24 +214,28 @@ def _sampled(
             parts.append([dr.block_sum(double(c), size) / size for c in colour])
         for channel in range(3):
             found = pooled([part[channel] for part in parts], kinds)
-            mean[a:b, channel], variance[a:b, channel] = (x.numpy() for x in found)
+            mean[a:b, channel], variance[a:b, channel], third[a:b, channel] = (x.numpy() for x in found)
         say(b / n)
-    return mean.reshape(*shape, 3), variance.reshape(*shape, 3) if plan.batches > 1 else None
+    made = (x.reshape(*shape, 3) for x in (mean, variance, third))
+    return tuple(x if plan.batches > k else None for k, x in enumerate(made))  # type: ignore[return-value]
 
 
-def pooled(parts: Sequence[Any], kinds: Sequence[tuple[int, int]]) -> tuple[Any, Any]:
-    """The mean of all samples and the variance of that mean, for n pixels; 0 from a single batch, which has none.
+def pooled(parts: Sequence[Any], kinds: Sequence[tuple[int, int]]) -> tuple[Any, Any, Any]:
+    """The mean of all samples, its variance and its third moment, for n pixels; 0 from too few batches.
 
     `kinds`: how many samples a batch has, and how many such batches. `parts`: of each kind the means of its batches,
     pixel by pixel, a float64 array of Dr.Jit. With sizes k, means m and the mean of all M, Σ k (m - M)² is (number of
-    batches - 1) times the variance of one sample, also where sizes differ.
+    batches - 1) times the variance of one sample, also where sizes differ. See ImagePool for the third moment.
     """
     import drjit as dr
 
     samples, batches = sum(k * n for k, n in kinds), sum(n for _, n in kinds)
     mean = sum(k * dr.block_sum(part, n) for part, (k, n) in zip(parts, kinds, strict=True)) / samples
     dr.eval(mean)
-    spread = sum(
-        k * dr.block_sum(dr.square(part - dr.repeat(mean, n)), n) for part, (k, n) in zip(parts, kinds, strict=True)
-    )
-    return mean, spread / (max(1, batches - 1) * samples)
+    spread, cubes = 0.0, 0.0
+    for part, (k, n) in zip(parts, kinds, strict=True):
+        step = part - dr.repeat(mean, n)
+        spread += k * dr.block_sum(dr.square(step), n)
+        cubes += k * k * dr.block_sum(dr.square(step) * step, n)
+    third = cubes * (batches / (max(1, (batches - 1) * (batches - 2)) * samples**2))
+    return mean, spread / (max(1, batches - 1) * samples), third

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from raytwin.image import Image, Surface
-from raytwin.scene import Phong, Rectangle, Scene, Sphere
+from raytwin.scene import Phong, Rectangle, Scene, Shape, Sphere, Sun
 from raytwin.twin.rays import directions, lens_of
 from raytwin.twin.twin_scene import SHADOW_OFFSET, SPHERE_OFFSET, place_of
 
@@ -47,16 +47,30 @@ def settle(test: Image, reference: Image, scene: Scene) -> tuple[Image, np.ndarr
         count = int(np.count_nonzero(undecided))
         where = f"{count} pixel{'s' * (count > 1)} on an outline or at a shadow's edge"
         said.append(f"{where}, where single precision cannot tell, {'were' if count > 1 else 'was'} not compared")
-    extreme = _extreme(scene)
-    granted = _highlights(scene, surface) if scene.glossy else None
-    pixels = np.flatnonzero(np.isin(surface.ids.ravel(), list(extreme)))
-    if pixels.size:
-        test, more = _granted(test, reference, scene, pixels, extreme)
-        granted = more if granted is None else granted + more
-        shown = sorted(set(surface.ids.ravel()[pixels].tolist()))
-        names = ", ".join(f"object {i} (its surface to {extreme[i]:.2g} m)" for i in shown)
-        said.append(f"single precision: {pixels.size} pixels, compared within the rounding of {names}")
-    return test, granted, tuple(said)
+    granted, alike, names, count = np.zeros(reference.shape, np.float32), np.zeros(surface.ids.shape, bool), [], 0
+    for i, (thing, reach) in enumerate(zip(scene.objects, _reaches(scene), strict=True)):
+        here, extreme = surface.ids == i, is_extreme(thing, reach, scene)
+        if not (here.any() and (extreme or isinstance(thing.material, Phong))):
+            continue
+        n, d = surface.normal[here].astype(float), _rays(scene, np.flatnonzero(here))
+        if isinstance(thing.material, Phong):
+            granted[here] += _highlight(thing, reach, scene.sun, n, d)
+        if isinstance(thing, Sphere) and extreme:
+            off = ROUNDING * (reach + thing.radius)
+            # At a rim cos² θ itself is off by as much as δ / r.
+            cosine = np.square((n * d).sum(axis=1))
+            error = off / np.sqrt(np.maximum(cosine - 4 * off / thing.radius, off / thing.radius))
+            # (n + 1) / 2 at `surface`, Lambert's law else.
+            turned = np.maximum(np.multiply(thing.material.albedo, scene.sun.irradiance) / np.pi, 0.5)
+            granted[here] += (error / thing.radius)[:, None] * turned
+            if (own := test.surface) is not None and own.ids.shape == here.shape:
+                near = (own.ids[here] == i) & (abs(own.depth[here] - surface.depth[here]) <= error)
+                alike[here] = near & (np.linalg.norm(own.normal[here] - n, axis=1) <= error / thing.radius)
+            names.append(f"object {i} (its surface to {off:.2g} m)")
+            count += int(np.count_nonzero(here))
+    if names:
+        said.append(f"single precision: {count} pixels, compared within the rounding of {', '.join(names)}")
+    return _surface_with(test, reference, alike), granted if granted.any() else None, tuple(said)
 
 
 def _rays(scene: Scene, pixels: np.ndarray) -> np.ndarray:
@@ -74,42 +88,18 @@ def _reaches(scene: Scene) -> list[float]:
     return [float(max(both)) for both in zip(ways, rays, strict=True)]
 
 
-def _extreme(scene: Scene) -> dict[int, float]:
-    """The spheres whose surface float32 holds badly: id -> δ in metres."""
-    eye, found = np.asarray(scene.camera.eye), {}
-    for i, (thing, reach) in enumerate(zip(scene.objects, _reaches(scene), strict=True)):
-        if isinstance(thing, Sphere):
-            gap = abs(float(np.linalg.norm(thing.center - eye)) - thing.radius)
-            if reach > SMALL * thing.radius or thing.radius > LARGE * gap:
-                found[i] = ROUNDING * (reach + thing.radius)
-    return found
+def extreme_spheres(scene: Scene) -> list[int]:
+    """The ids of the spheres whose surface float32 holds badly."""
+    reaches = zip(scene.objects, _reaches(scene), strict=True)
+    return [i for i, (thing, reach) in enumerate(reaches) if is_extreme(thing, reach, scene)]
 
 
-def _granted(
-    test: Image, reference: Image, scene: Scene, pixels: np.ndarray, extreme: dict[int, float]
-) -> tuple[Image, np.ndarray]:
-    """The test with the twin's depth and normals where they agree within rounding, and what radiance may err by."""
-    surface = reference.surface
-    assert surface is not None
-    ids, normal = surface.ids.ravel()[pixels], surface.normal.reshape(-1, 3)[pixels].astype(float)
-    off = np.array([extreme.get(i, 0.0) for i in range(len(scene.objects))])[ids]
-    radius = np.array([getattr(thing, "radius", np.inf) for thing in scene.objects])[ids]
-    albedo = np.array([thing.material.albedo for thing in scene.objects])[ids]
-    # At a rim cos² θ itself is off by as much as δ / r.
-    cosine = (normal * _rays(scene, pixels)).sum(axis=1)
-    error = off / np.sqrt(np.maximum(np.square(cosine) - 4 * off / radius, off / radius))
-    granted = np.zeros((surface.ids.size, 3), np.float32)  # (n + 1) / 2 at `surface`, Lambert's law else
-    turned = np.maximum(albedo * np.asarray(scene.sun.irradiance) / np.pi, 0.5)
-    granted[pixels] = (error / radius)[:, None] * turned
-    if (own := test.surface) is not None and own.ids.shape == surface.ids.shape:
-        depth, normals = own.depth.copy().ravel(), own.normal.copy().reshape(-1, 3)
-        near = (own.ids.ravel()[pixels] == ids) & (abs(depth[pixels] - surface.depth.ravel()[pixels]) <= error)
-        alike = near & (np.linalg.norm(normals[pixels] - normal, axis=1) <= error / radius)
-        depth[pixels[near]] = surface.depth.ravel()[pixels[near]]
-        normals[pixels[alike]] = normal[alike]
-        shape = own.ids.shape
-        test = replace(test, surface=Surface(own.ids, depth.reshape(shape), normals.reshape(*shape, 3)))
-    return test, granted.reshape(test.shape)
+def is_extreme(thing: Shape, reach: float, scene: Scene) -> bool:
+    """Whether float32 holds a sphere's surface badly."""
+    if not isinstance(thing, Sphere):
+        return False
+    gap = abs(float(np.linalg.norm(np.subtract(thing.center, scene.camera.eye))) - thing.radius)
+    return reach > SMALL * thing.radius or thing.radius > LARGE * gap
 
 
 def _undecided(test: Image, reference: Image, scene: Scene) -> np.ndarray:
@@ -168,31 +158,28 @@ def _grazing(
 
 def _with(test: Image, reference: Image, chosen: np.ndarray) -> Image:
     """The test image with the reference's pixels where `chosen`."""
-    own, other, wide = test.surface, reference.surface, chosen[..., None]
-    test = replace(test, mean=np.where(wide, reference.mean, test.mean))
-    if own is None or other is None:
+    test = replace(test, mean=np.where(chosen[..., None], reference.mean, test.mean))
+    return _surface_with(test, reference, chosen)
+
+
+def _surface_with(test: Image, reference: Image, chosen: np.ndarray) -> Image:
+    """The test image with the reference's objects, depth and normals where `chosen`."""
+    own, other = test.surface, reference.surface
+    if own is None or other is None or not chosen.any():
         return test
     parts = np.where(chosen, other.ids, own.ids), np.where(chosen, other.depth, own.depth)
-    surface = Surface(*parts, np.where(wide, other.normal, own.normal))
-    return replace(test, surface=surface)
+    return replace(test, surface=Surface(*parts, np.where(chosen[..., None], other.normal, own.normal)))
 
 
-def _highlights(scene: Scene, surface: Surface) -> np.ndarray:
-    """By how much float32 may put the sun's highlight off at each pixel (H, W, 3): |∂L/∂(r·v)| times the error of r·v.
+def _highlight(thing: Shape, reach: float, sun: Sun, n: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """By how much float32 may put the sun's highlight off at each pixel (k, 3): |∂L/∂(r·v)| times the error of r·v.
 
     A normal errs by δ / r, and r·v by 4 times that at most. A sharp lobe makes n / (r·v) times as much of it, where
-    Lambert's law makes 1.
+    Lambert's law makes 1. `n`, `d` (k, 3): what is seen there, and along which ray.
     """
-    granted = np.zeros((surface.ids.size, 3), np.float32)
-    to_light = np.asarray(scene.sun.to_light)
-    for i, (thing, reach) in enumerate(zip(scene.objects, _reaches(scene), strict=True)):
-        if not isinstance(thing.material, Phong):
-            continue
-        pixels = np.flatnonzero(surface.ids.ravel() == i)
-        n, d, power = surface.normal.reshape(-1, 3)[pixels], _rays(scene, pixels), thing.material.exponent
-        error = 4 * ROUNDING * (1 + reach / getattr(thing, "radius", np.inf))
-        facing = np.maximum(n @ to_light, 0)
-        along = np.clip(2 * (n @ to_light) * -(n * d).sum(axis=1) + d @ to_light, 1e-3, 1)
-        steep = (power + 2) / (2 * np.pi) * power * along ** (power - 1) * facing * error
-        granted[pixels] = steep[:, None] * np.asarray(thing.material.specular) * np.asarray(scene.sun.irradiance)
-    return granted.reshape(*surface.ids.shape, 3)
+    assert isinstance(thing.material, Phong)
+    power, to_light = thing.material.exponent, np.asarray(sun.to_light)
+    error = 4 * ROUNDING * (1 + reach / getattr(thing, "radius", np.inf))
+    along = np.clip(2 * (n @ to_light) * -(n * d).sum(axis=1) + d @ to_light, 1e-3, 1)
+    steep = (power + 2) / (2 * np.pi) * power * along ** (power - 1) * np.maximum(n @ to_light, 0) * error
+    return np.asarray(steep[:, None] * np.multiply(thing.material.specular, sun.irradiance))

@@ -9,7 +9,15 @@ import numpy as np
 
 from raytwin import files, twin
 from raytwin.calib import boards, photos
-from raytwin.calib.augment import augment, draw_boxes, draw_pyramid, errors_by_region, of_three_channels, to_rec709
+from raytwin.calib.augment import (
+    augment,
+    draw_boxes,
+    draw_pyramid,
+    errors_by_region,
+    of_three_channels,
+    printed,
+    to_rec709,
+)
 from raytwin.calib.find_camera import find_camera
 from raytwin.calib.lighting.light_file import photo_exposure, read_light
 from raytwin.errors import InputError
@@ -34,16 +42,15 @@ def augment_photos(
     `against` the errors by region. The photo's ICC profile and EXIF are kept as they are, its orientation with them.
     """
     chosen = replace(settings or AugmentSettings(), **options)
-    scene = files.read_scene(scene_path)
+    scene, asked = files.scene_and_photos(scene_path)
     light = read_light(chosen.light) if chosen.light is not None else None
     scene = light.on(scene) if light is not None else scene
-    asked = scene.photos
     if chosen.board is None and asked is None:
         raise InputError("--board", "is missing. It names the board's TOML file, since the scene names none.")
-    definition = boards.read_board(chosen.board or Path(scene.folder) / (asked.board if asked else ""))
+    definition = boards.read_board(chosen.board or files.find_scene(scene_path).parent / (asked.board if asked else ""))
     calibration = None
     if chosen.camera is None:
-        placed, _, calibration, _ = find_camera(scene, progress=progress)
+        placed, _, calibration, _ = find_camera(scene_path, progress=progress)
         lens = placed.camera
     else:
         lens = files.read_camera(chosen.camera)
@@ -71,19 +78,12 @@ def augment_photos(
             tags = photos.detect_photo(path, definition.kind) if known is None else known
             pose = photos.pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
             stand = msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)
-            here = scene.at(stand)
+            here = scene.with_camera(stand)
             exposure: float | np.ndarray = 1.0 if chosen.exposure is None else chosen.exposure
             if light is not None and chosen.exposure is None:
                 exposure = photo_exposure(path, stand, definition, light)
-            result = augment(
-                pixels,
-                here,
-                engine=engine,
-                shadows=chosen.shadows,
-                exposure=exposure,
-                space=space,
-                ground=light is not None,
-            )
+            options = {"engine": engine, "shadows": chosen.shadows, "exposure": exposure, "space": space}
+            result = augment(pixels, printed(here, definition), **options)
             drawn = result.pixels
             for pyramid in scene.pyramids:
                 drawn = draw_pyramid(drawn, stand, pyramid, space)

@@ -21,7 +21,6 @@ from raytwin.workflows.make_reference import LEVEL
 from raytwin.workflows.nothing_in_view import judged_in_view
 from raytwin.workflows.rounds import render_sides
 from raytwin.workflows.settings import CompareSettings
-from raytwin.workflows.versions import versions
 
 UNKNOWN = (
     "only Mitsuba knows the light of this scene: no light level, no ledger, and only causes that can spoil any picture"
@@ -78,5 +77,5 @@ def compare_mitsuba(path: str | Path, chosen: CompareSettings, *, progress: Prog
             "twin": "the file's own integrator and film",
             "twin's samples per pixel": str(right.samples),
         },
-        versions=versions(),
+        versions=twin.versions(),
     )

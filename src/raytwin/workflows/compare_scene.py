@@ -13,7 +13,7 @@ from raytwin.analysis.beside_twin import compare_with_twin
 from raytwin.analysis.ledger import LEFT_OUT, Ledger, make_ledger
 from raytwin.analysis.light_parts import sampled_parts
 from raytwin.analysis.rounding_cause import rounding_cause
-from raytwin.calib.find_camera import TruthRow, compare_truth, find_camera
+from raytwin.calib.find_camera import find_camera
 from raytwin.compare import Comparison, Report
 from raytwin.compare.finding import Finding, notes
 from raytwin.contract.check_function import judge_function
@@ -27,13 +27,12 @@ from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.rungs import RUNGS
-from raytwin.scene import MitsubaScene, Scene, SceneFile
+from raytwin.scene import MitsubaScene, Scene
 from raytwin.scene.lens import without_ray
 from raytwin.workflows.compared import Compared
 from raytwin.workflows.nothing_in_view import judged_in_view
 from raytwin.workflows.rounds import render_sides
 from raytwin.workflows.settings import CompareSettings
-from raytwin.workflows.versions import versions
 
 if TYPE_CHECKING:
     from raytwin.calib import photos  # with OpenCV, which a scene whose camera is given needs not
@@ -73,14 +72,13 @@ class _Job:
     subject: Renderer
     chosen: CompareSettings
     stages: Stages
-    written: SceneFile
+    path: str | Path | Scene
     scene: Scene
     backend: "Backend"
     light: "WrittenLight | None" = None
     photo: Path | None = None
     calibration: "photos.Calibration | None" = None
     pose: "photos.PoseReport | None" = None
-    truth: tuple[TruthRow, ...] = ()
 
     @property
     def engine(self) -> str:
@@ -91,22 +89,17 @@ class _Job:
         """Whether both sides hold the same light: whatever differs is a fault or noise."""
         return (self.subject.rung, self.subject.sampling) == (self.chosen.rung, self.chosen.sampling)
 
-    def twin(self, samples: int, seed: int) -> Image:
-        return self._twin(self.chosen.rung, self.chosen.sampling, samples, seed)
-
-    def twin_at_own_level(self) -> Image:
-        """The twin with the subject's light."""
-        return self._twin(self.subject.rung, self.subject.sampling, self.chosen.twin_samples, self.chosen.seed)
-
-    def _twin(self, rung: str, sampling: str, samples: int, seed: int) -> Image:
-        show = self.stages if self.chosen.samples else silent
+    def twin(self, samples: int, seed: int, like: Renderer | CompareSettings | None = None) -> Image:
+        """The twin with the light that was asked for, or with that of another."""
+        lit, show = like or self.chosen, self.stages if self.chosen.samples else silent
         return twin.render(
-            self.scene, rung, sampling=sampling, samples=samples, seed=seed, cache=self.chosen.cache, progress=show
-        )
+            self.scene, lit.rung, sampling=lit.sampling, samples=samples, seed=seed, cache=self.chosen.cache,
+            progress=show,
+        )  # fmt: skip
 
 
 def compare_scene(
-    path: str | Path | Scene | SceneFile,
+    path: str | Path | Scene,
     settings: CompareSettings | None = None,
     *,
     progress: Progress = silent,
@@ -121,37 +114,33 @@ def compare_scene(
     is called as work goes on. Raises InputError for a scene, an option or a subject that is wrong.
     """
     chosen = replace(settings or CompareSettings(), **options)
-    if not isinstance(path, Scene | SceneFile) and files.is_mitsuba(path):
+    if not isinstance(path, Scene) and files.is_mitsuba(path):
         from raytwin.workflows.compare_mitsuba import compare_mitsuba
 
         return compare_mitsuba(path, chosen, progress=progress)
     job = _prepared(path, chosen, Stages(progress))
     noisy = RUNGS[chosen.rung].sampled(chosen.sampling)
-    judge = partial(compare_with_twin, scene=job.scene, tolerance=job.written.tolerance, flip=chosen.flip)
+    judge = partial(compare_with_twin, scene=job.scene, tolerance=job.scene.tolerance, flip=chosen.flip)
     made, reference, found = render_sides(job.subject, job.scene, job.twin, judge, chosen, job.stages, noisy, job.alike)
     return _result(job, made, reference, *_explained(job, made, reference, found))
 
 
-def _prepared(path: str | Path | Scene | SceneFile, chosen: CompareSettings, stages: Stages) -> _Job:
+def _prepared(path: str | Path | Scene, chosen: CompareSettings, stages: Stages) -> _Job:
     """Read the scene, find its camera, and wake the backend."""
-    subject, written, light = _subject(chosen), files.read_scene(path), None
+    subject, light = _subject(chosen), None
     if chosen.light is not None:
         from raytwin.calib.lighting.light_file import read_light
 
         light = read_light(chosen.light)
-        written = light.on(written)
     with stages.stage("calibrate"):
-        scene, photo, calibration, pose = find_camera(written, chosen.photo, stages)
+        scene, photo, calibration, pose = find_camera(path, chosen.photo, stages)
+    if light is not None:
+        scene = light.on(scene)
     with stages.stage("backend"):
         backend = twin.activate()
-    truth: tuple[TruthRow, ...] = ()
-    if photo is not None and calibration is not None and (truth_file := photo.parent / "truth.toml").exists():
-        from raytwin.calib import synthetic_photos
-
-        truth = compare_truth(synthetic_photos.read_truth(truth_file), calibration, scene.camera, photo.name, pose)
     if chosen.size is not None:
         scene = scene.with_camera(scene.camera.resized(*chosen.size))
-    return _Job(subject, chosen, stages, written, scene, backend, light, photo, calibration, pose, truth)
+    return _Job(subject, chosen, stages, path, scene, backend, light, photo, calibration, pose)
 
 
 def _result(job: _Job, made: Image, reference: Image, comparison: Comparison, ledger: Ledger | None) -> Result:
@@ -170,7 +159,7 @@ def _result(job: _Job, made: Image, reference: Image, comparison: Comparison, le
     )
     return Result(
         scene=scene,
-        tolerance=job.written.tolerance,
+        tolerance=job.scene.tolerance,
         report=report,
         test=made,
         reference=reference,
@@ -178,7 +167,6 @@ def _result(job: _Job, made: Image, reference: Image, comparison: Comparison, le
         augmented=augmented,
         calibration=job.calibration,
         pose=job.pose,
-        truth=job.truth,
         settings={
             "subject": subject.name,
             "rung of the tracer": subject.rung,
@@ -189,7 +177,7 @@ def _result(job: _Job, made: Image, reference: Image, comparison: Comparison, le
             "twin's samples per pixel": str(reference.samples),
             "trim boxes": chosen.trim,
         },
-        versions=versions(),
+        versions=twin.versions(),
         ledger=ledger,
     )
 
@@ -207,8 +195,8 @@ def _photos(job: _Job) -> tuple[np.ndarray | None, np.ndarray | None]:
         exposure: float | np.ndarray = 1.0
         if job.chosen.size is not None:
             return picture, None
-        if job.light is not None and job.written.photos is not None:
-            board = boards.read_board(Path(job.written.folder) / job.written.photos.board)
+        if job.light is not None and not isinstance(job.path, Scene) and (asked := files.scene_and_photos(job.path)[1]):
+            board = boards.read_board(files.find_scene(job.path).parent / asked.board)
             exposure = photo_exposure(job.photo, job.scene.camera, board, job.light)
         return picture, augment(picture, job.scene, engine=job.engine, exposure=exposure).pixels
 
@@ -228,8 +216,8 @@ def _explained(job: _Job, made: Image, reference: Image, comparison: Comparison)
     own, compared_with = None, reference
     if not job.alike and comparison.verdict != "pass":
         with stages.stage("compare"):
-            level = job.twin_at_own_level()
-            own = compare_with_twin(made, level, scene, job.written.tolerance)
+            level = job.twin(chosen.twin_samples, chosen.seed, like=subject)
+            own = compare_with_twin(made, level, scene, job.scene.tolerance)
         if subject.rung != chosen.rung:
             compared_with = level
         elif own.verdict == "pass":

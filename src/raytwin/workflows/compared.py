@@ -14,7 +14,6 @@ from raytwin.scene import Tolerance
 if TYPE_CHECKING:
     from raytwin.analysis.ledger import Ledger
     from raytwin.calib import photos  # with OpenCV, which a scene whose camera is given needs not
-    from raytwin.calib.find_camera import TruthRow
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -22,7 +21,7 @@ class Compared(InNotebook):
     """The image `test` beside its `reference`, and all that is known of them.
 
     `photo` and `augmented`, the same with the scene's objects in it, are sRGB uint8. `pose`: that of the photo, by the
-    `calibration`; `truth`: what both should be.
+    `calibration`.
     """
 
     made_by: ClassVar[str] = "compare"
@@ -37,7 +36,6 @@ class Compared(InNotebook):
     augmented: np.ndarray | None = None
     calibration: "photos.Calibration | None" = None
     pose: "photos.PoseReport | None" = None
-    truth: "tuple[TruthRow, ...]" = ()
     ledger: "Ledger | None" = None
 
     @property

@@ -156,7 +156,7 @@ def _known_scene(chosen: DiffSettings, reference: Side, test: Image) -> tuple[Sc
     if chosen.scene is None:
         return reference.scene, rung
     height, width = test.shape[:2]
-    return files.read_scene(chosen.scene).scene.with_(size=(width, height)), rung
+    return files.read_scene(chosen.scene).with_(size=(width, height)), rung
 
 
 def _scene_of(path: Path, part: str | None) -> tuple[Scene | None, str | None]:

@@ -9,7 +9,7 @@ from raytwin.judging import Judging
 from raytwin.rungs import RUNGS
 
 if TYPE_CHECKING:
-    from raytwin.scene import Scene, SceneFile
+    from raytwin.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class DiffSettings(Judging):
     flip: bool = False
     variances: tuple[Any, Any] = (None, None)
     samples: tuple[int, int] = (0, 0)
-    scene: "Scene | SceneFile | str | Path | None" = None
+    scene: "Scene | str | Path | None" = None
     rung: str | None = None
     renders: int = 8
 

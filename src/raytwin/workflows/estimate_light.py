@@ -10,24 +10,21 @@ import numpy as np
 
 from raytwin import files
 from raytwin.calib import boards, photos
-from raytwin.calib.augment import augment
+from raytwin.calib.augment import augment, printed
+from raytwin.calib.boards.board import PAPER, draw_board
 from raytwin.calib.lighting import light_models as models
 from raytwin.calib.lighting.board_plane import Sheet
 from raytwin.calib.lighting.linear_photo import LinearPhoto, read_linear, value_of_one
-from raytwin.calib.lighting.mirror_ball import Ball, check_mirror, find_ball, given_ball, sun_of
+from raytwin.calib.lighting.mirror_ball import Ball, check_mirror, find_ball, given_ball, sun_of, sun_spot, views_of
 from raytwin.calib.lighting.mirror_map import mirrored
 from raytwin.calib.lighting.stand_shadow import LOWEST, THIN, find_shadow
 from raytwin.errors import InputError
 from raytwin.progress import Progress, silent
-from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Rectangle, Scene, Sphere, Sun
 from raytwin.scene.scene import NO_SUN
 
 POSE_PX = 3.0
 """A pose that leaves its tags this far off, as a root mean square, is that of another camera."""
-
-DOUBTFUL, UNEXPLAINED = 0.2, 0.5
-"""Share of a matt sphere's light by which even the best model is off held-out pixels: a warning says so; it is no light
-at all."""
 
 APART = 4.0
 """Directions to the sun that differ by so many of their joint standard deviations contradict each other."""
@@ -35,7 +32,7 @@ APART = 4.0
 
 @dataclass(frozen=True, eq=False)
 class LightEstimate:
-    """All that `raytwin light` found; its page and its text are views of it. `given`: the balls as the user gave them.
+    """All that `photo light` found; its page and its text are views of it. `given`: the balls as the user gave them.
 
     `light` is None where the photos were refused; `refusal` says why.
     """
@@ -123,28 +120,22 @@ def _estimated(start: LightEstimate, progress: Progress) -> LightEstimate:
         elif shadow.width > THIN * shadow.height:
             said.append(f"--stand: not used: wider than {THIN:g} of its height, as no pin or pen is")
             shadow = None
+    views = views_of(linear, start.board) if start.given else []
     for k, given in enumerate(start.given):
         progress("balls", k, len(start.given))
         try:
-            ball = find_ball(linear, start.board, given)
+            ball = find_ball(views, given)
         except np.linalg.LinAlgError:
             raise InputError(given.name, "a ball whose place the photos determine", "one they do not") from None
-        reflectance = check_mirror(linear, start.board, start.paper, ball, given)
-        mirrors.append(models.MirrorBall(ball, mirrored(linear, ball, reflectance), reflectance, sun_of(linear, ball)))
+        reflectance, suns = check_mirror(views, start.paper, ball, given), [sun_spot(photo, ball) for photo in linear]
+        pixels, sun = mirrored(linear, ball, reflectance, suns), sun_of(linear, ball, suns)
+        mirrors.append(models.MirrorBall(ball, pixels, reflectance, suns, sun))
     progress("balls", len(start.given), len(start.given))
     if not (shadow or mirrors):
         wanted = "--ball x,y,z,r (a mirror ball) or --stand x,y,h (an upright), in metres or as 60mm"
         raise InputError("light", wanted, said[-1] if start.stand else "neither")
     evidence = models.Evidence(start.paper, shadow, mirrors)
-    light, trials, number = models.choose(evidence, len(linear))
-    error = trials[number].error
-    if error > UNEXPLAINED:
-        raise InputError(
-            "photos", "a mirror ball or an upright that sun and sky explain",
-            f"a matt sphere {100 * error:.0f} % off what held-out pixels show under the best light",
-        )  # fmt: skip
-    if error > DOUBTFUL:
-        said.append(f"a matt sphere is {100 * error:.0f} % off what held-out pixels show: it may not look real")
+    light, trials, number = models.choose(evidence)
     said += _contradictions(evidence.suns)
     found = replace(start, evidence=evidence, light=light, trials=trials, taken=number, warnings=said)
     return replace(found, drawn=_drawn(found, light))
@@ -162,13 +153,13 @@ def _drawn(found: LightEstimate, light: models.Light) -> np.ndarray:
     photo, (x, y) = found.photos[0], middle_of(found.board)
     mirrors = found.evidence.mirrors
     radius = mirrors[0].ball.radius if mirrors else 1.5 * found.board.tag_edge
-    ball = Sphere((x, y, radius), radius, Lambert((0.5, 0.5, 0.5)))
-    reach = 20 * radius + float(np.ptp(list(found.board.centers().values()), axis=0).max())
-    ground = Rectangle((x, y, 0.0), (reach, 0.0, 0.0), (0.0, reach, 0.0), in_photo=True)
+    ball = Sphere((x, y, radius), radius, (0.5, 0.5, 0.5))
+    x0, x1, y0, y1 = draw_board(found.board, 100.0)[1]
+    half_u, half_v = ((x1 - x0) / 2, 0.0, 0.0), (0.0, (y1 - y0) / 2, 0.0)
+    sheet = Rectangle(((x0 + x1) / 2, (y0 + y1) / 2, 0.0), half_u, half_v, (PAPER, PAPER, PAPER), in_photo=True)
     sun = Sun(tuple(light.to_light.tolist()), tuple(light.E.tolist())) if light.to_light is not None else NO_SUN
-    sky = light.environment or Sky(tuple(light.Ls.tolist()))
-    scene = Scene("light", photo.camera, (ball, ground), (sun, sky))
-    return augment(photo.pixels, scene, exposure=value_of_one(photo, found.paper), ground=True).pixels
+    scene = printed(Scene("light", photo.camera, (ball,), (sheet,), sun, light.sky), found.board)
+    return augment(photo.pixels, scene, exposure=value_of_one(photo, found.paper)).pixels
 
 
 def _stand_of(path: Path, lens: Camera, definition: boards.Board) -> Camera:

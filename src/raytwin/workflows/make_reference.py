@@ -23,7 +23,7 @@ from raytwin.image_pool import ImagePool
 from raytwin.progress import Progress, Stages, silent
 from raytwin.references import FILES, Reference, load, path_of, scene_hash, sealed, stale
 from raytwin.rungs import RUNGS
-from raytwin.scene import MitsubaScene, Scene, SceneFile
+from raytwin.scene import MitsubaScene, Scene
 from raytwin.scene.scene_changes import changes
 from raytwin.workflows.rounds import Budget, Rounds, round_seed
 from raytwin.workflows.settings import ReferenceSettings
@@ -46,19 +46,18 @@ def size_of(image_size: tuple[int, int]) -> tuple[int, int]:
     return small, max(1, round(small * height / width))
 
 
-def read_scene(path: str | Path) -> SceneFile | MitsubaScene:
-    """The scene as it is written: raytwin's own, or a Mitsuba file."""
-    return files.read_mitsuba(path) if files.is_mitsuba(path) else files.read_scene(path)
+def read_scene(path: str | Path) -> Scene | MitsubaScene:
+    """The scene as it is written: raytwin's own, whose camera may stand nowhere yet, or a Mitsuba file."""
+    return files.read_mitsuba(path) if files.is_mitsuba(path) else files.scene_and_photos(path)[0]
 
 
-def find_scene(path: str | Path, progress: Progress = silent) -> SceneFile | MitsubaScene:
+def find_scene(path: str | Path, progress: Progress = silent) -> Scene | MitsubaScene:
     """The scene with its camera found: calibrated, where it has photos. Finding it once serves all rungs."""
-    written = read_scene(path)
-    if isinstance(written, MitsubaScene) or written.photos is None:
-        return written
+    if files.is_mitsuba(path) or files.scene_and_photos(path)[1] is None:
+        return read_scene(path)
     from raytwin.calib.find_camera import find_camera
 
-    return written.with_camera(find_camera(written, progress=progress)[0].camera)
+    return find_camera(path, progress=progress)[0]
 
 
 # ------------------------------------------------------------------------------------------ rendering
@@ -86,7 +85,7 @@ def render(
 
 
 def describe(
-    placed: SceneFile | MitsubaScene, hashed: str, rung: str, sampling: str, samples: int, seed: int
+    placed: Scene | MitsubaScene, hashed: str, rung: str, sampling: str, samples: int, seed: int
 ) -> dict[str, str]:
     """The header's provenance: what made the pixels, by which versions; `hashed`: raytwin's scene as it is written."""
     if isinstance(placed, MitsubaScene):
@@ -94,9 +93,9 @@ def describe(
         about = twin.mitsuba_provenance(placed, samples, seed, STINTS * BATCHES)
         about |= {"rung": rung, "sampling": "area", FILES: msgspec.json.encode(placed.files).decode()}
     else:
-        size = placed.scene.camera.image_size
+        size = placed.camera.image_size
         kernel = "box" if sampling == "area" else "none: all rays through the pixel's centre"
-        about = twin.provenance(placed.scene, rung, sampling=sampling, samples=samples, seed=seed)
+        about = twin.provenance(placed, rung, sampling=sampling, samples=samples, seed=seed)
     about |= {"scene": placed.name, "scene_hash": hashed, "size": "{} x {}".format(*size)}
     return about | {"filter": kernel, "renderer": "Mitsuba"}
 
@@ -135,21 +134,13 @@ class Change:
         return lines
 
 
-def change_of(new: Reference, old: Reference | None, notes: tuple[str, ...] = ()) -> Change:
-    """Return how the new differs from the old; `notes`: why there is no old one."""
-    if old is None:
-        return Change(new, None, notes)
-    compared = compare(new.image, old.image, tolerance=new.tolerance)
-    return Change(new, old, tuple(header_changes(old.header, new.header)), compared)
-
-
 def make(
     scene: str | Path,
     rung: str,
     folder: str | Path,
     settings: ReferenceSettings | None = None,
     *,
-    found: SceneFile | MitsubaScene | None = None,
+    found: Scene | MitsubaScene | None = None,
     progress: Progress = silent,
     **options: Any,
 ) -> Change:
@@ -171,18 +162,24 @@ def make(
     old, notes = _there(path)
     known = old if old is not None and not old.golden and old.of_file == of_file else None
     how = _sampling(known.header if known else {}, asked)
-    hashed = "" if of_file else scene_hash(files.read_scene(scene))
+    hashed = "" if of_file else scene_hash(scene)
     placed = _placed(found, asked.size, known, hashed)
     header = describe(placed, hashed, rung, *how)
     sealed_scene = None if isinstance(placed, MitsubaScene) else placed
     if known and not asked.again and all(known.header.get(key) == header.get(key) for key in _DECIDES):
+        if sealed_scene is not None and known.scene == sealed_scene.with_(pyramids=()):
+            return Change(known, known)
         header |= {k: v for k, v in known.header.items() if k not in ("set_up", "checksum")}
         return Change(sealed(path, known.image, header, sealed_scene), known)
     if isinstance(placed, MitsubaScene):
         image = twin.render_mitsuba(placed, *how[1:], STINTS * BATCHES, progress=progress)
     else:
-        image = render(placed.scene, rung, *how, progress)
-    return change_of(sealed(path, image, header, sealed_scene), old, notes)
+        image = render(placed, rung, *how, progress)
+    new = sealed(path, image, header, sealed_scene)
+    if old is None:
+        return Change(new, None, notes)
+    compared = compare(new.image, old.image, tolerance=new.tolerance)
+    return Change(new, old, tuple(header_changes(old.header, new.header)), compared)
 
 
 def _there(path: Path) -> tuple[Reference | None, tuple[str, ...]]:
@@ -202,8 +199,8 @@ def _sampling(had: dict[str, str], asked: ReferenceSettings) -> tuple[str, int, 
 
 
 def _placed(
-    found: SceneFile | MitsubaScene, size: tuple[int, int] | None, known: Reference | None, hashed: str
-) -> SceneFile | MitsubaScene:
+    found: Scene | MitsubaScene, size: tuple[int, int] | None, known: Reference | None, hashed: str
+) -> Scene | MitsubaScene:
     """The scene at the size that is asked for, else the known one's, whose camera stays while the scene is the same."""
     if isinstance(found, MitsubaScene):
         width, height = size or (found.image_size if known is None else known.image.shape[1::-1])
@@ -211,7 +208,7 @@ def _placed(
     same = known is not None and known.header["scene_hash"] == hashed
     if known is not None and same and size in (None, known.origin().camera.image_size):
         return found.with_camera(known.origin().camera)
-    camera = found.scene.camera
+    camera = found.camera
     return found.with_camera(camera.resized(*(size or size_of(camera.image_size))))
 
 
@@ -225,7 +222,7 @@ def header_changes(old: dict[str, str], new: dict[str, str]) -> Iterator[str]:
         if a == b or key == "checksum":
             continue
         if key == "set_up" and "nothing" not in (a, b):
-            scenes = (files.to_record(key, msgspec.json.decode(text), SceneFile) for text in (a, b))
+            scenes = (files.to_record(key, msgspec.json.decode(text), Scene) for text in (a, b))
             yield from changes(*scenes)
         else:
             yield f"{key}: {b}, was {a}"
@@ -261,7 +258,7 @@ def check(
     *,
     budget: Budget = Budget(samples=CHECKED_SAMPLES),  # noqa: B008 (immutable)
     judging: Judging | None = None,
-    found: SceneFile | MitsubaScene | None = None,
+    found: Scene | MitsubaScene | None = None,
     progress: Progress = silent,
 ) -> Check:
     """Is the file there and whole, its scene the one on disk, and today's render the same but for noise?

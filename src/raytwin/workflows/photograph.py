@@ -8,9 +8,9 @@ import numpy as np
 from raytwin import files, twin
 from raytwin.calib import boards, synthetic_photos
 from raytwin.progress import Progress, silent
-from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sun
+from raytwin.scene import Camera, Rectangle, Scene, Sky, Sun
 
-WOOD = Lambert((0.36, 0.25, 0.17))
+WOOD = 0.36, 0.25, 0.17
 TABLE = Rectangle((0.0, 0.0, -0.002), (1.5, 0.0, 0.0), (0.0, 1.5, 0.0), WOOD, in_photo=True)
 SUN = Sun((0.45, 0.35, 0.85), (2.3, 2.2, 2.05))
 SKY = Sky((0.22, 0.24, 0.27))
@@ -45,13 +45,13 @@ def photograph_board(
     K = ((focal * scale, 0.0, 0.504 * width), (0.0, 1.001 * focal * scale, 0.497 * height), (0.0, 0.0, 1.0))
     lens = Camera(size, K, ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)), (0.0, 0.0, 1.0), dist)
     files.check_camera(lens, "--focal, --size: ")
-    stage = files.read_scene(scene).at(lens) if scene is not None else Scene("desk", lens, (TABLE,), (SUN, SKY))
-    table = tuple(p for p in stage.rectangles if p.center[2] < 0)
+    stage = files.scene_and_photos(scene)[0] if scene is not None else Scene("desk", lens, (), (TABLE,), SUN, SKY)
+    table = tuple(p for p in stage.planes if p.center[2] < 0)
     spheres = stage.spheres if with_objects else ()
     twin.activate()
 
     def render(view: Camera, texture: np.ndarray, sheet: Rectangle) -> np.ndarray:
-        set_up = msgspec.structs.replace(stage, camera=view, objects=(*spheres, sheet, *table))
+        set_up = msgspec.structs.replace(stage, camera=view, spheres=spheres, planes=(sheet, *table))
         textures = {len(spheres): texture}
         made = twin.render(
             set_up, "path", sampling="area", samples=samples, seed=seed, textures=textures, cache=False

@@ -1,4 +1,4 @@
-"""`raytwin augment` on photos of the synthetic photographer, against photos with the spheres really there."""
+"""`raytwin photo draw` on photos of the synthetic photographer, against photos with the spheres really there."""
 
 import io
 import json
@@ -58,7 +58,7 @@ def rows(taken, scenes, tmp_path_factory):
 
 
 def test_an_augmented_photo_is_near_the_true_one_in_every_region(taken, rows):
-    """Direct light alone misses what the board and the spheres send each other: the spheres are too dark."""
+    """Away from the corners, which the lens darkens. What is printed on the board is known by its mean alone."""
     assert json.loads(json.dumps(rows)) == rows
     assert len(rows) == COUNT
     for row in rows:
@@ -216,13 +216,11 @@ def test_augment_takes_a_folder_and_leaves_out_what_it_cannot_read(taken, scenes
 
 
 def test_under_the_photos_own_light_a_drawn_ball_is_as_the_real_one(scenes, tmp_path):
-    """The true light of the shipped photos: the ground beside the ball is the photo's, not the sky's lower half."""
+    """The true light of the shipped photos, in codes of 8 bits; the photos' own noise is in them."""
     lit = scenes / "desk" / "lit"
     scene = files.read_toml(scenes / "desk" / "lit.toml")
     sun = scene["sun"]
-    level = np.array(
-        lighting(files.read_scene(scenes / "desk" / "lit.toml").scene).sky.diffuse_irradiance((0.0, 0.0, 1.0))
-    )
+    level = np.array(lighting(files.read_scene(scenes / "desk" / "lit.toml")).sky.diffuse_irradiance((0.0, 0.0, 1.0)))
     E, z = np.array(sun["irradiance"]), sun["to_light"][2]
     paper = 0.85 * (E * z / np.pi + level)
     light = {"sun": sun, "sky": {"map": str(lit / "sky.exr")}, "paper": {"albedo": 0.85, "color": paper.tolist()}}
@@ -231,4 +229,7 @@ def test_under_the_photos_own_light_a_drawn_ball_is_as_the_real_one(scenes, tmp_
         [lit / "photo_00.jpg"], scenes / "desk" / "lit.toml", tmp_path, board=scenes / "desk" / "board.toml",
         camera=lit / "camera.toml", light=tmp_path / "light.toml", against=lit / "with",
     )  # fmt: skip
-    assert next(r for r in rows[0]["regions"] if r["region"] == "spheres")["codes"] < 5
+    codes = {r["region"]: r["codes"] for r in rows[0]["regions"]}
+    assert codes["spheres"] < 3.5
+    assert codes["shadows"] < 4
+    assert codes["all"] < 0.3

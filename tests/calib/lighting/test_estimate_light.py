@@ -1,14 +1,13 @@
-"""`raytwin light` on the shipped photos, rendered by Mitsuba under a known light, and what it says without one."""
+"""`photo light` on the shipped photos, rendered by Mitsuba under a known light, and what it says without one."""
 
 import html
 
-import msgspec
 import numpy as np
 import pytest
+from scene_of import changed
 
 from raytwin import files
 from raytwin.calib.augment import augment
-from raytwin.calib.augment.hidden_sky import CapMeans
 from raytwin.calib.boards import read_board
 from raytwin.calib.lighting.light_file import photo_exposure, read_light, write_light
 from raytwin.calib.lighting.light_models import upward
@@ -21,7 +20,7 @@ from raytwin.scene import Camera, Environment, Sky, Sun
 from raytwin.workflows import estimate_light as estimate_module
 from raytwin.workflows.estimate_light import LightRefused, estimate_light
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 MIRROR, ORANGE = (-0.075, 0.05, 0.028, 0.03), (-0.065, 0.15, 0.018, 0.02)
 
@@ -45,7 +44,7 @@ def found(lit):
 
 @pytest.fixture(scope="module")
 def true(lit):
-    return files.read_scene(lit.parent / "lit.toml").scene
+    return files.read_scene(lit.parent / "lit.toml")
 
 
 def test_sun_and_sky_are_the_true_ones(found, true):
@@ -84,23 +83,11 @@ def test_a_ball_given_one_radius_off_is_refused(lit):
         )
 
 
-def test_light_that_explains_little_is_doubted_or_refused_and_so_is_a_thick_upright(lit, monkeypatch):
-    """Held-out pixels are some per cent off here; each limit is put on the other side of what these photos give."""
-
-    def by_stand():
-        photo, board, camera = lit / "photo_00.jpg", lit.parent / "board.toml", lit / "camera.toml"
-        return estimate_light([photo], board, camera, stand=(0.095, 0.095, 0.03))
-
-    with monkeypatch.context() as changed:
-        changed.setattr(estimate_module, "DOUBTFUL", 0.001)
-        stand = by_stand()
-    assert 0.001 < stand.trials[stand.taken].error < estimate_module.DOUBTFUL
-    assert any("off what held-out pixels show" in text for text in stand.warnings)
-    for limit, message in (("UNEXPLAINED", r"got a matt sphere \d+ % off"), ("THIN", "not used: wider than")):
-        with monkeypatch.context() as changed:
-            changed.setattr(estimate_module, limit, 0.001)
-            with pytest.raises(InputError, match=message):
-                by_stand()
+def test_a_thick_upright_is_refused(lit, monkeypatch):
+    monkeypatch.setattr(estimate_module, "THIN", 0.001)  # the pin's own width is above it
+    photo, board, camera = lit / "photo_00.jpg", lit.parent / "board.toml", lit / "camera.toml"
+    with pytest.raises(InputError, match="not used: wider than"):
+        estimate_light([photo], board, camera, stand=(0.095, 0.095, 0.03))
 
 
 def test_a_light_file_is_read_back_and_puts_its_light_on_a_scene(found, lit, tmp_path):
@@ -138,32 +125,17 @@ def test_a_board_alone_says_what_to_put_there_and_another_cameras_photo_is_refus
         estimate_light([lit / "photo_00.jpg"], board, tmp_path / "camera.toml")
 
 
-def test_a_map_hides_behind_a_cap_as_much_as_rays_find(true):
-    """Against the mean over 20 000 random directions within the cap, of angles between the tabulated ones, too."""
-    around, rng = true.environment, np.random.default_rng(2)
-    sky, means = lighting(true).sky, CapMeans(around)
-    for angle in np.radians((8.0, 24.0, 40.0)):
-        for _ in range(3):
-            d = rng.normal(size=3)
-            d /= np.linalg.norm(d)
-            z, turn = rng.uniform(np.cos(angle), 1, 20_000), rng.uniform(0, 2 * np.pi, 20_000)
-            u, v = np.linalg.svd(d[None])[2][1:]
-            ring = np.sqrt(1 - z * z)
-            rays = z[:, None] * d + (ring * np.cos(turn))[:, None] * u + (ring * np.sin(turn))[:, None] * v
-            expected = np.stack(sky.radiance(tuple(rays.T)), axis=1).mean(axis=0)
-            assert means(d[None], np.array([angle]))[0] == pytest.approx(expected, rel=0.08)
-
-
 def test_a_constant_map_shades_a_photo_as_a_constant_sky_does(true):
     camera = true.camera.resized(126, 94)
     photo = np.full((94, 126, 3), 150, np.uint8)
     skies = [Environment((w, h), np.full((h, w, 3), 0.3, "<f4").tobytes()) for w, h in ((8, 4), (150, 101))]
     *maps, even = (
-        augment(photo, msgspec.structs.replace(true, camera=camera, lights=(Sun((0.3, 0.5, 0.7)), sky))).ratio
+        augment(photo, changed(true, camera=camera, lights=(Sun((0.3, 0.5, 0.7)), sky))).ratio
         for sky in (*skies, Sky((0.3,) * 3))
     )
     for ratio in maps:
-        assert ratio == pytest.approx(even, abs=4e-3)
+        assert np.sqrt(((ratio - even) ** 2).mean()) < 0.02  # the paths' noise, which falls otherwise
+        assert ratio.mean() == pytest.approx(even.mean(), abs=2e-3)
     assert even.min() < 0.7
 
 

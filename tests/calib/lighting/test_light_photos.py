@@ -1,16 +1,17 @@
-"""The photos that `raytwin light` is measured by: their mirror ball shows the sky along reflected rays, and the sun's
+"""The photos that `photo light` is measured by: their mirror ball shows the sky along reflected rays, and the sun's
 image in it holds a distant ball's flux."""
 
 import numpy as np
 import pytest
 from measure.light_photos import photograph, rendered, sun_glint
 from photo_helpers import BOARD, a_camera
+from scene_of import scene_of
 
 from raytwin import files, twin
 from raytwin.calib.photos import detect_photo, lens_model
 from raytwin.calib.synthetic_photos import read_truth
 from raytwin.lights.environment_map import environment_map
-from raytwin.scene import Camera, Environment, Lambert, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Environment, Lambert, Sky, Sphere, Sun
 
 SIDE = 24
 CAMERA = Camera(
@@ -27,7 +28,7 @@ def test_a_mirror_ball_shows_the_sky_along_the_reflected_ray():
     texels = np.random.default_rng(3).uniform(0.2, 1, (4, 8, 3)).astype("<f4")
     around = Environment((8, 4), texels.tobytes())
     twin.activate()
-    image = rendered(Scene("mirror", CAMERA, (BALL,), (around,)), {}, 64, seed=0)
+    image = rendered(scene_of("mirror", CAMERA, (BALL,), (around,)), {}, 64, seed=0)
     R, eye, c = np.array(CAMERA.R_cam_board), np.array(CAMERA.eye), np.array(BALL.center)
     u, v = np.meshgrid(np.arange(SIDE), np.arange(SIDE))
     d = np.stack([(u - 11.5) / 40, (v - 11.5) / 40, np.ones_like(u)], axis=-1) @ R

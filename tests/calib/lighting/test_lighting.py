@@ -78,17 +78,16 @@ def test_the_outline_is_where_the_rays_begin_to_miss():
     ],
 )
 def test_a_ball_that_cannot_be_measured_is_refused_with_the_reason(center, radius, expected):
+    views = mirror_ball.views_of([picture(np.zeros((300, 400, 3)))], BOARD)
     with pytest.raises(InputError, match=expected):
-        mirror_ball.find_ball(
-            [picture(np.zeros((300, 400, 3)))], BOARD, mirror_ball.given_ball(np.array(center), radius)
-        )
+        mirror_ball.find_ball(views, mirror_ball.given_ball(np.array(center), radius))
 
 
 def test_a_mirrored_map_is_found_the_right_way_round_and_weighs_by_solid_angle():
     around, reflectance = a_map(), np.array([0.9, 0.8, 0.7])
     light = environment_map(around)
     photo = of_ball(lambda _, out: np.stack(light.radiance(tuple(out.T)), axis=1) * reflectance)
-    seen = mirror_map.mirrored([photo], ball_of(), reflectance)
+    seen = mirror_map.mirrored([photo], ball_of(), reflectance, [None])
     found = mirror_map.fit_map([seen], 8)[0]
     d = seen.to_light[::7]
     shown = mirror_map.bilinear(d, 8) @ found.reshape(-1, 3)
@@ -110,7 +109,7 @@ def test_a_small_clipped_light_is_the_sun_a_large_one_is_not_and_a_lamp_beside_i
         photo = of_ball(shade)
         spot = mirror_ball.sun_spot(photo, ball_of())
         assert (spot is not None) == is_sun
-        assert mirror_map.mirrored([photo], ball_of(), np.ones(3)).sun.any() == is_sun
+        assert mirror_map.mirrored([photo], ball_of(), np.ones(3), [spot]).sun.any() == is_sun
         if spot:
             found = mirror_ball.reflect(photo, ball_of(), spot[0][None])[1][0]
             assert np.degrees(np.arccos(found @ SUN)) < 0.35
@@ -120,13 +119,14 @@ def test_a_sun_that_is_no_stronger_than_its_uncertainty_is_not_taken():
     """A streak on the sheet, 5 % darker than noisy paper, is no evidence of one; a dark one is."""
     cover, here = np.tile(np.linspace(0, 1, 100), 2), np.zeros(2)
     noise = np.random.default_rng(1).normal(0, 0.1, (200, 1))
-    uv, photo = np.zeros((200, 2), int), np.repeat([0, 1], 100)
     for strength, taken in ((0.05, "constant sky"), (0.6, "sun + constant sky")):
         value = (1 - strength * cover)[:, None] * np.ones(3) + noise
-        shadow = stand_shadow.Shadow(photo, uv, value, cover, SUN, 0.01, 1.0, here, here, 0.03, 0.001)
-        light, trials, number = light_models.choose(light_models.Evidence(np.ones(3), shadow), 2)
+        shadow = stand_shadow.Shadow(value, cover, SUN, 0.01, 1.0, here, here, 0.03, 0.001)
+        light, trials, number = light_models.choose(light_models.Evidence(np.ones(3), shadow))
         assert trials[number].name == taken
         assert light.E.any() == (strength > 0.1)
+        if light.E.any():
+            assert light.Ls == pytest.approx(np.full(3, 0.4 / PAPER), rel=0.1)
 
 
 @pytest.mark.parametrize("width", [0.0015, 0.012])
@@ -166,17 +166,7 @@ def test_a_pins_shadow_tells_the_sun_and_its_share_of_the_light_and_a_blocks_is_
     cut = stand_shadow.find_shadow(photos, board_plane.Sheet(BOARD), (*foot, height), tuple(0.4 * tip))
     for shadow in (found, cut):
         assert np.degrees(np.arccos(shadow.to_light @ SUN)) < 0.7
-    assert found.levels(paper)[0] == pytest.approx(np.full(3, dark), abs=0.04)
-
-
-def test_a_photo_that_shows_no_paper_beside_the_shadow_can_be_held_out():
-    photo, cover = np.repeat([0, 1], 100), np.r_[np.linspace(0, 1, 100), np.full(100, 0.9)]
-    value = (1 - 0.6 * cover)[:, None] * np.ones(3)
-    uv, here = np.zeros((200, 2), int), np.zeros(2)
-    shadow = stand_shadow.Shadow(photo, uv, value, cover, SUN, 0.01, 1.0, here, here, 0.03, 0.001)
-    light, trials, taken = light_models.choose(light_models.Evidence(np.ones(3), shadow), 2)
-    assert trials[taken].name == "sun + constant sky"
-    assert light.Ls == pytest.approx(np.full(3, 0.4 / PAPER), rel=1e-6)
+    assert found.levels[0] == pytest.approx(np.full(3, dark), abs=0.04)
 
 
 def test_an_upright_that_is_not_there_is_said(shoot):
@@ -231,10 +221,9 @@ def test_a_long_clipped_patch_is_a_lamp_that_makes_up_the_papers_light():
 
     photo = of_ball(shade)
     assert mirror_ball.sun_spot(photo, ball_of()) is None
-    seen = mirror_map.mirrored([photo], ball_of(), np.ones(3))
-    paper = np.full(3, 0.9)
-    mirror = light_models.MirrorBall(ball_of(), seen, np.ones(3), mirror_ball.sun_of([photo], ball_of()))
-    light, trials, taken = light_models.choose(light_models.Evidence(paper, None, [mirror]), 1)
+    seen, paper = mirror_map.mirrored([photo], ball_of(), np.ones(3), [None]), np.full(3, 0.9)
+    mirror = light_models.MirrorBall(ball_of(), seen, np.ones(3), [None], None)
+    light, trials, taken = light_models.choose(light_models.Evidence(paper, None, [mirror]))
     assert light.to_light is None
     assert trials[taken].rows > 0
     assert light_models.upward(light.around) == pytest.approx(paper / PAPER, rel=1e-3)
@@ -256,7 +245,7 @@ def test_a_long_clipped_patch_is_a_lamp_that_makes_up_the_papers_light():
 )
 def test_a_matt_ball_is_no_mirror(shade, expected):
     with pytest.raises(InputError, match=expected):
-        mirror_ball.check_mirror([of_ball(shade)], BOARD, np.ones(3), ball_of(), ball_of())
+        mirror_ball.check_mirror(mirror_ball.views_of([of_ball(shade)], BOARD), np.ones(3), ball_of(), ball_of())
 
 
 @pytest.mark.parametrize("turn", range(1, 9))

@@ -278,7 +278,7 @@ def test_where_too_few_or_no_more_than_half_are_of_one_size_another_is_refused(t
 
 def test_every_code_that_the_docs_list_is_provoked_by_a_test_and_no_other():
     tests = "".join(file.read_text() for file in Path(__file__).parent.glob("test_*.py"))
-    page = Path(__file__).parents[3] / "docs" / "explanation" / "calibration.md"
+    page = Path(__file__).parents[3] / "docs" / "photos.md"
     listed = set(re.findall(r"^\| `([a-z-]+)` \|", page.read_text(), re.MULTILINE))
     assert set(re.findall(r'"([a-z]+(?:-[a-z]+)+)"', tests)) == listed
 

@@ -8,7 +8,7 @@ from test_trust import FOUR, SIZE, four, moved, views, zoomed
 from raytwin.calib.photos import calibrate_detections, model_table
 from raytwin.calib.photos.fit import ModelSpec, Sighting, fit
 from raytwin.calib.photos.model import FEW_PHOTOS, select_model
-from raytwin.calib.photos.uncertainty import fit_uncertainty, with_model_gap
+from raytwin.calib.photos.uncertainty import fit_uncertainty
 from raytwin.errors import InputError
 
 
@@ -55,7 +55,7 @@ def test_how_far_models_that_predict_alike_lie_apart_goes_into_sigma():
     assert len(cx) > 2
     assert gap[2, 2] == pytest.approx(np.mean(np.square(cx)), rel=1e-3)
     known = fit_uncertainty(taken)
-    wide = with_model_gap(known, gap).covariance
+    wide = fit_uncertainty(taken, gap).covariance
     np.testing.assert_allclose(wide[:9, :9], known.covariance[:9, :9] + gap)
 
 

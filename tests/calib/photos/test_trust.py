@@ -358,13 +358,16 @@ def stretched(board: Board, by: float) -> Board:
     return Board(board.family, board.tag_edge, tags=tags)
 
 
-def test_a_pitch_wrong_in_one_direction_widens_sigma():
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_pitch_wrong_in_one_direction_is_doubted_and_widens_sigma(seed):
     """By 3 % in y: fx and fy of photos taken upright and sideways cannot make up for it."""
-    camera, _, tags = views(count=12, seed=1)
+    camera, _, tags = views(count=12, seed=seed)
     found = calibrate_detections(tags, SIZE, stretched(SMALL, 1 / 1.03))
     off = four(found) - (camera.fx, camera.fy, camera.cx, camera.cy)
     assert np.abs(off / [found.sigma[n] for n in FOUR]).max() < 3
     assert found.sigma["fx"] > 5
+    (text,) = [w.text for w in found.warnings if w.code == "degenerate-views"]
+    assert re.search(r"tags lie 2.. % of their pitch off", text)
 
 
 def test_a_mirrored_description_is_told_what_to_write():

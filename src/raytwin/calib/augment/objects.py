@@ -1,24 +1,18 @@
-"""Draw a scene's objects into a photo: covered pixels replaced, shadows cast on what the photo shows.
+"""Draw a scene's objects into a photo: covered pixels replaced, and the light changed on what the photo shows.
 
 Differential rendering (Debevec, "Rendering Synthetic Objects into Real Scenes", SIGGRAPH 1998): a photographed surface
-keeps its pixels, multiplied in linear light by the irradiance that it gets with the objects over that without them:
+keeps its pixels, times the light L that the path tracer finds there with the objects over that without them:
 
-    ratio = (E V max(0, n·l) + π Ls (1 - Σ F)) / (E V0 max(0, n·l) + π Ls)
+    out = photo · L_with / L_without        and value of radiance 1 · L_with where an object covers the pixel
 
-V and V0: the sun's visibility with and without the drawn objects; F = (r/d)² cos θ: the share of the sky, weighed by
-the cosine, that a sphere of radius r hides at distance d, θ off the normal, if it stands wholly above the surface (form
-factor of a differential element to a sphere; Howell, "A Catalog of Radiation Heat Transfer Configuration Factors").
-Under a sky that is a map, π Ls is its irradiance E(n), and what a sphere hides is π F times the map's mean over the
-part that it covers (`hidden_sky`). Light that the objects send to the photographed surfaces is left out.
-
-The sky of a scene is all around. With `ground` what spheres get from below the horizon is the light of the ground, as
-the photo shows it, times that ratio (`ground_light`).
+Both follow the same random rays, so that the ratio is 1 to rounding wherever none of them meets an object. Only the
+pixels about the objects and their shadows are worked on. What the photo shows (`in_photo`) enters the ratio by its
+shape, and the drawn objects' light by its albedo: a board's is the mean of what is `printed` on it.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
-from math import pi
 from typing import Any
 
 import cv2
@@ -26,28 +20,28 @@ import msgspec
 import numpy as np
 
 from raytwin import files
-from raytwin.calib.augment.ground_light import ground_for_sky
-from raytwin.calib.augment.hidden_sky import CapMeans
-from raytwin.calib.ground_rings import polynomials
-from raytwin.calib.photos import lens_model
+from raytwin.calib.boards.board import PAPER, Board, draw_board
 from raytwin.errors import InputError
 from raytwin.image import Surface
-from raytwin.lights import lighting
-from raytwin.scene import Camera, Environment, Rectangle, Scene, Shape, Sphere
-from raytwin.speed import background, draw, trace_points, trim_box
+from raytwin.scene import Camera, Rectangle, Scene, Shape
+from raytwin.speed import background, draw, trace, trim_box, walk
 
 REGIONS = ("spheres", "shadows", "board", "rest")
-SKY_REACH = 1 / 512
-"""A share of the sky smaller than this changes no 8-bit pixel."""
+DEPTH = 4
+"""Surfaces of a light path, as Mitsuba counts: sun, ground, ball, ground, eye has three."""
 
-MOST_UNEVEN = 8
-"""Factor by which a sphere may hide more of a map's light than of a constant sky's; its shadow reaches farther."""
+PATHS, MOST_PATHS = 1 << 20, 4
+"""Light paths in all; at least one and at most four per pixel."""
 
-STRIP = 1 << 20
+BLUR = 20.0
+"""Side in pixels of the square over which the light of one path per pixel is averaged within an object, all but the
+sun's own: sky and bounced light vary slowly. Of more paths it is less, by the root of their number."""
+
+SKY_REACH = 1 / 400
+"""Share of the sky whose loss changes no 8-bit pixel, half of it where the lost part is twice as bright as the rest."""
+
+STRIP = 1 << 18
 """Pixels worked on at a time."""
-
-FromBelow = tuple[int, Sphere, np.ndarray]
-"""A sphere's id, the sphere, and its `ground_for_sky`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,85 +58,55 @@ def augment(
     scene: Scene,
     *,
     engine: str = "numpy32",
-    subsamples: int = 4,
+    subsamples: int = 3,
     shadows: bool = True,
     exposure: float | np.ndarray = 1.0,
     space: np.ndarray | None = None,
-    ground: bool = False,
 ) -> Augmented:
     """Return `photo`, uint8 sRGB (H, W, 3) taken by `scene.camera`, with the scene's objects drawn in.
 
-    Pixels on the edge of an object or a shadow are the mean of `subsamples`² rays; all others take one. `exposure` is
-    the photo's linear value of radiance 1, or three of them, or those of each pixel (H, W, 3), which has the lens's
-    falloff in it. Objects that the photo already shows (`in_photo`) only
-    catch shadows. `space` (3, 3): the photo's linear RGB to Rec. 709, see `colour`. `ground`: spheres get the light of
-    the ground that the photo shows. Without `shadows` the photo is taken to show the objects already. `engine`: a row
-    of ENGINES, as for `compare_scene`. Raises InputError for a photo of another size than the camera's.
+    Each pixel is the mean of `subsamples`² places. `exposure` is the photo's linear value of radiance 1, or three of
+    them, or those of each pixel (H, W, 3), which has the lens's falloff in it. Objects that the photo already shows
+    (`in_photo`) are not drawn. `space` (3, 3): the photo's linear RGB to Rec. 709, see `colour`. Without `shadows` the
+    photo is taken to show the objects already. `engine`: a row of ENGINES, as for `compare_scene`. Raises InputError
+    for a photo of another size than the camera's.
     """
-    camera = scene.camera
     h, w = photo.shape[:2]
-    if camera.image_size != (w, h):
-        raise InputError("photo", f"{camera.width} x {camera.height} pixels, as the camera's", f"{w} x {h}")
-    if space is not None and np.array_equal(space, np.eye(3)):
-        space = None  # two products of all pixels that change none
+    if scene.camera.image_size != (w, h):
+        raise InputError("photo", f"{scene.camera.width} x {scene.camera.height} pixels, as the camera's", f"{w} x {h}")
+    space = np.eye(3) if space is None else space
     value_of_one = np.broadcast_to(np.asarray(exposure, np.float32), (h, w, 3))
-    below = _from_below(photo, scene, value_of_one, space, shadows) if ground else []
-    out, inside = photo.copy(), np.zeros((h, w), bool)
-    coverage, ratio = np.zeros((h, w), np.float32), np.empty((h, w, 3), np.float32)
-    # OpenCV compares whole numbers of 16 bits four times as fast; it has none of 32.
-    state = np.full((h, w), -9, np.int16 if len(scene.objects) < 1 << 14 else np.float32)
-    for part in _strips(_affected(scene, camera, shadows)):
-        v, u = np.mgrid[part].astype(np.float32).reshape(2, -1)
-        colour, scaled, drawn, seen = (
-            a.reshape(*photo[part].shape[:2], *a.shape[1:]) for a in _shade(scene, u, v, engine, shadows, below)
-        )
-        coverage[part], ratio[part], state[part], inside[part] = drawn, scaled, seen, True
-        out[part] = _mixed(photo[part], scaled, coverage[part], value_of_one[part] * colour, space)
-    ratio[~inside] = 1
-    # A pixel that differs from one of its eight neighbours lies on an edge.
-    square = np.ones((3, 3), np.uint8)
-    edge = (cv2.dilate(state, square) != cv2.erode(state, square)) & inside
-    if subsamples > 1 and edge.any():
-        at = np.nonzero(edge)
-        offsets = ((np.arange(subsamples) + 0.5) / subsamples - 0.5).astype(np.float32)
-        ev, eu = (a[:, None, None].astype(np.float32) for a in at)
-        su = np.broadcast_to(eu + offsets[:, None], (len(eu), subsamples, subsamples))
-        sv = np.broadcast_to(ev + offsets, su.shape)
-        c, scaled, hit, _ = _shade(scene, su.reshape(-1), sv.reshape(-1), engine, shadows, below)
-        c, scaled, hit = (x.reshape(len(eu), subsamples**2, *x.shape[1:]) for x in (c, scaled, hit))
-        there = hit.sum(axis=1)[:, None]
-        left = subsamples**2 - there
-        coverage[at] = there[:, 0] / subsamples**2
-        ratio[at] = np.where(left > 0, (scaled * ~hit[..., None]).sum(axis=1) / np.maximum(left, 1), 1)
-        value = (c * hit[..., None]).sum(axis=1) / np.maximum(there, 1)
-        out[at] = _mixed(photo[at], ratio[at], coverage[at], value_of_one[at] * value, space)
+    out, coverage, ratio = photo.copy(), np.zeros((h, w), np.float32), np.ones((h, w, 3), np.float32)
+    x0, y0, x1, y1 = _touched(scene, shadows)
+    rows = max(1, STRIP // max(x1 - x0, 1))
+    paths = min(max(PATHS // max((x1 - x0) * (y1 - y0), 1), 1), MOST_PATHS)
+    for top in range(y0, y1, rows):
+        box = x0, top, x1, min(top + rows, y1)
+        part = slice(top, box[3]), slice(x0, x1)
+        drawn, coverage[part], ratio[part] = _light(scene, box, engine, subsamples, paths, shadows)
+        light = files.from_bytes(photo[part]) @ space.T.astype(np.float32)
+        light = light * ratio[part] * (1 - coverage[part][..., None]) + value_of_one[part] * drawn
+        out[part] = files.to_bytes(light @ np.linalg.inv(space).T.astype(np.float32))
     return Augmented(out, coverage, ratio)
 
 
-def _mixed(
-    photo: np.ndarray, ratio: np.ndarray, coverage: np.ndarray, value: np.ndarray, space: np.ndarray | None
-) -> np.ndarray:
-    """sRGB uint8 (..., 3): the photo times the ratio, and over it, by its coverage, what is drawn."""
-    light = files.from_bytes(photo)
-    if space is not None:
-        light = light @ space.T.astype(np.float32)
-    light *= ratio
-    if (over := coverage > 0).any():
-        a = coverage[over][:, None]
-        light[over] = light[over] * (1 - a) + value[over] * a
-    return files.to_bytes(light if space is None else light @ np.linalg.inv(space).T.astype(np.float32))
+def printed(scene: Scene, board: Board) -> Scene:
+    """Return the scene whose photographed board has the mean albedo of its print: that of paper and tags together.
 
+    The board is what lies in its plane, holds its middle, and is at most twice as long and as wide.
+    """
+    sheet, (x0, x1, y0, y1) = draw_board(board, 500.0)
+    share, middle = float(sheet.mean()) / PAPER, np.array([(x0 + x1) / 2, (y0 + y1) / 2, 0.0])
 
-def _strips(area: np.ndarray) -> Iterator[tuple[slice, slice]]:
-    """Rows and columns that hold all of `area` (H, W), some STRIP pixels at a time, without what lies around it."""
-    rows = np.flatnonzero(area.any(axis=1))
-    if not rows.size:
-        return
-    step = max(1, STRIP // area.shape[1])
-    for y in range(int(rows[0]), int(rows[-1]) + 1, step):
-        columns = np.flatnonzero(area[y : y + step].any(axis=0))
-        if columns.size:
-            yield slice(y, min(y + step, int(rows[-1]) + 1)), slice(int(columns[0]), int(columns[-1]) + 1)
+    def inked(thing: Shape) -> Shape:
+        half = np.array(thing.extent(np.eye(3)))
+        holds = np.abs(middle - thing.center) <= half + 1e-3
+        if not (_shown(thing) and holds.all() and (half <= (x1 - x0, y1 - y0, 1e-3)).all()):
+            return thing
+        r, g, b = (share * a for a in thing.albedo)
+        return msgspec.structs.replace(thing, albedo=(r, g, b))
+
+    return scene.with_(objects=tuple(inked(thing) for thing in scene.objects))
 
 
 def regions_of(result: Augmented, scene: Scene) -> dict[str, np.ndarray]:
@@ -182,41 +146,46 @@ def errors_by_region(result: Augmented, truth: np.ndarray, scene: Scene) -> list
     ]
 
 
-def _shade(
-    scene: Scene, u: np.ndarray, v: np.ndarray, engine: str, shadows: bool, below: list[FromBelow]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return at pixels (u, v): radiance; the photo's ratio (m, 3); if an object is drawn; a code that edges change."""
-    found = trace_points(scene, u, v, "shadow", engine, point=True)
-    ours = np.array([*(not _shown(thing) for thing in scene.objects), False])  # the last: the background, of id -1
-    ratio = np.ones((len(u), 3), np.float32)
-    lit = found.lit
-    for index, plane in enumerate(scene.objects) if shadows else ():
-        if not (isinstance(plane, Rectangle) and _shown(plane)):
-            continue
-        here = found.ids == index
-        if here.any():
-            # What was in shade before anything was drawn: only other photographed planes can have shaded it.
-            at = slice(None) if here.all() else np.flatnonzero(here)
-            before = lit.copy()
-            asked = np.flatnonzero(here & (found.blocker >= 0) & ours[found.blocker])
-            before[asked] = _lit_without(scene, u[asked], v[asked], engine)
-            n, to_eye = np.array(plane.normal), np.array(scene.camera.eye) - np.array(plane.center)
-            n = n if n @ to_eye > 0 else -n
-            ratio[at] = _ratio(scene, n, np.asarray(found.point)[at], lit[at], before[at])
-    for index, sphere, factors in below:
-        mine = np.flatnonzero(found.ids == index)
-        n = (np.asarray(found.point)[mine] - (np.array(sphere.center) - scene.camera.eye)) / sphere.radius
-        reflected = np.array(sphere.albedo) + getattr(sphere.material, "specular", 0)
-        found.colour[mine] = np.maximum(found.colour[mine] + reflected * (polynomials(n) @ factors), 0)
-    return found.colour, ratio, ours[found.ids], 2 * found.ids + lit
+def _light(
+    scene: Scene, box: tuple[int, int, int, int], engine: str, n: int, paths: int, shadows: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of the pixels x0, y0, x1, y1 the light of drawn objects (h, w, 3), their coverage (h, w), and the photo's ratio
+    (h, w, 3), each over `n`² places per pixel."""
+    x0, y0, x1, y1 = box
+    w, h, first = x1 - x0, y1 - y0, (1 / n - 1) / 2
+    pixels = scene.camera.grid(x0, y0, 1, (w, h))
+    places = scene.camera.grid(x0 + first, y0 + first, 1 / n, (n * w, n * h))
+    side = (max(1, round(BLUR / math.sqrt(paths))),) * 2
+    ours = np.array([*(not _shown(thing) for thing in scene.objects), False])  # the last: the background's, of id -1
 
+    def sunlit(of: Scene, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+        image = trace(of.with_(camera=camera, sky=None), "shadow", engine)
+        assert image.surface is not None
+        return image.mean, image.surface.ids
 
-def _lit_without(scene: Scene, u: np.ndarray, v: np.ndarray, engine: str) -> np.ndarray:
-    """(m,) bool: the sun reaches the photographed planes there, were nothing drawn."""
-    bare = msgspec.structs.replace(scene, objects=tuple(thing for thing in scene.objects if _shown(thing)))
-    if len(bare.objects) < 2 or not len(u):
-        return np.ones(len(u), bool)
-    return trace_points(bare, u, v, "shadow", engine).lit
+    def pooled(values: np.ndarray) -> np.ndarray:
+        return cv2.resize(np.float32(values), (w, h), interpolation=cv2.INTER_AREA).reshape(h, w, -1)
+
+    def lit(of: Scene, sun: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The light of what is drawn, and of what the photo shows."""
+        here = of.with_(camera=pixels)
+        whole = walk(here, "path", engine, sampling="center", samples=paths, seed=y0, depth=DEPTH, surface=False)
+        soft = whole.mean - sunlit(of, pixels)[0]
+        found = [over := pooled(np.where(drawn[..., None], sun, 0)), pooled(sun) - over]
+        for k in np.unique(centre[centre >= 0]):
+            seen = (centre == k).astype(np.float32)
+            total, weight = cv2.blur(soft * seen[..., None], side), np.maximum(cv2.blur(seen, side), 1e-6)
+            found[0 if ours[k] else 1] += pooled(ids == k) * total / weight[..., None]
+        return found[0], found[1]
+
+    (sun, ids), centre = sunlit(scene, places), sunlit(scene, pixels)[1]
+    drawn = ours[ids]
+    (over, after), ratio = lit(scene, sun), np.ones((h, w, 3), np.float32)
+    if shadows and (after > 0).any():
+        bare = scene.with_(objects=tuple(filter(_shown, scene.objects)))
+        before = lit(bare, sunlit(bare, places)[0])[1]
+        ratio = np.divide(after, before, out=ratio, where=before > 0)
+    return over, pooled(drawn)[..., 0], ratio
 
 
 def _shown(thing: Shape) -> bool:
@@ -224,111 +193,34 @@ def _shown(thing: Shape) -> bool:
     return isinstance(thing, Rectangle) and thing.in_photo
 
 
-def _from_below(
-    photo: np.ndarray, scene: Scene, value_of_one: np.ndarray, space: np.ndarray | None, shadows: bool
-) -> list[FromBelow]:
-    """What spheres get from the ground instead of the sky; the ground's light is that with all objects drawn in."""
-    camera, eye = scene.camera, np.array(scene.camera.eye)
-    R, t = np.array(camera.R_cam_board), np.array(camera.t_cam_board)
-
-    def look(at: np.ndarray) -> np.ndarray:
-        seen = lens_model.grows(at @ R.T + t, camera.dist)
-        # What is behind the camera has no pixel, and may have no number.
-        uv = np.where(seen[:, None], np.rint(lens_model.project(at, R, t, camera.K, camera.dist)), -1).astype(int)
-        seen &= ((uv >= 0) & (uv < camera.image_size)).all(axis=1)
-        if not shadows:
-            seen &= ~_crossed(scene.spheres, eye, at - eye, 1.0)
-        out = np.full((len(at), 3), np.nan)
-        u, v = uv[seen].T
-        light = files.from_bytes(photo[v, u])
-        out[seen] = (light if space is None else light @ space.T) / np.maximum(value_of_one[v, u], 1e-6)
-        if shadows:
-            lit = ~_crossed(scene.spheres, at, np.array(scene.sun.to_light), np.inf)
-            out *= _ratio(scene, np.array([0.0, 0.0, 1.0]), (at - eye).astype(np.float32), lit, np.ones(len(at), bool))
-        return out
-
-    spheres = ((index, thing) for index, thing in enumerate(scene.objects) if isinstance(thing, Sphere))
-    return [(index, sphere, ground_for_sky(scene, sphere, look)) for index, sphere in spheres]
+def _touched(scene: Scene, shadows: bool) -> tuple[int, int, int, int]:
+    """x0, y0, x1, y1: the pixels that an object may cover, or its shadow on a photographed plane may reach."""
+    drawn = [thing for thing in scene.objects if not _shown(thing)]
+    planes = [plane for plane in scene.planes if shadows and plane.in_photo]
+    things = [*drawn, *(part for thing in drawn for plane in planes for part in _reach(thing, plane, scene))]
+    boxes = np.array([trim_box(part, scene.camera) for part in things] or [(0, 0, 0, 0)])
+    boxes = boxes[boxes[:, 0] < boxes[:, 2]]
+    if not len(boxes):
+        return 0, 0, 0, 0
+    low, high = boxes[:, :2].min(axis=0) - 1, boxes[:, 2:].max(axis=0) + 1
+    return (*np.maximum(low, 0).tolist(), *np.minimum(high, scene.camera.image_size).tolist())
 
 
-def _crossed(spheres: Iterable[Sphere], start: np.ndarray, along: np.ndarray, end: float) -> np.ndarray:
-    """(m,) bool: some sphere meets the line from `start` to start + end along; either is (m, 3) or (3)."""
-    met = np.zeros(np.broadcast_shapes(start.shape, along.shape)[0], bool)
-    for sphere in spheres:
-        to = np.array(sphere.center) - start
-        t = np.clip((to * along).sum(axis=-1) / (along * along).sum(axis=-1), 0, end)
-        met |= np.linalg.norm(to - t[:, None] * along, axis=-1) < sphere.radius
-    return met
+def _reach(thing: Shape, plane: Rectangle, scene: Scene) -> list[Rectangle]:
+    """Return squares of the plane that contain the object's shadow from the sun and the area where it hides the sky.
 
-
-def _ratio(scene: Scene, n: np.ndarray, point: np.ndarray, lit: np.ndarray, lit_before: np.ndarray) -> np.ndarray:
-    """(m, 3) float32 at surfaces of normal `n`; without any light before, 1. `point` (m, 3): from the eye."""
-    around, n32 = scene.environment, n.astype(np.float32)
-    sun = np.array(scene.sun.irradiance, np.float32) * np.float32(max(0.0, float(n @ np.array(scene.sun.to_light))))
-    sky = np.float32(pi) * np.array(lighting(scene).sky.diffuse_irradiance(tuple(n.tolist())), np.float32)
-    x, y, z = (np.ascontiguousarray(point[:, k]) for k in range(3))
-    hidden = np.zeros((len(point), 3) if around else len(point), np.float32)
-    for sphere in scene.spheres:
-        dx, dy, dz = (np.float32(c - e) - p for c, e, p in zip(sphere.center, scene.camera.eye, (x, y, z), strict=True))
-        squared = dx * dx + dy * dy + dz * dz
-        far = np.sqrt(squared)
-        share = np.float32(sphere.radius**2) * np.maximum(dx * n32[0] + dy * n32[1] + dz * n32[2], 0) / (squared * far)
-        if around is None:
-            hidden += share * (share >= SKY_REACH)
-            continue
-        near = np.flatnonzero(share >= SKY_REACH / MOST_UNEVEN)
-        angle, to = np.arcsin(np.minimum(sphere.radius / far[near], 1)), np.stack([dx, dy, dz], axis=1)[near]
-        hidden[near] += np.float32(pi) * share[near, None] * _cap_means(around)(to / far[near, None], angle)
-    out = np.empty((len(point), 3), np.float32)
-    for c in range(3):
-        before = sun[c] * lit_before + sky[c]
-        left = sky[c] - (hidden[:, c] if around else sky[c] * hidden)
-        out[:, c] = np.divide(sun[c] * lit + np.maximum(left, 0), before, out=np.ones_like(left), where=before > 0)
-    return out
-
-
-@lru_cache(maxsize=4)
-def _cap_means(around: Environment) -> CapMeans:
-    return CapMeans(around)
-
-
-def _affected(scene: Scene, camera: Camera, shadows: bool) -> np.ndarray:
-    """(H, W) bool: the pixels that an object may cover, or its shadow on a photographed plane may reach."""
-    area = np.zeros((camera.height, camera.width), bool)
-    boxes = [trim_box(t, camera) for t in scene.objects if not _shown(t)]
-    for plane in scene.rectangles if shadows else ():
-        if not plane.in_photo:
-            continue
-        if any(not p.in_photo for p in scene.rectangles):
-            boxes.append(trim_box(plane, camera))  # a rectangle's shadow: anywhere on the plane
-            continue
-        for sphere in scene.spheres:
-            boxes += [trim_box(part, camera) for part in _reach(sphere, plane, scene)]
-    for x0, y0, x1, y1 in boxes:
-        area[max(y0 - 1, 0) : y1 + 1, max(x0 - 1, 0) : x1 + 1] = True
-    return area
-
-
-def _reach(sphere: Sphere, plane: Rectangle, scene: Scene) -> list[Rectangle]:
-    """Return squares of the plane that contain the sphere's shadow from the sun and the area where it hides the sky."""
-    n, to_light = np.array(plane.normal), np.array(scene.sun.to_light)
-    c, o = np.array(sphere.center), np.array(plane.center)
-    if (c - o) @ n < 0:
-        n = -n
-    height = (c - o) @ n
-    foot = c - height * n
-    u = np.array(plane.half_u) / np.linalg.norm(plane.half_u)
-    v = np.array(plane.half_v) / np.linalg.norm(plane.half_v)
-    # h r² / d³ = reach, with d the distance to the sphere's centre
-    reach = SKY_REACH / (1 if scene.environment is None else MOST_UNEVEN)
-    parts = [(foot, max((height * sphere.radius**2 / reach) ** (1 / 3), sphere.radius))]
+    It is taken for the sphere about it: one of radius r hides (r/d)² cos θ of the sky at distance d, θ off the normal.
+    """
+    c, o, r = np.array(thing.center), np.array(plane.center), math.hypot(*thing.sizes)
+    n = np.array(plane.normal) * (-1 if (c - o) @ plane.normal < 0 else 1)
+    height, to_light = (c - o) @ n, np.array(scene.sun.to_light)
+    parts = [(c - height * n, max((height * r * r / SKY_REACH) ** (1 / 3), r))]
     if (slope := to_light @ n) > 1e-3:
-        parts.append((c - height / slope * to_light, 1.001 * sphere.radius / slope))
+        parts.append((c - height / slope * to_light, 1.001 * r / slope))
     elif slope > 0:
         return [plane]
+    u, v = (np.array(half) / np.linalg.norm(half) for half in (plane.half_u, plane.half_v))
     return [
-        msgspec.structs.replace(
-            plane, center=tuple(p.tolist()), half_u=tuple((s * u).tolist()), half_v=tuple((s * v).tolist())
-        )
+        msgspec.structs.replace(plane, center=tuple(p.tolist()), half_u=tuple(s * u), half_v=tuple(s * v))
         for p, s in parts
     ]

@@ -82,11 +82,9 @@ class Board(Record, frozen=True):
     def points(self, ids) -> np.ndarray:
         """(n, 3) float64: the centres of the tags `ids`, metres, board frame, where they lie on the bent sheet."""
         centers = self.centers()
-        places = {i: (*xy, 0.0) for i, xy in centers.items()}
-        if self.offsets is not None:
-            moved = np.array(list(places.values())) + self.offsets
-            places = dict(zip(places, moved, strict=True))
-        return np.array([places[i] for i in ids], float).reshape(-1, 3)
+        places = np.c_[np.array([*centers.values()]), np.zeros(len(centers))] + (self.offsets or 0.0)
+        row = {tag: i for i, tag in enumerate(centers)}
+        return places[[row[i] for i in ids]].reshape(-1, 3)
 
     def rise(self, xy: np.ndarray) -> np.ndarray:
         """(...): the sheet's height over the board's plane at xy (..., 2), metres: as smooth as the tags' allow."""
@@ -138,7 +136,7 @@ def read_board(path: str | os.PathLike) -> Board:
 def refuse_heights(table: Mapping[str, Any], where: object) -> None:
     """Raise InputError for the polynomial that was the shape of a board before 0.2.0."""
     if "heights" in table:
-        raise InputError(where, "offsets, as `raytwin calibrate -o` writes them now", "heights, removed in 0.2.0")
+        raise InputError(where, "offsets, as `raytwin photo calibrate -o` writes them now", "heights, removed in 0.2.0")
 
 
 def write_board(path: str | os.PathLike, board: Board, comment: str = "") -> None:

@@ -30,10 +30,9 @@ from raytwin.calib.boards.board import PAPER, Board
 from raytwin.calib.lighting.light_models import Light
 from raytwin.calib.lighting.linear_photo import read_linear, value_of_one
 from raytwin.image import Image
-from raytwin.scene import Camera, Radiance, Record, SceneFile, WrittenSky, WrittenSun
+from raytwin.scene import Camera, Radiance, Record, Scene, Sky, Sun
 from raytwin.scene.record_base import Fraction, NonNegative
-
-DARK = WrittenSun((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+from raytwin.scene.scene import NO_SUN
 
 
 class LightSigma(Record, frozen=True):
@@ -50,12 +49,12 @@ class Paper(Record, frozen=True):
 class WrittenLight(Record, frozen=True):
     """A light.toml: see above."""
 
-    sky: WrittenSky
+    sky: Sky
     paper: Paper
-    sun: WrittenSun = DARK
+    sun: Sun = NO_SUN
     sigma: LightSigma = LightSigma()
 
-    def on(self, scene: SceneFile) -> SceneFile:
+    def on(self, scene: Scene) -> Scene:
         """Return the scene under this light."""
         return msgspec.structs.replace(scene, sun=self.sun, sky=self.sky)
 
@@ -64,9 +63,7 @@ def read_light(path: str | os.PathLike) -> WrittenLight:
     file = Path(path)
     data = files.read_toml(file)
     files.read_sky_map(file, data)
-    light = files.to_record(file, data, WrittenLight)
-    files.check_contents(SceneFile(file.stem, sun=light.sun), f"{file}: ")
-    return light
+    return files.to_record(file, data, WrittenLight)
 
 
 def write_light(path: str | os.PathLike, light: Light, paper: np.ndarray, comment: str = "") -> None:

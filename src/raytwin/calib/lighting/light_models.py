@@ -4,36 +4,31 @@ White paper in full light has a_p (E l.z/π + Ls) = P, which is known: a sky of 
 darkness and a mirror ball's map each tell Ls, and their mean by inverse variance is taken. A map is scaled to it; where
 there is no sun, clipped lamps in it are given what the rest leaves of the paper's light, spread over their texels.
 
-Held-out pixels are photos that were not used, one at a time, or of a single photo every other patch. What they show is
-a light, too: a model errs by how far a matt sphere's shading under it is off that under the light of the held-out
-pixels. Sharp edges that a mirror shows do not count, since no matt surface does.
+The least model is taken that a matt sphere could not tell from the finest: a constant sky, or a map of few rows. Sharp
+edges that a mirror shows do not count, since no matt surface shows them.
 """
 
-import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from raytwin.calib.boards.board import PAPER
-from raytwin.calib.ground_rings import fibonacci
-from raytwin.calib.lighting.mirror_ball import Ball
+from raytwin.calib.lighting.mirror_ball import Ball, SunSpot
 from raytwin.calib.lighting.mirror_map import Mirrored, fit_map
 from raytwin.calib.lighting.stand_shadow import Shadow
 from raytwin.lights.envmap_tables import REC_709, texel_directions
-from raytwin.scene import Environment
+from raytwin.scene import Environment, Sky
 
 ROWS = 8, 16, 32
 """Rows of the maps that are tried."""
 
 VISIBLE = 0.01
-"""The least model is taken whose matt sphere is at most this much worse than the best one's: one code of 8 bits, which
-is 2.2/255 of white and more of darker greys."""
+"""Share of a matt sphere's light by which the model taken may be off the finest one: one code of 8 bits, which is
+2.2/255 of white and more of darker greys."""
 
-SUN_ERROR_RATIO, SUN_SIGMAS = 0.8, 3.0
-"""A sun is accepted if it lowers the constant sky's error to this share or less, and if its irradiance exceeds this
-many of its standard deviations."""
+SUN_SIGMAS = 3.0
+"""A sun is accepted if its irradiance exceeds this many of its standard deviations."""
 
 PAPER_SD, REFLECTANCE_SD = 0.01, 0.03
 """As shares: how well the paper's light, and a mirror's reflectance, are known."""
@@ -41,14 +36,10 @@ PAPER_SD, REFLECTANCE_SD = 0.01, 0.03
 CONTRADICTS = 4.0
 """Reduced chi-squared of the measured sun directions above which they contradict each other and sigma is raised."""
 
-LEAST_PIXELS = 50
-"""Pixels that a fit needs."""
-
-PATCH = 8
-"""Pixels across a patch of those that are held out of a single photo."""
-
-NORMALS = fibonacci(200)[:100]
-"""Normals of a sphere at which its shading is compared: those that look up."""
+_K = np.arange(100)
+_Z = 1 - (2 * _K + 1) / 200
+NORMALS = np.stack([*(np.sqrt(1 - _Z * _Z) * f(2.399963 * _K) for f in (np.cos, np.sin)), _Z], axis=1)
+"""Normals that look up, spread evenly over a sphere along a spiral, at which its shading is compared."""
 
 BLUR_DEGREES = 20.0
 """By how much both shadings are blurred first: a terminator's place counts by what it changes over so much of it."""
@@ -59,11 +50,12 @@ Sun = tuple[np.ndarray, float]
 
 @dataclass(frozen=True, eq=False)
 class MirrorBall:
-    """A mirror ball, what its pixels show, and the sun, if it shows one."""
+    """A mirror ball, what its pixels show, the sun's spot in each photo, and the sun, if one shows it."""
 
     ball: Ball
     pixels: Mirrored
     reflectance: np.ndarray
+    spots: Sequence[SunSpot | None]
     sun: Sun | None
 
 
@@ -72,21 +64,6 @@ class Evidence:
     paper: np.ndarray
     shadow: Shadow | None = None
     mirrors: list[MirrorBall] = field(default_factory=list)
-
-    def part(self, keep: Callable[[Any], np.ndarray]) -> "Evidence":
-        """Return the evidence of the pixels that `keep` takes of a table with `photo` and `uv`."""
-
-        def taken(pixels: Any) -> Any:
-            mine, count = keep(pixels), len(pixels.photo)
-            columns = {k: v[mine] for k, v in vars(pixels).items() if np.ndim(v) and len(v) == count}
-            return replace(pixels, **columns)
-
-        shadow = taken(self.shadow) if self.shadow else None
-        mirrors = [replace(m, pixels=taken(m.pixels)) for m in self.mirrors]
-        return Evidence(
-            self.paper, shadow if shadow and len(shadow.photo) >= LEAST_PIXELS else None,
-            [m for m in mirrors if len(m.pixels.photo) >= LEAST_PIXELS],
-        )  # fmt: skip
 
     @property
     def suns(self) -> list[tuple[str, np.ndarray, float]]:
@@ -119,10 +96,10 @@ class Light:
         return _repeated(self.around, rows)
 
     @property
-    def environment(self) -> Environment | None:
+    def sky(self) -> Sky:
         if self.around is None:
-            return None
-        return Environment(self.around.shape[1::-1], np.ascontiguousarray(self.around, "<f4").tobytes())
+            return Sky(tuple(self.Ls.tolist()))
+        return Sky(texels=Environment(self.around.shape[1::-1], np.ascontiguousarray(self.around, "<f4").tobytes()))
 
     def received(self, normals: np.ndarray) -> np.ndarray:
         """(n, 3): irradiance over π that the sky above gives surfaces with such `normals` (n, 3)."""
@@ -141,15 +118,13 @@ class Light:
 
 @dataclass(frozen=True)
 class Trial:
-    """A model; `rows` of its map, 0 for a constant sky; as shares of a matt sphere's mean shading: its `error` against
-    held-out pixels, and how far it is off the last model `on_sphere`."""
+    """A model; `rows` of its map, 0 for a constant sky; `on_sphere`: how far it is off the finest model, as a share of
+    a matt sphere's mean shading."""
 
     name: str
     rows: int
     sun: bool
-    error: float
     on_sphere: float
-    seconds: float
 
 
 def _repeated(around: np.ndarray, rows: int) -> np.ndarray:
@@ -196,7 +171,7 @@ def solve(found: Evidence, rows: int, sun: Sun | None) -> Light:
     to_light, sigma = sun
     estimates: list[tuple[np.ndarray, np.ndarray]] = []
     if found.shadow:
-        ratio, sd = found.shadow.levels(found.paper)
+        ratio, sd = found.shadow.levels
         estimates.append((ratio * whole / found.shadow.left, sd * whole))
     if dim is not None:
         level = upward(dim + lamps)
@@ -216,53 +191,22 @@ def _scaled(around: np.ndarray, level: np.ndarray) -> np.ndarray:
     return around * (level / np.maximum(upward(around), 1e-9)).astype(np.float32)
 
 
-def _relative(off: np.ndarray, values: np.ndarray) -> float:
-    return float(np.sqrt((off**2).mean()) / values.mean())
-
-
-def _folds(found: Evidence, photos: int) -> Iterator[tuple[Evidence, Evidence]]:
-    """(what is fitted, what is held out)."""
-    for k in range(min(photos, 4) if photos > 1 else 2):
-
-        def held_out(pixels: Any, k: int = k) -> np.ndarray:
-            return pixels.photo == k if photos > 1 else (pixels.uv // PATCH).sum(axis=1) % 2 == k
-
-        def fitted(pixels: Any, held_out: Callable[[Any], np.ndarray] = held_out) -> np.ndarray:
-            return ~held_out(pixels)
-
-        parts = found.part(fitted), found.part(held_out)
-        if all(part.shadow or part.mirrors for part in parts):
-            yield parts
-
-
-def choose(found: Evidence, photos: int) -> tuple[Light, list[Trial], int]:
+def choose(found: Evidence) -> tuple[Light, list[Trial], int]:
     """The light, all models tried, and the number of the one taken."""
     sun = _mean_direction(found.suns) if found.suns else None
     if sun and sun[0][2] <= 0.02:
         sun = None  # a lamp that does not light the paper
-    folds, lights, trials = list(_folds(found, photos)), [], []
-    finest = ROWS[-1]
-    seen = [solve(test, finest if test.mirrors else 0, sun).shading for _, test in folds]
-
-    def attempt(rows: int, sun: Sun | None) -> None:
-        start = time.perf_counter()
-        lights.append(solve(found, rows, sun))
-        off = [_relative(solve(train, rows, sun).shading - s, s) for (train, _), s in zip(folds, seen, strict=True)]
-        error = float(np.sqrt(np.mean(np.square(off)))) if off else 0.0
-        name = ("sun + " if sun else "") + (f"map of {rows} rows" if rows else "constant sky")
-        trials.append(Trial(name, rows, sun is not None, error, 0.0, time.perf_counter() - start))
-
-    attempt(0, None)
     if sun:
-        attempt(0, sun)
-        asked_for = trials[1].error < SUN_ERROR_RATIO * trials[0].error
-        if not (asked_for and SUN_SIGMAS * lights[1].E_sd @ REC_709 < lights[1].E @ REC_709):
-            sun, seen = None, [solve(test, finest if test.mirrors else 0, None).shading for _, test in folds]
-    for rows in ROWS if found.mirrors else ():
-        attempt(rows, sun)
+        plain = solve(found, 0, sun)
+        sun = sun if SUN_SIGMAS * plain.E_sd @ REC_709 < plain.E @ REC_709 else None
+    sizes = (0, *ROWS) if found.mirrors else (0,)
+    lights = [solve(found, rows, sun) for rows in sizes]
     last = lights[-1].shading
-    trials = [replace(t, on_sphere=_relative(s.shading - last, last)) for t, s in zip(trials, lights, strict=True)]
-    allowed = [i for i, t in enumerate(trials) if t.sun == (sun is not None)]
-    best = min(trials[i].error for i in allowed)
-    taken = next(i for i in allowed if trials[i].error <= best + VISIBLE)
+    off = [float(np.sqrt(((light.shading - last) ** 2).mean()) / last.mean()) for light in lights]
+    skies = [f"map of {rows} rows" if rows else "constant sky" for rows in sizes]
+    trials = [
+        Trial(("sun + " if sun else "") + sky, rows, sun is not None, share)
+        for sky, rows, share in zip(skies, sizes, off, strict=True)
+    ]
+    taken = next(i for i, share in enumerate(off) if share <= VISIBLE)
     return lights[taken], trials, taken

@@ -8,13 +8,12 @@ there, times the ball's reflectance.
 The rim of a mirror shows what is behind it, a little darker, and edges inside are far stronger: an outline is scored by
 how much of it is an edge at all. The board is in the mirror, too, and the photo shows what it looks like. Of all balls
 within reach of the given one that of the greatest likelihood is taken (differential evolution), then outline, mirrored
-board and what was given are fitted at once. What errs in one sector of the ball errs together: the covariance is the
-jackknife's over sectors (Efron, "The Jackknife, the Bootstrap and Other Resampling Plans", 1982).
+board and what was given are fitted at once, by least squares.
 """
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -56,8 +55,8 @@ SEARCH_STEP, SEARCH_SD = 4, 0.2
 COVERED = 0.03
 """Metres of the board that a mirrored pixel may cover, down plus across; what it shows is blurred as much."""
 
-LEVELS = 5
-"""Blurs of a photo to choose from, each twice the one before."""
+BLUR, LEVELS = 0.7, 5
+"""Pixels of the first of a photo's blurs to choose from, each twice the one before; how many there are."""
 
 MARGIN = 0.004
 """Metres from the sheet's edge within which its light is not used."""
@@ -67,9 +66,6 @@ EDGE_PX, BOARD_SD = 0.7, 0.1
 
 CORRELATED = 30
 """Neighbouring pixels, and places of an outline, that err alike."""
-
-SECTORS = 8
-"""Sectors of a ball in a photo, within which all errors are taken for one."""
 
 EDGE_BIAS = 0.2
 """Pixels by which blur, JPEG and the camera's pose may shift all of an outline."""
@@ -84,9 +80,8 @@ SUN_PX, SUN_DEGREES = 8.0, 6.0
 LOWEST = 0.05
 """Least z of the sun's direction: a lower light does not light the board."""
 
-SPOT_PX, SPOT_SEARCH_PX, SPOT_FALSE = 0.12, 0.5, 0.02
-"""Pixels by which the middle of the sun's spot is off, across and down; the same in the search; probability there that
-a spot is none."""
+SPOT_PX = 0.12
+"""Pixels by which the middle of the sun's spot is off, across and down."""
 
 GRAZING = 0.2
 """The least cosine between ray and normal: nearer to the outline a pixel shows too much at once."""
@@ -193,8 +188,12 @@ def _normals(rim: np.ndarray) -> np.ndarray:
     return n / np.linalg.norm(n, axis=1, keepdims=True)
 
 
-def sun_spot(photo: LinearPhoto, ball: Ball) -> tuple[np.ndarray, float] | None:
-    """The middle (2) and the length, in pixels, of the largest short clipped patch on the ball that has a sharp edge.
+SunSpot = tuple[np.ndarray, float]
+"""Its middle (2) and its length, in pixels."""
+
+
+def sun_spot(photo: LinearPhoto, ball: Ball) -> SunSpot | None:
+    """The largest short clipped patch on the ball that has a sharp edge.
 
     The middle is that of its brightest part, so that a lamp beside the sun does not shift it.
     """
@@ -230,28 +229,14 @@ def _extent(photo: LinearPhoto, ball: Ball, uv: np.ndarray) -> tuple[float, floa
     return float(apart), float(np.degrees(np.arccos(np.clip((out @ out.T).min(), -1, 1)))), float(out[:, 2].min())
 
 
-def _suns_apart(spots: list[tuple[LinearPhoto, np.ndarray]], ball: Ball) -> np.ndarray:
-    """(2 spots,): by how many pixels each photo's sun is off the mean of all."""
-    if len(spots) < 2:
-        return np.zeros(0)
-    steps = np.array([(0, 0), (1, 0), (0, 1)])
-    seen = np.array([reflect(photo, ball, at + steps)[1] for photo, at in spots])
-    if not np.isfinite(seen).all():  # a spot beside this ball
-        return np.full(2 * len(spots), 9.0)
-    sun = seen[:, 0].mean(axis=0)
-    sun /= np.linalg.norm(sun)
-    return np.concatenate([np.linalg.pinv((d[1:] - d[0]).T) @ (sun - d[0]) for d in seen])
-
-
 @dataclass(frozen=True, eq=False)
-class _View:
-    """A photo as the fit sees it: its `codes`, a little blurred; its luminance, each level of `blurred` twice as much
-    so, the first by `blur` pixels; and where the sheet ends."""
+class View:
+    """A photo as the search sees it: its `codes`, a little blurred; its luminance, each level of `blurred` twice as
+    much so, the first by BLUR pixels; and where the sheet ends."""
 
     photo: LinearPhoto
     codes: np.ndarray
     blurred: list[np.ndarray]
-    blur: float
     extent: tuple[float, float, float, float]
 
     def value(self, uv: np.ndarray) -> np.ndarray:
@@ -277,7 +262,7 @@ class _View:
         if len(there):
             far = np.linalg.norm(there - self.photo.camera.eye, axis=1)
             sigma = 0.2 * covered[inside] * self.photo.camera.fx / far
-            level = np.clip(np.rint(np.log2(np.maximum(sigma, 1e-3) / self.blur)), 0, LEVELS - 1)
+            level = np.clip(np.rint(np.log2(np.maximum(sigma, 1e-3) / BLUR)), 0, LEVELS - 1)
             seen, found = self.photo.project(there), np.zeros(len(there))
             for k in np.unique(level).astype(int):
                 found[level == k] = sample(self.blurred[k], seen[level == k])
@@ -297,29 +282,28 @@ class _View:
         return float(2 * rho * along - rho * rho * size) / (2 * SEARCH_SD**2)
 
 
-def _view(photo: LinearPhoto, extent: tuple[float, float, float, float], blur: float) -> _View:
-    codes = cv2.GaussianBlur(photo.pixels, (0, 0), 0.7).astype(np.float32)
-    luminance = np.minimum(photo.light @ REC_709.astype(np.float32), 1.3)  # the sun equals its glare
-    blurred = [cv2.GaussianBlur(luminance, (0, 0), blur * 2**k) for k in range(LEVELS)]
-    return _View(photo, codes, blurred, blur, extent)
-
-
-def find_ball(photos: list[LinearPhoto], board: Board, given: Ball) -> Ball:
-    """The ball near `given` that is the likeliest in all photos at once. Raises InputError where none is seen."""
+def views_of(photos: list[LinearPhoto], board: Board) -> list[View]:
+    """What `find_ball` and `check_mirror` look at."""
+    extent, views = draw_board(board, 100.0)[1], []
     for photo in photos:
-        check_seen(photo, given)
-    extent = draw_board(board, 100.0)[1]
-    views = [_view(photo, extent, 1.0) for photo in photos]
-    uv = [pixels_about(photo, given, 1.25, SEARCH_STEP) for photo in photos]
-    spots = [(photo, spot[0]) for photo in photos if (spot := sun_spot(photo, given))]
+        codes = cv2.GaussianBlur(photo.pixels, (0, 0), 0.7).astype(np.float32)
+        luminance = np.minimum(photo.light @ REC_709.astype(np.float32), 1.3)  # the sun equals its glare
+        blurred = [cv2.GaussianBlur(luminance, (0, 0), BLUR * 2**k) for k in range(LEVELS)]
+        views.append(View(photo, codes, blurred, extent))
+    return views
+
+
+def find_ball(views: list[View], given: Ball) -> Ball:
+    """The ball near `given` that is the likeliest in all photos at once. Raises InputError where none is seen."""
+    for view in views:
+        check_seen(view.photo, given)
+    uv = [pixels_about(view.photo, given, 1.25, SEARCH_STEP) for view in views]
 
     def unlikely(x: np.ndarray) -> float:
         ball, z = given.moved(x), (x - given.numbers) / given.sigma
         edges = OUTLINE_WEIGHT * np.mean([view.outline_score(ball) for view in views])
         mirrored = sum(view.board_explains(at, ball) for view, at in zip(views, uv, strict=True))
-        apart = (_suns_apart(spots, ball) ** 2).sum() / max(len(spots), 1)
-        suns = 4 * np.log(SPOT_FALSE + np.exp(-0.5 * apart / SPOT_SEARCH_PX**2))
-        return float(0.5 * (z @ z) - max(mirrored, 0) - edges - suns)
+        return float(0.5 * (z @ z) - max(mirrored, 0) - edges)
 
     low, high = given.numbers - REACH * given.sigma, given.numbers + REACH * given.sigma
     best = differential_evolution(
@@ -331,51 +315,26 @@ def find_ball(photos: list[LinearPhoto], board: Board, given: Ball) -> Ball:
         if (score := view.outline_score(ball)) < EDGE_SHARE:
             expected = "a ball whose outline is seen there"
             raise InputError(f"{view.photo.name}: {given.name}", expected, f"edges along {100 * score:.0f} % of it")
-    for blur in (1.5, 0.5):
-        ball = _refined([_view(photo, extent, blur) for photo in photos], ball, given)
-    return ball
+    return _refined(views, ball, given)
 
 
-def _refined(views: list[_View], ball: Ball, given: Ball) -> Ball:
-    """The ball that outline, mirrored board, the sun's spots and what was given agree on best, by least squares."""
-    spots = [(view.photo, spot[0]) for view in views if (spot := sun_spot(view.photo, ball))]
-    parts: list[tuple[np.ndarray, Callable[[Ball], np.ndarray]]] = [
-        (np.full(4, -1), lambda moved: (moved.numbers - given.numbers) / given.sigma),
-        (np.repeat(-2, 2 * len(spots) * (len(spots) > 1)), lambda moved: _bounded(_suns_apart(spots, moved) / SPOT_PX)),
-    ]
-    for k, view in enumerate(views):
-        rim = outline(view.photo, ball)
-        middle = rim.mean(axis=0)
-        parts.append((_sectors(rim - middle, k), partial(_off_outline, view, rim)))
+def _refined(views: list[View], ball: Ball, given: Ball) -> Ball:
+    """The ball that outline, mirrored board and what was given agree on best, by least squares."""
+    parts: list[Callable[[Ball], np.ndarray]] = [lambda moved: (moved.numbers - given.numbers) / given.sigma]
+    for view in views:
+        parts.append(partial(_off_outline, view, outline(view.photo, ball)))
         uv = pixels_of(view.photo, ball)
         uv = uv[np.isfinite(view.mirrored(ball, uv))]
-        uv = uv[:: max(1, len(uv) // 1500)]
         if len(uv) > 50:
-            parts.append((_sectors(uv - middle, k), partial(_off_board, view, uv)))
+            parts.append(partial(_off_board, view, uv[:: max(1, len(uv) // 1500)]))
 
     def off(x: np.ndarray) -> np.ndarray:
-        return np.concatenate([error(ball.moved(x)) for _, error in parts])
+        return np.concatenate([error(ball.moved(x)) for error in parts])
 
     fit = least_squares(off, ball.numbers, x_scale=given.sigma, diff_step=1e-4, max_nfev=30)
-    covariance = _jackknife(fit.jac, fit.fun, np.concatenate([s for s, _ in parts]))
     pixel = 2 * ball.radius / np.mean([np.ptp(outline(view.photo, ball), axis=0) for view in views])
-    return replace(ball.moved(fit.x), covariance=covariance + (EDGE_BIAS * pixel) ** 2 * np.eye(4))
-
-
-def _jackknife(J: np.ndarray, off: np.ndarray, sectors: np.ndarray) -> np.ndarray:
-    """(4, 4): the covariance of a fit by what it becomes without each sector (>= 0) in turn, to first order."""
-    H = J.T @ J
-    steps = []
-    for sector in np.unique(sectors[sectors >= 0]):
-        mine = sectors == sector
-        steps.append(np.linalg.solve(H - J[mine].T @ J[mine], J[mine].T @ off[mine]))
-    return np.array(steps).T @ np.array(steps)
-
-
-def _sectors(rel: np.ndarray, photo: int) -> np.ndarray:
-    """(n,): the number of the sector of the ball in which places `rel` (n, 2) from its middle lie."""
-    turn = (np.arctan2(rel[:, 1], rel[:, 0]) / (2 * np.pi) * SECTORS).astype(int) % SECTORS
-    return SECTORS * photo + turn
+    covariance = np.linalg.inv(fit.jac.T @ fit.jac) + (EDGE_BIAS * pixel) ** 2 * np.eye(4)
+    return replace(ball.moved(fit.x), covariance=covariance)
 
 
 def _bounded(z: np.ndarray) -> np.ndarray:
@@ -383,7 +342,7 @@ def _bounded(z: np.ndarray) -> np.ndarray:
     return 2 * np.arctan(z / 2)
 
 
-def _off_outline(view: _View, rim: np.ndarray, ball: Ball) -> np.ndarray:
+def _off_outline(view: View, rim: np.ndarray, ball: Ball) -> np.ndarray:
     """How far the outline is off the edges beside `rim`, weighed by how much of an edge each is."""
     normal, offsets = _normals(rim), np.arange(-2.0, 2.1, 0.25)
     across = sample(view.codes, (rim + offsets[:, None, None] * normal).reshape(-1, 2)).reshape(len(offsets), RIM, 3)
@@ -395,7 +354,7 @@ def _off_outline(view: _View, rim: np.ndarray, ball: Ball) -> np.ndarray:
     return clear * _bounded((moved - edge) / EDGE_PX) / math.sqrt(CORRELATED)
 
 
-def _off_board(view: _View, uv: np.ndarray, ball: Ball) -> np.ndarray:
+def _off_board(view: View, uv: np.ndarray, ball: Ball) -> np.ndarray:
     """How far the mirrored board is off what the photo shows of it, but for a factor and an offset."""
     shown, value = view.mirrored(ball, uv), view.value(uv)
     good, off = np.isfinite(shown), np.full(len(uv), 3.0)
@@ -405,9 +364,9 @@ def _off_board(view: _View, uv: np.ndarray, ball: Ball) -> np.ndarray:
     return _bounded(off) / math.sqrt(CORRELATED)
 
 
-def sun_of(photos: list[LinearPhoto], ball: Ball) -> tuple[np.ndarray, float] | None:
+def sun_of(photos: list[LinearPhoto], ball: Ball, suns: Sequence[SunSpot | None]) -> tuple[np.ndarray, float] | None:
     """The sun's direction in the ball and its standard deviation in radians; None where no photo shows one."""
-    spots = [(photo, spot[0]) for photo in photos if (spot := sun_spot(photo, ball))]
+    spots = [(photo, spot[0]) for photo, spot in zip(photos, suns, strict=True) if spot]
     if not spots:
         return None
 
@@ -423,13 +382,12 @@ def sun_of(photos: list[LinearPhoto], ball: Ball) -> tuple[np.ndarray, float] | 
     return sun, float(np.hypot(np.sqrt(np.trace(turns.T @ ball.covariance @ turns) / 2), spot))
 
 
-def check_mirror(photos: list[LinearPhoto], board: Board, paper: np.ndarray, ball: Ball, given: Ball) -> np.ndarray:
+def check_mirror(views: list[View], paper: np.ndarray, ball: Ball, given: Ball) -> np.ndarray:
     """The reflectance (3): what the ball shows of the board over what the photos show of it.
 
     Raises InputError where it does not show the board, or not in grey.
     """
-    extent = draw_board(board, 100.0)[1]
-    seen = [_board_seen(_view(photo, extent, 0.7), ball) for photo in photos]
+    seen = [_board_seen(view, ball) for view in views]
     alike = max((alike for alike, *_ in seen), default=0.0)
     if alike < ALIKE:
         got = f"a ball that does not (correlation {alike:.2f}): it is no mirror, or not there"
@@ -441,7 +399,7 @@ def check_mirror(photos: list[LinearPhoto], board: Board, paper: np.ndarray, bal
     return reflectance
 
 
-def _board_seen(view: _View, ball: Ball) -> tuple[float, np.ndarray, float]:
+def _board_seen(view: View, ball: Ball) -> tuple[float, np.ndarray, float]:
     """How well the ball's pixels correlate with the board that they mirror, and the sums of both: (3) and luminance.
 
     Shading is taken out first. A ball may be a pixel or two off: the best of some shifts counts.

@@ -5,6 +5,7 @@ problem: each pixel is weighted by its solid angle, and smoothness fills the tex
 is left out. Clipped pixels beside it are lamps: a map of their own, of which the photo tells the shape alone.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from raytwin.calib.lighting.linear_photo import LinearPhoto
-from raytwin.calib.lighting.mirror_ball import SPOT_AROUND, Ball, pixels_of, reflect, sun_spot
+from raytwin.calib.lighting.mirror_ball import SPOT_AROUND, Ball, SunSpot, pixels_of, reflect
 
 SMOOTH = 1e-3
 """Weight of differences between neighbouring texels, relative to a texel's own; it fills texels that no pixel shows."""
@@ -20,11 +21,10 @@ SMOOTH = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Mirrored:
-    """What a mirror ball's pixels `uv` (n, 2) in the photos of index `photo` (n,) show: `to_light` (n, 3), `radiance`
-    (n, 3), `steradians` (n,), `clipped` (n,): at least so bright, `sun` (n,): those of the sun's spot."""
+    """What a mirror ball's pixels in the photos of index `photo` (n,) show: `to_light` (n, 3), `radiance` (n, 3),
+    `steradians` (n,), `clipped` (n,): at least so bright, `sun` (n,): those of the sun's spot."""
 
     photo: np.ndarray
-    uv: np.ndarray
     to_light: np.ndarray
     radiance: np.ndarray
     steradians: np.ndarray
@@ -32,17 +32,19 @@ class Mirrored:
     sun: np.ndarray
 
 
-def mirrored(photos: list[LinearPhoto], ball: Ball, reflectance: np.ndarray) -> Mirrored:
+def mirrored(
+    photos: list[LinearPhoto], ball: Ball, reflectance: np.ndarray, suns: Sequence[SunSpot | None]
+) -> Mirrored:
     """All that the ball shows; `sun` marks each photo's spot, and the pixels about it that its glare lights."""
     parts = []
-    for k, photo in enumerate(photos):
-        uv, spot = pixels_of(photo, ball), sun_spot(photo, ball)
+    for k, (photo, spot) in enumerate(zip(photos, suns, strict=True)):
+        uv = pixels_of(photo, ball)
         out, right, down = (reflect(photo, ball, uv + np.array(s))[1] for s in ((0, 0), (0.1, 0), (0, 0.1)))
         steradians = np.linalg.norm(np.cross(right - out, down - out), axis=1) * 100
         clipped = photo.burnt[uv[:, 1], uv[:, 0]]
         near = np.linalg.norm(uv - spot[0], axis=1) < spot[1] / 2 + SPOT_AROUND - 1 if spot else np.zeros(len(uv), bool)
         radiance = np.maximum(photo.light[uv[:, 1], uv[:, 0]], 0) / reflectance
-        parts.append((np.full(len(uv), k), uv, out, radiance, steradians, clipped, near))
+        parts.append((np.full(len(uv), k), out, radiance, steradians, clipped, near))
     return Mirrored(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 

@@ -65,14 +65,12 @@ SEEN = 0.06
 
 @dataclass(frozen=True, eq=False)
 class Shadow:
-    """What the photos of index `photo` (n,) show about the upright at pixels `uv` (n, 2): `value` (n, 3) is the light,
-    white paper throughout, and `cover` (n,) how much of the shadow lies there.
+    """What the photos show about the upright: `value` (n, 3) is the light of pixels of white paper, and `cover` (n,)
+    how much of the shadow lies there.
 
     `to_light` (3), `sigma` radians across; `left`: the sky's share that is left to the shadow.
     """
 
-    photo: np.ndarray
-    uv: np.ndarray
     value: np.ndarray
     cover: np.ndarray
     to_light: np.ndarray
@@ -83,13 +81,11 @@ class Shadow:
     height: float
     width: float
 
-    def levels(self, paper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The paper in the shadow over the paper beside it (3), `paper` (3) where none is seen there, and the standard
-        deviation of that."""
+    @property
+    def levels(self) -> tuple[np.ndarray, np.ndarray]:
+        """The paper in the shadow over the paper beside it (3), and the standard deviation of that."""
         A = np.stack([1 - self.cover, self.cover], axis=1)
         x = np.linalg.lstsq(A, self.value, rcond=None)[0]
-        if not (self.cover < 0.02).any():
-            x = np.stack([paper, paper + self.cover @ (self.value - paper) / (self.cover @ self.cover)])
         left = (A @ x - self.value) / x[0]
         dark = max(self.cover.sum() / CORRELATED_PIXELS, 1.0)
         return x[1] / x[0], 0.01 + left.std(axis=0) / np.sqrt(dark)
@@ -109,7 +105,7 @@ def find_shadow(
     streak = streak or _darkest_streak(photos, sheet, foot, height)
     tip = np.array(streak or (0.0, 0.0))
     parts = [_pixels_about(photo, k, sheet, foot, tip, height) for k, photo in enumerate(photos)]
-    photo, uv, xy, value, white, size, noise = (np.concatenate(column) for column in zip(*parts, strict=True))
+    photo, xy, value, white, size, noise = (np.concatenate(column) for column in zip(*parts, strict=True))
     eyes = np.array([p.camera.eye for p in photos])[photo]
     bright, mine = value @ REC_709, photo == np.arange(len(photos))[:, None]
     prior = np.array([*foot, height, *tip, 0.05 * height, 0.3])
@@ -162,7 +158,7 @@ def find_shadow(
     hidden = (x[5] / (2 * np.pi * d) * x[2] ** 2 / (d**2 + x[2] ** 2)).mean()
     paper = (white > 0.9) & (upright < 0.01) & (noise == NOISE)
     return Shadow(
-        photo[paper], uv[paper], value[paper], cover[paper],
+        value[paper], cover[paper],
         _to_light(x), sigma, 1 - hidden, x[:2], x[:2] + x[3:5], x[2], x[5],
     )  # fmt: skip
 
@@ -186,7 +182,7 @@ def _bar(rel: np.ndarray, end: np.ndarray, width: float, blur: np.ndarray) -> np
 def _pixels_about(
     photo: LinearPhoto, k: int, sheet: Sheet, foot: np.ndarray, tip: np.ndarray, height: float
 ) -> tuple[np.ndarray, ...]:
-    """Pixels on the sheet near the upright or its shadow: photo, place in it and on the board, light, share of white,
+    """Pixels on the sheet near the upright or its shadow: photo, place on the board, light, share of white,
     size of a pixel in metres, and noise."""
     eye = np.array(photo.camera.eye)
     top = _top(eye, foot, height)
@@ -209,7 +205,7 @@ def _pixels_about(
     white = (albedo - INK / PAPER) / (1 - INK / PAPER)
     noise = np.where(sheet.plain_at(xy, 1.2 * pixel), NOISE, EDGE_NOISE)
     light = photo.light[uv[:, 1], uv[:, 0]].astype(float)
-    return np.full(len(uv), k), uv, xy, light, white, np.full(len(uv), pixel), noise
+    return np.full(len(uv), k), xy, light, white, np.full(len(uv), pixel), noise
 
 
 def _distance(rel: np.ndarray, end: np.ndarray) -> np.ndarray:

@@ -23,18 +23,21 @@ square offset equals that of the 16 places on an edge, corners excluded, that th
 
 def center_bias(ids: Sequence[int], board: Board, R, t, K, dist: Sequence[float]) -> np.ndarray:
     """(n, 2) pixels: crossing of the diagonals of straight lines through the distorted edges, minus the true centre."""
-    centers = board.points(ids)
-    edges = _edges(board)
+    centers, edges = board.points(ids), _edges(board)
     around = centers[:, None, None] + np.stack([edges[i] for i in ids])
-    pixels = lens_model.project(around.reshape(-1, 3), R, t, K, dist).reshape(len(centers), 4, POINTS, 2)
+    true = lens_model.project(centers, R, t, K, dist)
+    pixels = lens_model.project(around.reshape(-1, 3), R, t, K, dist).reshape(len(ids), 4, POINTS, 2)
+    pixels = pixels - true[:, None, None]
     middle = pixels.mean(axis=2)
     spread = pixels - middle[:, :, None]
     # The least squares line through points: its normal is the direction in which they spread least.
     normal = np.linalg.eigh(np.swapaxes(spread, -1, -2) @ spread)[1][..., 0]
-    offset = (normal * middle).sum(axis=-1)
-    corner = [_meet(normal[:, i - 1], offset[:, i - 1], normal[:, i], offset[:, i]) for i in range(4)]
-    crossing = _meet(*_line(corner[0], corner[2]), *_line(corner[1], corner[3]))
-    return crossing - lens_model.project(centers, R, t, K, dist)
+    # A line a x + b y + c = 0 is (a, b, c): two lines cross, and two points are joined, at their cross product.
+    line = np.concatenate([normal, -(normal * middle).sum(axis=-1, keepdims=True)], axis=-1)
+    a, b, c, d = np.cross(np.roll(line, 1, axis=1), line).swapaxes(0, 1)
+    crossing = np.cross(np.cross(a, c), np.cross(b, d))
+    with np.errstate(all="ignore"):  # a tag seen edge-on has no crossing: not finite, and `unbiased` leaves it alone
+        return crossing[:, :2] / crossing[:, 2:]
 
 
 @functools.lru_cache(maxsize=16)
@@ -60,16 +63,3 @@ def unbiased(tags: Sequence[Tag], board: Board, R, t, K, dist: Sequence[float]) 
         msgspec.structs.replace(tag, center=tuple(new)) if np.hypot(*by) < 0.1 * edge else tag
         for tag, new, by, edge in zip(tags, moved.tolist(), shift, size, strict=True)
     ]
-
-
-def _line(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Normal n (n, 2) and offset with n . p = offset for the lines through points a and b."""
-    normal = np.stack([a[:, 1] - b[:, 1], b[:, 0] - a[:, 0]], axis=-1)
-    return normal, (normal * a).sum(axis=-1)
-
-
-def _meet(n1, o1, n2, o2) -> np.ndarray:
-    """Where the lines n1 . p = o1 and n2 . p = o2 cross, by Cramer's rule: (n, 2)."""
-    det = n1[:, 0] * n2[:, 1] - n1[:, 1] * n2[:, 0]
-    with np.errstate(all="ignore"):  # a tag seen edge-on has no crossing: not finite, and `unbiased` leaves it alone
-        return np.stack([o1 * n2[:, 1] - o2 * n1[:, 1], n1[:, 0] * o2 - n2[:, 0] * o1], axis=-1) / det[:, None]

@@ -57,5 +57,5 @@ def _neighbours(tags: Sequence[Tag], board: Board) -> Iterator[tuple[int, int, b
             ahead = np.where(along > 2 * np.abs(across), away, np.inf)
             j = int(ahead.argmin())
             if ahead[j] <= NEAR * away.min():
-                times, seen = by_file[j] / by_file.min(), away[j] / away.min()
-                yield tag.id, tags[j].id, up, bool(times <= FARTHER * seen)
+                agrees = by_file[j] * away.min() <= FARTHER * away[j] * by_file.min()
+                yield tag.id, tags[j].id, up, bool(agrees)

@@ -4,6 +4,7 @@ The fit minimises the distance of tag centres (`fit`); lens model and the board'
 predict unseen photos (`model`); the uncertainty follows from how the photos disagree (`uncertainty`).
 """
 
+import itertools
 import math
 import os
 from collections import Counter
@@ -21,10 +22,10 @@ from raytwin.calib.photos import lens_model, pose
 from raytwin.calib.photos.bias import unbiased
 from raytwin.calib.photos.calibration_result import Calibration, CalibrationWarning, Evidence, FoundBoard, View
 from raytwin.calib.photos.detection import Find, Tag, detect, detect_photos
-from raytwin.calib.photos.diagnostics import Case, coverage, tilts, warnings_for
+from raytwin.calib.photos.diagnostics import Case, coverage, line_of_sight, misfit, warnings_for
 from raytwin.calib.photos.fit import INTRINSICS, MODELS, Fit, ModelSpec, Sighting, fit, matched
-from raytwin.calib.photos.model import ModelTrial, name, select_model
-from raytwin.calib.photos.uncertainty import FitUncertainty, fit_uncertainty, with_model_gap, with_poses
+from raytwin.calib.photos.model import ModelTrial, select_model
+from raytwin.calib.photos.uncertainty import FitUncertainty, fit_uncertainty, with_poses
 from raytwin.errors import InputError
 from raytwin.progress import Progress, silent
 
@@ -69,11 +70,9 @@ def calibrate(
 ) -> Calibration:
     """Return the camera that took `photos` of a board, with standard deviations and warnings.
 
-    `photos` are files or folders, `board` a Board or its TOML file. `model`: auto, none, k1, k1k2, k1k2p1p2, k1k2k3 or
-    full5. The photos have one size. `K` and distortion are in OpenCV's pixels, poses in metres. `progress`, `find` and
-    `threads` are those of `detect_photos`.
-    Photos without tags or of another size, and files that cannot be read, are left out with a warning as long as three
-    others remain. Raises InputError if the photos do not determine a camera.
+    `photos` are files or folders, `board` a Board or its TOML file. `model`: auto, none, k1k2 or full5. `progress`,
+    `find` and `threads` are those of `detect_photos`. Photos without tags or of another size, and files that cannot be
+    read, are left out with a warning as long as three others remain. Raises InputError if no camera follows.
     """
     named = [photos] if isinstance(photos, str | os.PathLike) else photos
     listed = [files.list_photos(path) if path.is_dir() else [path] for path in map(Path, named)]
@@ -95,9 +94,8 @@ def calibrate(
         image_size, board, model, where, {shown[p]: why for p, why in wrong.items()},
     )  # fmt: skip
     progress("fit", 1, 1)
-    # By path too, for whoever wants the pose of one of them.
-    kept = {p: tuple(tags) for p, tags in found.items()}
-    return msgspec.structs.replace(result, evidence=msgspec.structs.replace(result.basis, found=kept))
+    by_path = {p: tuple(tags) for p, tags in found.items()}
+    return msgspec.structs.replace(result, evidence=msgspec.structs.replace(result.basis, found=by_path))
 
 
 # BLAS sums in another order on several threads: the last bits would depend on their number, and nothing is faster.
@@ -122,23 +120,17 @@ def calibrate_detections(
     wrong |= dict.fromkeys((photo for photo in detections if photo not in distinct), REPEATED)
     views, straight = _first_views(distinct, image_size, board, wrong)
     _check_enough(views, wrong, where)
-    trials: dict[str, ModelTrial] = {}
-    gap = np.zeros((0, 0))
     result = fit(straight, image_size, board, ModelSpec(PRELIMINARY if model == "auto" else model))
-    for turn in range(ROUNDS):
+    for _ in range(ROUNDS):
         # This fit reveals the detector's bias and the outliers; without both, the next fit is better.
         views, straight = _inliers(views, board, result, wrong)
         _check_enough(views, wrong, where)
-        if turn < ROUNDS - 1:
-            result, trials, gap = select_model(straight, image_size, board, model, result)
-        else:
-            result = fit(straight, image_size, board, result.form, result)
-    _check_explained(straight, result, where)
-    outliers = {
-        v.photo: sorted({t.id for t in v.tags} - {t.id for t in s.tags}) for v, s in zip(views, straight, strict=True)
-    }
-    known = with_model_gap(fit_uncertainty(result), gap)
-    made = _calibration(straight, image_size, board, result, known, trials, detections)
+        result, trials, gap = select_model(straight, image_size, board, model, result)
+    _check_explained(result, where)
+    read = [{t.id for t in v.tags} for v in views]
+    outliers = {v.photo: sorted(ids - {t.id for t in v.tags}) for ids, v in zip(read, straight, strict=True)}
+    known = fit_uncertainty(result, gap)
+    made = _calibration(straight, board, result, known, trials, detections)
     warnings = warnings_for(Case(made, result, known, straight, board, wrong, outliers))
     return msgspec.structs.replace(made, warnings=tuple(CalibrationWarning(*w) for w in warnings))
 
@@ -173,12 +165,14 @@ def _first_views(
     known, flat = board.centers(), board.flat()
     for photo, seen in detections.items():
         tags = [t for t in seen if t.id in known]
-        inside = np.ones(len(tags), bool)
-        if spans_a_plane(flat.points(t.id for t in tags)[:, :2]):
-            inside = pose.consistent(*matched(tags, flat), GROSS * image_size[0])
-        if spans_a_plane(flat.points(t.id for t in tags)[inside, :2]):
+        points, pixels = matched(tags, flat)
+        inside = np.zeros(len(tags), bool)
+        if spans_a_plane(points[:, :2]):
+            inside = pose.consistent(points, pixels, GROSS * image_size[0])
+        kept = tuple(itertools.compress(tags, inside))
+        if spans_a_plane(flat.points(t.id for t in kept)[:, :2]):
             views.append(Sighting(photo, tuple(tags)))
-            straight.append(Sighting(photo, tuple(t for t, ok in zip(tags, inside, strict=True) if ok)))
+            straight.append(Sighting(photo, kept))
         else:
             wrong.setdefault(photo, f"{len(tags)} tags of the board, too few or in one line")
     return views, straight
@@ -197,7 +191,7 @@ def _inliers(
     """
     moved, errors = [], []
     shaped = _shaped(board, result)
-    for view, (R, t) in zip(views, result.poses, strict=True):
+    for view, R, t in zip(views, result.R, result.t, strict=True):
         tags = unbiased(view.tags, shaped, R, t, result.K, result.dist)
         points, pixels = matched(tags, shaped)
         moved.append(tags)
@@ -216,41 +210,37 @@ def _inliers(
 
 def _calibration(
     views: Sequence[Sighting],
-    image_size: tuple[int, int],
     board: Board,
     result: Fit,
     known: FitUncertainty,
     trials: dict[str, ModelTrial],
     detections: Mapping[str, Sequence[Tag]],
 ) -> Calibration:
-    names = result.form.names
+    names, seen, there = result.form.names, result.observations, result.observations.seen
     sigma = np.sqrt(np.diag(known.covariance)[: len(names)])
     moved = known.moves[:, : len(INTRINSICS)] / np.maximum(sigma[: len(INTRINSICS)], 1e-300)
     influence = np.sqrt((moved**2).mean(axis=1)).tolist()
-    there = result.observations.seen
     rms = np.sqrt((result.residuals**2).sum(axis=(1, 2)) / there.sum(axis=1)).tolist()
     shown = tuple(
-        View(view.photo, len(view.tags), rms[i], pose.rotation(R), tuple(t.tolist()), influence[i])
-        for i, (view, (R, t)) in enumerate(zip(views, result.poses, strict=True))
+        View(view.photo, len(view.tags), rms[i], pose.rotation(result.R[i]), tuple(result.t[i].tolist()), influence[i])
+        for i, view in enumerate(views)
     )
-    middle = np.append(np.mean(list(board.centers().values()), axis=0), 0.0)
-    away = [np.linalg.norm(R @ middle + t) for R, t in result.poses]
-    seen = result.observations.pixels[there]
+    sights, cosine = line_of_sight(result, board)
     evidence = Evidence(
-        coverage=coverage(seen, image_size),
-        tilts=tuple(tilts(shown, board)),
-        distance=float(np.median(away)),
+        coverage=coverage(seen.pixels[there], seen.image_size),
+        tilts=tuple(np.degrees(np.arccos(np.clip(np.abs(cosine), 0, 1))).tolist()),
+        distance=float(np.median(sights)),
         covariance=tuple(map(tuple, with_poses(result, known).tolist())),
         noise_px=known.noise_px,
         trials=trials,
-        taken=name(result.form),
+        taken=str(result.form),
         board=_shaped(board, result),
-        seen=tuple(map(tuple, seen.tolist())),
+        seen=tuple(map(tuple, seen.pixels[there].tolist())),
         residuals=tuple(map(tuple, result.residuals[there].tolist())),
         found={photo: tuple(tags) for photo, tags in detections.items()},
     )
     return Calibration(
-        image_size=(int(image_size[0]), int(image_size[1])),
+        image_size=(int(seen.image_size[0]), int(seen.image_size[1])),
         model=result.form.model,
         K=pose.rotation(result.K),
         dist=result.dist,
@@ -263,22 +253,19 @@ def _calibration(
 
 
 def _found_board(board: Board, result: Fit, known: FitUncertainty) -> FoundBoard:
-    offsets = result.offsets(board)
-    if offsets is None:
+    if not result.form.bent:
         return FoundBoard()
-    height = result.shared[len(result.form.names) :].reshape(-1, 3)[:, 2]
-    across = np.zeros(len(result.shared))
+    height, across = result.free[:, 2], np.zeros(len(result.shared))
     across[len(result.form.names) + 3 * np.array([height.argmax(), height.argmin()]) + 2] = 1, -1
     sigma = math.sqrt(max(float(across @ known.covariance @ across), 0.0))
-    return FoundBoard(offsets, 1e3 * float(np.ptp(height)), 1e3 * sigma)
+    return FoundBoard(result.offsets(board), 1e3 * float(np.ptp(height)), 1e3 * sigma)
 
 
 def _of_one_size(paths: Sequence[Path]) -> tuple[list[Path], tuple[int, int], dict[Path, str]]:
-    """The photos of the commonest size, that size, and why the others are left out.
+    """The photos of the commonest size, that size, and why the others are left out, unless they are half of all.
 
-    Photos a quarter turn from the others are left out: their pixels were turned after the lens had drawn them, and its
-    centre and its axes with them. So are photos of any other size, which another camera took or a program cut, unless
-    they are half of all.
+    Those a quarter turn from the others are never taken: their pixels were turned after the lens had drawn them, and
+    its centre and its axes with them.
     """
     sizes = dict(zip(paths, map(files.photo_size, paths), strict=True))
     size = Counter(sizes.values()).most_common(1)[0][0]
@@ -307,12 +294,9 @@ def _check_enough(views: Sequence[Sighting], wrong: dict[str, str], where: str) 
         raise InputError(where, f"at least {LEAST_VIEWS} photos that show the board", f"{len(views)}{reasons}")
 
 
-def _check_explained(views: Sequence[Sighting], result: Fit, where: str) -> None:
-    apart = []
-    for view in views:
-        at = np.array([t.center for t in view.tags])
-        apart += (np.linalg.norm(at[:, None] - at, axis=-1) + np.diag(np.full(len(at), np.inf))).min(axis=0).tolist()
-    if result.rms_px > (limit := UNEXPLAINED * float(np.median(apart))):
+def _check_explained(result: Fit, where: str) -> None:
+    if (share := misfit(result)) > UNEXPLAINED:
+        limit = UNEXPLAINED / share * result.rms_px
         got = f"{result.rms_px:.3g} px: the board's file does not describe this board, or the lens is a fisheye"
         raise InputError(where, f"tags at most {limit:.2g} px (rms) off where some camera sees them", got)
 

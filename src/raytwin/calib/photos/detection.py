@@ -5,8 +5,7 @@ the AprilTag library finds none of those, OpenCV's ArUco all.
 """
 
 import os
-import threading
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -51,22 +50,21 @@ class _Detector(pupil_apriltags.Detector):
         pass
 
 
-_idle: dict[str, list[_Detector]] = {}
-_lock = threading.Lock()
+_idle = defaultdict[str, list[_Detector]](list)
+"""By family, the detectors that no thread uses; there are as many as were ever in use at once."""
 
 
 @contextmanager
 def _borrowed(family: str) -> Iterator[_Detector]:
-    """A detector that no other thread uses; there are as many as were ever in use at once."""
-    with _lock:
-        kept = _idle.setdefault(family, [])
+    try:
+        detector = _idle[family].pop()
+    except IndexError:
         # One thread each: a second one gains nothing within a photo, but a second photo at once gains all.
-        detector = kept.pop() if kept else _Detector(family, nthreads=1)
+        detector = _Detector(family, nthreads=1)
     try:
         yield detector
     finally:
-        with _lock:
-            kept.append(detector)
+        _idle[family].append(detector)
 
 
 SEARCH_SIDE = 3000
@@ -90,8 +88,7 @@ def detect(pixels: np.ndarray, kind: str = "tag36h11", reductions: Sequence[floa
     `reductions`: the scales to search at, by turns (by default REDUCTIONS for large photos, else full scale).
     """
     grey = pixels if pixels.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(pixels), cv2.COLOR_RGB2GRAY)
-    grey = np.ascontiguousarray(grey)
-    size = np.array(grey.shape[::-1])
+    grey, size = np.ascontiguousarray(grey), np.array(grey.shape[::-1])
     family, _, border = kind.partition("/")
     if border:
         found = _wide_bordered(grey, family, int(border))
@@ -107,15 +104,12 @@ def _bordered_by_one(grey: np.ndarray, family: str, reductions: Sequence[float])
         for reduction in reductions:
             detector.tag_detector_ptr.contents.quad_decimate = reduction
             found = [d for d in detector.detect(grey) if d.hamming <= 1]
-            if found and min(map(_shortest_edge, found)) >= SMALLEST_SEARCHED * reduction:
+            if found and min(_edges(d.corners).min() for d in found) >= SMALLEST_SEARCHED * reduction:
                 break
     # AprilTag's (0, 0) is the corner of the first pixel, OpenCV's is its centre.
     return [
         Tag(
-            d.tag_id,
-            tuple((d.center - 0.5).tolist()),
-            tuple(tuple(c) for c in (d.corners - 0.5).tolist()),
-            float(d.decision_margin),
+            d.tag_id, tuple((d.center - 0.5).tolist()), tuple(map(tuple, (d.corners - 0.5).tolist())), d.decision_margin
         )
         for d in found
     ]
@@ -137,14 +131,13 @@ def _wide_bordered(grey: np.ndarray, family: str, border: int) -> list[Tag]:
     return found
 
 
-def _shortest_edge(detection) -> float:
-    return float(np.linalg.norm(detection.corners - np.roll(detection.corners, 1, axis=0), axis=1).min())
+def _edges(corners: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
 
 
 def _is_whole(corners: np.ndarray, size: np.ndarray) -> bool:
     """Whether a cell's width (at least an eighth of the edge) lies between every corner and the frame."""
-    edge = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).max()
-    return bool(corners.min() >= edge / 8 and (size - corners).min() >= edge / 8)
+    return bool(min(corners.min(), (size - corners).min()) >= _edges(corners).max() / 8)
 
 
 def detect_photo(path: str | os.PathLike, kind: str = "tag36h11", find: Find = detect) -> list[Tag]:
@@ -155,8 +148,7 @@ def detect_photo(path: str | os.PathLike, kind: str = "tag36h11", find: Find = d
     if mirrored := find(grey[:, ::-1], kind):
         raise NoTags(path, f"{kind} tags", f"a mirrored photo (its mirror image shows {len(mirrored)} tags)")
     family, _, border = kind.partition("/")
-    other = family if border else f"{family}/2"
-    if others := find(grey, other):
+    if others := find(grey, family if border else f"{family}/2"):
         bits = 1 if border else 2
         got = f"{len(others)} with a border of {bits}: border_bits = {bits} in the board's file"
         raise NoTags(path, f"{kind} tags", got)
@@ -177,19 +169,14 @@ def detect_photos(
     tags: dict[str, list[Tag]] = {}
     wrong: dict[str, str] = {}
 
-    def look(photo: str | os.PathLike) -> list[Tag] | InputError:
-        try:
-            return detect_photo(photo, kind, find)
-        except InputError as error:
-            return error
-
     # Decoding and detecting both let other threads run.
     progress("detect", 0, len(photos))
     with ThreadPoolExecutor(min(len(photos), threads or os.cpu_count() or 1) or 1) as pool:
-        for done, (photo, found) in enumerate(zip(photos, pool.map(look, photos), strict=True), start=1):
-            if isinstance(found, InputError):
-                wrong[str(photo)] = found.got
-            else:
-                tags[str(photo)] = found
+        searches = [pool.submit(detect_photo, photo, kind, find) for photo in photos]
+        for done, (photo, search) in enumerate(zip(photos, searches, strict=True), start=1):
+            try:
+                tags[str(photo)] = search.result()
+            except InputError as error:
+                wrong[str(photo)] = error.got
             progress("detect", done, len(photos))
     return tags, wrong

@@ -4,20 +4,20 @@ Six photos from one side fit anything. The evidence is how well the views determ
 square pixels, a principal point near the middle, board normals that spread, and a covered frame; and whether one photo,
 or the board, is at odds with all the rest.
 
-Every warning's code is stable: tools may test for it. docs/explanation/calibration.md lists what each says.
+Every warning's code is stable: tools may test for it. docs/photos.md lists what each says.
 """
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
+from scipy.spatial import KDTree
 
 from raytwin.calib.boards import Board
 from raytwin.calib.photos import pose
 from raytwin.calib.photos.calibration_result import Calibration
-from raytwin.calib.photos.fit import Fit, Sighting, fit, matched
+from raytwin.calib.photos.fit import Fit, Sighting, fit
 from raytwin.calib.photos.uncertainty import FitUncertainty, fit_uncertainty
 from raytwin.errors import InputError
 from raytwin.scene.lens import SIDE, undone
@@ -30,6 +30,10 @@ NORMAL_SPREAD, COVERAGE = 15.0, 0.25
 """Beyond these the views are degenerate: sd of a focal length as a share of it, sd of the centre as a share of the
 image's side, |fx / fy - 1|, the centre's distance from the middle as a share of the side, the largest angle between two
 of the board's normals in degrees, and the share of the frame's 10 x 10 cells that hold a tag's centre."""
+
+MISFIT = 0.01
+"""Share of the distance between neighbouring tags: a larger rms says that the board's file is wrong. (Sound sets have
+at most 0.005, a fisheye of 150 degrees 0.04, a pitch that is 3 % wrong in one direction 0.022.)"""
 
 ODD_RMS = 2.5
 """A photo is odd if its rms in the camera of the others is this many times the median. (Sound sets: at most 2.4.)"""
@@ -64,8 +68,9 @@ class Case:
         return self.found.observations.image_size
 
     @property
-    def photos(self) -> list[str]:
-        return [v.photo for v in self.views]
+    def errors(self) -> dict[str, float]:
+        """By photo, the rms distance of its tags in the camera of the others, pixels."""
+        return dict(zip((v.photo for v in self.views), np.maximum(self.known.errors, 1e-9).tolist(), strict=True))
 
     def without(self, photo: str) -> "Case":
         """The same without one photo."""
@@ -93,24 +98,18 @@ def normal_spread(rotations: Sequence[np.ndarray]) -> float:
     return float(np.degrees(np.arccos(np.clip((normals @ normals.T).min(), -1, 1))))
 
 
-def tilts(views, board: Board) -> list[float]:
-    """The angle between the board's normal and the line of sight to its middle, degrees, by view."""
-    middle = np.append(np.mean(list(board.centers().values()), axis=0), 0.0)
-    sights = [np.array(v.R_cam_board) @ middle + v.t_cam_board for v in views]
-    cosines = [abs(np.array(v.R_cam_board)[:, 2] @ s) / np.linalg.norm(s) for v, s in zip(views, sights, strict=True)]
-    return np.degrees(np.arccos(np.clip(cosines, 0, 1))).tolist()
+def line_of_sight(found: Fit, board: Board) -> tuple[np.ndarray, np.ndarray]:
+    """By view, to the board's middle: metres, and the cosine of its angle with the normal, below 0 from behind."""
+    sights = found.R @ np.append(np.mean(list(board.centers().values()), axis=0), 0.0) + found.t
+    metres = np.linalg.norm(sights, axis=1)
+    return metres, -(found.R[:, :, 2] * sights).sum(axis=1) / metres
 
 
-def is_mirrored(points: np.ndarray, pixels: np.ndarray) -> bool:
-    """det H > 0 for H from the board to pixels, scaled so that the board is in front: its back would face the camera.
-
-    det [r1 r2 t] = r3 . t: the board's normal points away from the camera. (The pixels' y points down as the camera's
-    does, so K does not change the sign.) A detector reads no tag from behind: the description is at fault.
-    """
-    H, _ = cv2.findHomography(points[:, :2], pixels)
-    if H is None:
-        return False
-    return bool(np.linalg.det(H) * np.sign(H[2] @ [*points[:, :2].mean(axis=0), 1.0]) > 0)
+def misfit(found: Fit) -> float:
+    """The rms as a share of the median distance from a tag to the nearest."""
+    of = found.observations
+    views = (pixels[seen] for pixels, seen in zip(of.pixels, of.seen, strict=True))
+    return found.rms_px / float(np.median(np.concatenate([KDTree(at).query(at, 2)[0][:, 1] for at in views])))
 
 
 def warnings_for(case: Case) -> list[tuple[str, str]]:
@@ -128,9 +127,8 @@ def _left_out(case: Case) -> Warnings:
 
 
 def _few(case: Case) -> Warnings:
-    if len(case.photos) < FEW_VIEWS:
-        text = f"{len(case.photos)} photos: with fewer than {FEW_VIEWS} the focal length moves by a per cent"
-        yield "few-views", text
+    if len(case.views) < FEW_VIEWS:
+        yield "few-views", f"{len(case.views)} photos: with fewer than {FEW_VIEWS} the focal length moves by a per cent"
 
 
 def _degenerate(case: Case) -> Warnings:
@@ -141,12 +139,11 @@ def _degenerate(case: Case) -> Warnings:
     for name, value in (("fx", fx), ("fy", fy)):
         if sd[name] > FOCAL_SD * value:
             found.append(f"{name} = {value:.0f} ± {sd[name]:.0f} px")
-    for name, side in (("cx", width), ("cy", height)):
-        if sd[name] > CENTER_SD * side:
-            found.append(f"{name} is known to ± {sd[name]:.0f} px only")
     if abs(fx / fy - 1) > ASPECT:
         found.append(f"fx / fy = {fx / fy:.3f}, where cameras have 1: is the board's pitch alike both ways?")
     for name, value, side in (("cx", cx, width), ("cy", cy, height)):
+        if sd[name] > CENTER_SD * side:
+            found.append(f"{name} is known to ± {sd[name]:.0f} px only")
         if abs(off := value - (side - 1) / 2) > CENTER_OFFSET * side:
             found.append(f"{name} = {value:.0f} lies {abs(off):.0f} px from the image's middle")
     spread = normal_spread(list(case.found.R))
@@ -155,18 +152,20 @@ def _degenerate(case: Case) -> Warnings:
     share = coverage(np.array([t.center for v in case.views for t in v.tags]), case.image_size)
     if share < COVERAGE:
         found.append(f"tags cover {100 * share:.0f} % of the frame: fill its corners too")
+    if (off := misfit(case.found)) > MISFIT:
+        found.append(f"tags lie {100 * off:.1f} % of their pitch off: is it alike both ways, as the board's file says?")
     if found:
         yield "degenerate-views", "; ".join(found)
 
 
 def _mirrored(case: Case) -> Warnings:
-    board, views = case.board, case.views
-    behind = [v for v in views if is_mirrored(*matched(v.tags, board.flat()))]
+    """A mirrored description fits as well, seen from behind; but no detector reads a tag from there."""
+    behind, grid = int((line_of_sight(case.found, case.board)[1] < 0).sum()), case.board.grid
     if behind:
         advice = "swap the sign of x"
-        if board.grid is not None:
-            advice = f'write order = "{"up" if board.grid.order == "down" else "down"}" into its [grid]'
-        text = f"the board is seen from behind in {len(behind)} of {len(views)} views: its description is mirrored"
+        if grid is not None:
+            advice = f'write order = "{"up" if grid.order == "down" else "down"}" into its [grid]'
+        text = f"the board is seen from behind in {behind} of {len(case.views)} views: its description is mirrored"
         yield "mirrored-board", f"{text} ({advice})"
 
 
@@ -174,56 +173,46 @@ def _odd(case: Case) -> Warnings:
     """Photos at odds with the rest, the worst first; each next one by the fit without those: an odd one makes others
     look so."""
     left_out: list[str] = []
-    while len(case.photos) >= LEAST_FOR_ODD:
-        odd = sorted(_oddities(case), reverse=True)
-        named = next(((name, why, rest) for t, name, why in odd if (rest := _better_without(case, name, t))), None)
-        if named is None:
-            return
-        name, why, rest = named
+    while (found := _oddest(case)) is not None:
+        name, why, rest = found
         after = f"with {', '.join(left_out)} left out, " if left_out else ""
-        error, without = _others_error(case, name), _others_error(rest, name)
-        text = f"without it the others are predicted to {without:.3f} px, with it to {error:.3f} px"
         blame = "(another camera, zoom or orientation, or blur): leave it out"
-        if name == _steepest(case):
+        if name == case.views[np.abs(line_of_sight(case.found, case.board)[1]).argmin()].photo:
             blame = "(blur, another camera, or the only view so steep): take more as steep before you leave it out"
-        yield "odd-photo", f"{name}: {after}{why}; {text} {blame}"
+        yield "odd-photo", f"{name}: {after}{why} {blame}"
         left_out.append(name)
         case = rest
 
 
-def _steepest(case: Case) -> str:
-    """The photo of the largest tilt: alone of its kind, it may disagree because it carries the information."""
-    tilt = dict(zip((v.photo for v in case.calibration.views), case.calibration.basis.tilts, strict=True))
-    return max(case.photos, key=tilt.__getitem__)
+def _suspects(case: Case) -> list[str]:
+    """The photos whose rms in the camera of the others is far beyond the median photo's, the worst first."""
+    limit = max(ODD_PX, ODD_RMS * float(np.median([*case.errors.values()])))
+    beyond = [name for name, error in case.errors.items() if error > limit and len(case.views) >= LEAST_FOR_ODD]
+    return sorted(beyond, key=case.errors.__getitem__, reverse=True)
 
 
-def _oddities(case: Case) -> Iterator[tuple[float, str, str]]:
-    """Yield (how odd, photo, why), by its rms in the camera of the others."""
-    usual = max(float(np.median(case.known.errors)), 1e-9)
-    for name, error in zip(case.photos, case.known.errors.tolist(), strict=True):
-        if error > max(ODD_PX, ODD_RMS * usual):
-            text = f"its rms in the camera of the others of {error:.3f} px is {error / usual:.1f} times the median"
-            yield error / usual, name, f"{text} photo's {usual:.3f} px"
-
-
-def _better_without(case: Case, name: str, times: float) -> Case | None:
-    """Return the case without a photo if it predicts the others to less of their error and still determines K."""
-    try:
-        rest = case.without(name)
-    except InputError:
-        return None
-    share = 1.0 if times > FAR * ODD_RMS else PREDICTED
-    if _others_error(rest, name) > share * _others_error(case, name):
-        return None
-    sigma, before = (np.sqrt(np.diag(c.known.covariance)[:4]) for c in (rest, case))
-    return rest if (sigma <= SIGMA_WITHOUT * before).all() else None
+def _oddest(case: Case) -> tuple[str, str, Case] | None:
+    """The worst suspect without which the others are predicted better, why it is odd, and the case without it."""
+    usual = float(np.median([*case.errors.values()]))
+    for name in _suspects(case):
+        try:
+            rest = case.without(name)
+        except InputError:
+            continue
+        error, before, after = case.errors[name], _others_error(case, name), _others_error(rest, name)
+        share = 1.0 if error > FAR * ODD_RMS * usual else PREDICTED
+        variance, with_it = (np.diag(c.known.covariance)[:4] for c in (rest, case))
+        if after <= share * before and (variance <= SIGMA_WITHOUT**2 * with_it).all():
+            why = f"its rms in the camera of the others of {error:.3f} px is {error / usual:.1f} times the median"
+            gain = f"without it the others are predicted to {after:.3f} px, with it to {before:.3f} px"
+            return name, f"{why} photo's {usual:.3f} px; {gain}", rest
+    return None
 
 
 def _others_error(case: Case, name: str) -> float:
     """Pixels: the geometric mean, over the photos but `name`, of the rms of each in the fit without it. Another odd
     photo counts no more than a sound one."""
-    errors = [e for photo, e in zip(case.photos, case.known.errors, strict=True) if photo != name]
-    return math.exp(float(np.mean(np.log(np.maximum(errors, 1e-9)))))
+    return math.exp(float(np.mean([math.log(e) for photo, e in case.errors.items() if photo != name])))
 
 
 def _unsupported(case: Case) -> Warnings:

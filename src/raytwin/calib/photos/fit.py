@@ -3,20 +3,19 @@
     min Σ |project(board) - tag|² + Σ (noise offset / PRIOR)²
 
 `offset` is how far a tag's centre lies from its place on the sheet: no sheet of paper is flat, no print exact. Of a
-board taken for flat, all are 0. OpenCV gives the start; from there it is Gauss-Newton with Marquardt's damping, where
-every view's six numbers of pose are eliminated first. With A = d residuals / d shared, B = d residuals / d pose of view
-i (Schur complement),
+board taken for flat, all are 0. OpenCV gives the start; from there it is Gauss-Newton with Marquardt's damping. With
+A = d residuals / d shared numbers and B = d residuals / d pose of one view, the pose is eliminated first (Schur
+complement): what no pose explains of A and of the residuals r is
 
-    H_i = A^T A - A^T B (B^T B)^-1 B^T A,  g_i = A^T r - A^T B (B^T B)^-1 B^T r
+    A' = A - B B⁺ A,  r' = r - B B⁺ r,  H = Σ A'^T A' + prior,  g = Σ A'^T r' + prior shared.
 
-are all that the view says about the numbers that the views share; the fit, its covariance and the fit without any one
-photo (`uncertainty`) are sums of them. A pose moves by a turn omega and a shift tau of the camera's frame:
-p' = p + omega x p + tau.
+The fit, its covariance and the fit without any one photo (`uncertainty`) are sums of these. A pose moves by a turn
+omega and a shift tau of the camera's frame: p' = p + omega x p + tau.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -30,16 +29,8 @@ from raytwin.scene import Record
 INTRINSICS = ("fx", "fy", "cx", "cy")
 
 MODELS: dict[str, tuple[str, ...]] = {"none": (), "k1k2": ("k1", "k2"), "full5": lens_model.NAMES}
-"""The coefficients that each lens model fits, smallest first; the others are 0. To add one: a row here."""
+"""The coefficients that each lens model fits, smallest first: the first ones of OpenCV's. The others are 0."""
 
-FLAT_STARTS = {
-    "none": cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3,
-    "k1k2": cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3,
-    "full5": 0,
-}
-"""OpenCV's flags for the fit that each start comes from."""
-
-CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 30, 1e-6)
 STEPS, SETTLED = 100, 1e-10
 """Most steps; the fit has converged once a step is predicted to lower the sum of squares by less than this fraction."""
 
@@ -59,17 +50,6 @@ RIDGE = 1e-12
 """Share of the diagonal that is added to it, so that what no photo determines does not move."""
 
 
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """OpenCV on one thread meanwhile: on several it adds up in any order, and no two fits end in the same bits."""
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(threads)
-
-
 class Sighting(Record, frozen=True):
     """The board's tags in one photo, none of them unknown to the board; internal to the fit."""
 
@@ -84,50 +64,43 @@ class ModelSpec:
     model: str
     bent: bool = False
 
+    def __str__(self) -> str:
+        return f"{self.model}, bent" if self.bent else self.model
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the parameters of K and distortion, in the order of `Fit.shared`."""
         return (*INTRINSICS, *MODELS[self.model])
 
     def camera(self, shared: np.ndarray) -> tuple[np.ndarray, tuple[float, ...]]:
-        """K and k1, k2, p1, p2, k3 from the parameters; a coefficient that is not fitted is 0."""
-        fx, fy, cx, cy = shared[:4]
-        value = dict(zip(MODELS[self.model], shared[4:].tolist(), strict=False))
-        return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), tuple(value.get(name, 0.0) for name in lens_model.NAMES)
+        """K and distortion."""
+        fx, fy, cx, cy, *dist = shared[: len(self.names)].tolist()
+        return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), tuple(dist)
 
 
 @dataclass(frozen=True, eq=False)
 class Observations:
     """What v views saw of the n tags `ids` that any of them shows.
 
-    `points` (n, 3) metres: their places before any offset; `pixels` (v, n, 2); `seen` (v, n) bool; `noise`:
-    pixels, what a coordinate is taken to err by where it is weighed against PRIOR.
+    `points` (n, 3) metres: their places before any offset; `pixels` (v, n, 2); `seen` (v, n) bool. `prior` (m, m):
+    weights of the squares of `Fit.shared`, 0 of K and distortion, PRIOR and IN_PLANE of offsets.
     """
 
     ids: tuple[int, ...]
     points: np.ndarray
     pixels: np.ndarray
     seen: np.ndarray
-    noise: float
+    prior: np.ndarray
     image_size: tuple[int, int]
-
-    def prior(self, form: ModelSpec) -> np.ndarray:
-        """(m, m): the weights of squares of `Fit.shared`: none of K and distortion, PRIOR and IN_PLANE of offsets."""
-        k, n = len(form.names), len(self.ids) if form.bent else 0
-        out = np.zeros((k + 3 * n, k + 3 * n))
-        out[range(k, k + 3 * n), range(k, k + 3 * n)] = np.tile((self.noise / PRIOR) ** 2, n)
-        plane = np.linalg.qr(np.c_[np.ones(len(self.ids)), self.points[:, :2]])[0][:n]
-        out[k + 2 :: 3, k + 2 :: 3] += (self.noise / IN_PLANE) ** 2 * plane @ plane.T
-        return out
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
-    """The fit at one place: `shared` (m,) is fx, fy, cx, cy, the coefficients of `form`, then the offsets, if free.
+class Fit:
+    """The sum of squares, `cost`, and its derivatives at one place; that of least cost is what `fit` returns.
 
-    R (v, 3, 3), t (v, 3): the poses. `residuals` (v, n, 2): projected minus seen, pixels. d residuals by d lens (v, n,
-    2, k), by d the tag's own offset (v, n, 2, 3 or 0), by d pose (v, n, 2, 6): 0 of tags not seen. `cost`: the sum of
-    squares.
+    `shared` (m,) is fx, fy, cx, cy, the coefficients of `form`, then the tags' offsets, if free. R (v, 3, 3), t (v, 3):
+    the poses. `residuals` (v, n, 2): projected minus seen, pixels, 0 of tags not seen. `A` (v, 2n, m), `r` (v, 2n): A'
+    and r' above. `inverse_B` (v, 6, 2n): B⁺; `follow` (v, 6, m): d best pose / d shared.
     """
 
     form: ModelSpec
@@ -136,50 +109,32 @@ class Step:
     R: np.ndarray
     t: np.ndarray
     residuals: np.ndarray
-    of_lens: np.ndarray
-    of_tag: np.ndarray
-    of_pose: np.ndarray
-    prior: np.ndarray
+    A: np.ndarray
+    r: np.ndarray
+    inverse_B: np.ndarray
+    follow: np.ndarray
     cost: float
 
-    def gram(self, views: slice = slice(None)) -> np.ndarray:
-        """(m, m): A^T A, summed over the views; two tags' offsets share no residual."""
-        lens, tag = self.of_lens[views], self.of_tag[views]
-        k, n, s = lens.shape[-1], tag.shape[1], tag.shape[-1]
-        out, own = np.zeros((k + n * s, k + n * s)), np.zeros((n, s, n, s))
-        own[range(n), :, range(n)] = np.einsum("vnci,vncj->nij", tag, tag)
-        out[:k, :k] = np.einsum("vnci,vncj->ij", lens, lens)
-        out[:k, k:] = np.einsum("vnci,vncj->inj", lens, tag).reshape(k, n * s)
-        out[k:, :k], out[k:, k:] = out[:k, k:].T, own.reshape(n * s, n * s)
-        return out
+    @cached_property
+    def total(self) -> np.ndarray:
+        """(m, m): H."""
+        A = self.A.reshape(-1, len(self.shared))
+        return np.asarray(A.T @ A + self.observations.prior)
 
-    def across(self, columns: np.ndarray) -> np.ndarray:
-        """(v, m, x): A^T of each view times columns (v, n, 2, x)."""
-        lens = np.einsum("vnci,vncx->vix", self.of_lens, columns, optimize=True)
-        tag = np.einsum("vnci,vncx->vnix", self.of_tag, columns)
-        v, n, s, x = tag.shape
-        return np.concatenate([lens, tag.reshape(v, n * s, x)], axis=1)
+    @cached_property
+    def inverse(self) -> np.ndarray:
+        """(m, m): of H."""
+        return solve_scaled(self.total, np.eye(len(self.total)))
 
-    def along(self, view: int, move: np.ndarray) -> np.ndarray:
-        """(n, 2): A of the view times a move (m,) of the shared numbers."""
-        lens, tag = self.of_lens[view], self.of_tag[view]
-        k, s = lens.shape[-1], tag.shape[-1]
-        return lens @ move[:k] + (tag @ move[k:].reshape(len(tag), s, 1))[..., 0]
+    @property
+    def catch_up(self) -> np.ndarray:
+        """(v, 6): how the poses must move to be the best where they are."""
+        return -(self.inverse_B @ self.residuals.reshape(len(self.R), -1, 1))[..., 0]
 
-
-@dataclass(frozen=True, eq=False)
-class Fit(Step):
-    """Where it settled, and `total` (m, m): Σ H_i and the prior, `inverse` its inverse; `g` (v, m), see above.
-
-    `cross` (v, m, 6): A^T B; `follow` (v, 6, m): d pose by d shared; `local` (v, 6, 6): (B^T B)^-1.
-    """
-
-    total: np.ndarray
-    inverse: np.ndarray
-    g: np.ndarray
-    cross: np.ndarray
-    follow: np.ndarray
-    local: np.ndarray
+    @property
+    def lens(self) -> np.ndarray:
+        """(9,): fx, fy, cx, cy, k1, k2, p1, p2, k3; those that are not fitted are 0."""
+        return np.pad(self.shared[: len(self.form.names)], (0, 9 - len(self.form.names)))
 
     @property
     def K(self) -> np.ndarray:
@@ -187,12 +142,7 @@ class Fit(Step):
 
     @property
     def dist(self) -> tuple[float, ...]:
-        known = max((lens_model.NAMES.index(name) + 1 for name in MODELS[self.form.model]), default=0)
-        return self.form.camera(self.shared)[1][:known]
-
-    @property
-    def poses(self) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
-        return tuple(zip(self.R, self.t, strict=True))
+        return self.form.camera(self.shared)[1]
 
     @property
     def rms_px(self) -> float:
@@ -202,23 +152,29 @@ class Fit(Step):
     def variance(self) -> float:
         """Variance of a coordinate, pixels², of independent errors: residuals² / (coordinates - unknowns).
 
-        What the prior determines of the offsets is no unknown: trace(total^-1 Σ H_i) of the shared numbers are.
+        What the prior determines of the offsets is no unknown: trace(H^-1 Σ A'^T A') of the shared numbers are.
         """
-        unknowns = 6 * len(self.R) + len(self.shared) - (self.prior * self.inverse).sum()
+        unknowns = 6 * len(self.R) + len(self.shared) - (self.observations.prior * self.inverse).sum()
         return float((self.residuals**2).sum() / max(2 * self.observations.seen.sum() - unknowns, 1.0))
 
-    def without(self, view: int) -> np.ndarray:
-        """(m, m): `total` without H_i of one view."""
-        return self.total - self.gram(slice(view, view + 1)) - self.cross[view] @ self.follow[view]
+    @property
+    def free(self) -> np.ndarray:
+        """(n, 3) metres: the tags' offsets, 0 of a board taken for flat."""
+        return self.shared[len(self.form.names) :].reshape(-1, 3) if self.form.bent else np.zeros((1, 3))
 
     def offsets(self, board: Board) -> Offsets | None:
         """(x, y, z) of each of the board's tags, metres; None for a board taken for flat."""
         if not self.form.bent:
             return None
         ids = self.observations.ids
-        free = self.shared[len(self.form.names) :].reshape(-1, 3)
-        found = dict(zip(ids, self.observations.points + free - board.flat().points(ids), strict=True))
+        found = dict(zip(ids, self.observations.points + self.free - board.flat().points(ids), strict=True))
         return tuple(tuple(found[tag].tolist()) if tag in found else (0.0, 0.0, 0.0) for tag in board.centers())
+
+    def moved(self, by: np.ndarray, poses: np.ndarray) -> "Fit | None":
+        """The shared numbers moved by (m,), the poses by (v, 6); None where that gives no finite cost."""
+        turn = np.array([cv2.Rodrigues(pose[:3])[0] for pose in poses])
+        t = (turn @ self.t[..., None])[..., 0] + poses[:, 3:]
+        return _at(self.form, self.observations, self.shared + by, turn @ self.R, t)
 
 
 def fit(
@@ -228,27 +184,17 @@ def fit(
     form: ModelSpec,
     start: Fit | None = None,
 ) -> Fit:
-    """The camera, poses and offsets of least cost: from `start`, a fit of as many views, where given.
-
-    Else the best of the fits from each of FLAT_STARTS: of few photos one of them alone may be lost.
-    """
-    seen = _observe(views, image_size, board, start)
+    """The camera, poses and offsets of least cost: from `start`, a fit of as many views, where given."""
+    seen = _observe(views, image_size, board, form, start)
+    k = len(form.names)
     if start is not None and len(start.R) == len(views):
-        starts = [(start.K, start.dist, start.R, start.t)]
+        lens, R, t = start.lens, start.R, start.t
     else:
-        starts = _flat_starts(views, image_size, board)
-    found = []
-    for K, dist, R, t in starts:
-        value = dict(zip(lens_model.NAMES, dist, strict=False))
-        shared = [K[0, 0], K[1, 1], K[0, 2], K[1, 2], *(value.get(n, 0.0) for n in MODELS[form.model])]
-        if form.bent:
-            shared = [*shared, *np.zeros(3 * len(seen.ids))]
-        made = _settle(_step(form, seen, seen.prior(form), np.array(shared), R, t))
-        if np.isfinite(made.shared).all() and np.isfinite(made.cost) and (made.shared[:2] > 0).all():
-            found.append(made)
-    if not found:
+        lens, R, t = _flat_start(views, image_size, board)
+    found = _at(form, seen, np.pad(lens[:k], (0, len(seen.prior) - k)), R, t)
+    if found is None or not ((found := _settle(found)).shared[:2] > 0).all():
         raise InputError("views", "photos from which a camera follows", "none from which a fit converges")
-    return min(found, key=lambda f: f.cost)
+    return found
 
 
 def matched(tags: Sequence[Tag], board: Board) -> tuple[np.ndarray, np.ndarray]:
@@ -256,34 +202,30 @@ def matched(tags: Sequence[Tag], board: Board) -> tuple[np.ndarray, np.ndarray]:
     return board.points(t.id for t in tags), np.array([t.center for t in tags]).reshape(-1, 2)
 
 
-Start = tuple[np.ndarray, tuple[float, ...], np.ndarray, np.ndarray]
-"""K, distortion, R (v, 3, 3), t (v, 3)."""
-
-
-def _flat_starts(views: Sequence[Sighting], image_size: tuple[int, int], board: Board) -> list[Start]:
-    """The flat board by OpenCV: Zhang's closed form, and steps from there, for each lens model."""
+def _flat_start(
+    views: Sequence[Sighting], image_size: tuple[int, int], board: Board
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`Fit.lens` of the model k1k2, R (v, 3, 3) and t (v, 3) of a flat board by cv2.calibrateCamera."""
     both = [matched(v.tags, board.flat()) for v in views]
     points, pixels = ([one.astype(np.float32) for one in side] for side in zip(*both, strict=True))
-    found, why = [], "none"
-    for flags in FLAT_STARTS.values():
-        try:
-            with one_thread():
-                _, K, dist, turns, shifts = cv2.calibrateCamera(
-                    points, pixels, image_size, None, None, flags=flags, criteria=CRITERIA
-                )
-        except cv2.error as error:
-            why = error.err or why
-            continue
-        why = f"fx, fy = {K[0, 0]:.4g}, {K[1, 1]:.4g}"
-        if np.isfinite(K).all() and np.isfinite(dist).all() and K[0, 0] > 0 and K[1, 1] > 0:
-            R = np.array([cv2.Rodrigues(turn)[0] for turn in turns])
-            found.append((K, tuple(dist.ravel()[:5].tolist()), R, np.array([s.ravel() for s in shifts])))
-    if not found:
-        raise InputError("views", "photos from which a camera follows", why)
-    return found
+    flags, stop = cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3, (cv2.TERM_CRITERIA_COUNT, 30, 0)
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)  # on several it adds up in any order, and no two fits end in the same bits
+    try:
+        _, K, dist, turns, shifts = cv2.calibrateCamera(
+            points, pixels, image_size, None, None, flags=flags, criteria=stop
+        )
+    except cv2.error as error:
+        raise InputError("views", "photos from which a camera follows", error.err) from None
+    finally:
+        cv2.setNumThreads(threads)
+    lens = np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *dist.ravel()[:5]])
+    return lens, np.array([cv2.Rodrigues(turn)[0] for turn in turns]), np.reshape(shifts, (-1, 3))
 
 
-def _observe(views: Sequence[Sighting], image_size: tuple[int, int], board: Board, start: Fit | None) -> Observations:
+def _observe(
+    views: Sequence[Sighting], image_size: tuple[int, int], board: Board, form: ModelSpec, start: Fit | None
+) -> Observations:
     shown = {tag.id for view in views for tag in view.tags}
     ids = tuple(tag for tag in board.centers() if tag in shown)
     place = {tag: i for i, tag in enumerate(ids)}
@@ -296,7 +238,17 @@ def _observe(views: Sequence[Sighting], image_size: tuple[int, int], board: Boar
         height = dict(zip(board.centers(), known, strict=True))
         points[:, :2] += drawn_in(points[:, :2], np.array([height[tag][2] for tag in ids]))
     noise = LEAST_NOISE_PX if start is None else max(start.variance**0.5, LEAST_NOISE_PX)
-    return Observations(ids, points, pixels, seen, noise, image_size)
+    return Observations(ids, points, pixels, seen, _prior(form, points, noise), image_size)
+
+
+def _prior(form: ModelSpec, points: np.ndarray, noise: float) -> np.ndarray:
+    """(m, m): `Observations.prior` where a coordinate errs by `noise` pixels."""
+    k, n = len(form.names), len(points) if form.bent else 0
+    out = np.zeros((k + 3 * n, k + 3 * n))
+    out[range(k, k + 3 * n), range(k, k + 3 * n)] = np.tile((noise / PRIOR) ** 2, n)
+    plane = np.linalg.qr(np.c_[np.ones(len(points)), points[:, :2]])[0][:n]
+    out[k + 2 :: 3, k + 2 :: 3] += (noise / IN_PLANE) ** 2 * plane @ plane.T
+    return out
 
 
 def drawn_in(xy: np.ndarray, height: np.ndarray) -> np.ndarray:
@@ -313,87 +265,53 @@ def drawn_in(xy: np.ndarray, height: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq(rows.reshape(len(i), -1), change, rcond=None)[0].reshape(-1, 2)
 
 
-def _step(
-    form: ModelSpec, seen: Observations, prior: np.ndarray, shared: np.ndarray, R: np.ndarray, t: np.ndarray
-) -> Step:
+def _at(form: ModelSpec, seen: Observations, shared: np.ndarray, R: np.ndarray, t: np.ndarray) -> Fit | None:
+    """The fit at one place; None where a tag is behind the camera or the cost is not finite."""
     K, dist = form.camera(shared)
-    k, free = len(form.names), 3 if form.bent else 0
+    (v, n), k = seen.seen.shape, len(form.names)
     board = seen.points + (shared[k:].reshape(-1, 3) if form.bent else 0.0)
     points = board @ R.swapaxes(1, 2) + t[:, None]
     known = seen.seen[..., None]
-    with np.errstate(all="ignore"):  # a step too far gives no finite cost, and is not taken
-        r, of_lens, of_point = lens_model.linearise(points, seen.pixels, K, dist, MODELS[form.model])
-        of_pose, of_tag = lens_model.of_pose(points, of_point), (of_point @ R[:, None])[..., :free]
-        r = np.where(known, r, 0)
-        of_lens, of_tag, of_pose = (np.where(known[..., None], d, 0) for d in (of_lens, of_tag, of_pose))
-        cost = float((r * r).sum() + shared @ prior @ shared)
+    with np.errstate(all="ignore"):
+        residuals, of_lens, of_point = lens_model.linearise(points, seen.pixels, K, dist, MODELS[form.model])
+        A = of_lens = np.where(known[..., None], of_lens, 0)
+        of_point = np.where(known[..., None], of_point, 0)
+        residuals = np.where(known, residuals, 0)
+        cost = float((residuals**2).sum() + shared @ seen.prior @ shared)
     if not np.isfinite(cost) or (points[..., 2] <= 0)[seen.seen].any():
-        cost = np.inf
-    return Step(form, seen, shared, R, t, r, of_lens, of_tag, of_pose, prior, cost)
+        return None
+    if form.bent:
+        of_tag = (of_point @ R[:, None])[:, :, :, None] * np.eye(n)[:, None, :, None]
+        A = np.concatenate([of_lens, of_tag.reshape(v, n, 2, 3 * n)], axis=-1)
+    A, B = (d.reshape(v, 2 * n, -1) for d in (A, lens_model.of_pose(points, of_point)))
+    # Of few tags in a line a turn about it is not determined, and does not move.
+    inverse_B = np.linalg.pinv(B, rcond=1e-7)
+    follow, r = -inverse_B @ A, residuals.reshape(v, 2 * n, 1)
+    r = (r - B @ (inverse_B @ r))[..., 0]
+    return Fit(form, seen, shared, R, t, residuals, A + B @ follow, r, inverse_B, follow, cost)
 
 
-def _moved(here: Step, d_shared: np.ndarray, d_poses: np.ndarray) -> Step:
-    turn = np.array([cv2.Rodrigues(turned)[0] for turned in d_poses[:, :3]])
-    t = (turn @ here.t[..., None])[..., 0] + d_poses[:, 3:]
-    return _step(here.form, here.observations, here.prior, here.shared + d_shared, turn @ here.R, t)
-
-
-def _settle(here: Step) -> Fit:
+def _settle(here: Fit) -> Fit:
     """Gauss-Newton, damped after Marquardt where a step would make it worse."""
-    damping = 1e-6
+    damping, prior = 1e-6, here.observations.prior
     for _ in range(STEPS):
-        d_shared, d_poses, promised = _solve(here, damping)
+        g = np.einsum("vri,vr->i", here.A, here.r) + prior @ here.shared
+        d = -solve_scaled(here.total + damping * np.diag(np.diag(here.total)), g)
+        left, shared = here.r + here.A @ d, here.shared + d
+        promised = here.cost - float((left**2).sum() + shared @ prior @ shared)
         if promised <= SETTLED * here.cost:
             break
-        there = _moved(here, d_shared, d_poses)
-        for _ in range(2):
-            # Where views barely separate two parameters, the poses follow them along a curved valley: let them catch
-            # up.
-            if not (np.isfinite(there.cost) and here.cost - there.cost < promised / 2):
-                break
-            BB, Br = _of_poses(there)
-            there = _moved(there, np.zeros(len(there.shared)), -np.linalg.solve(BB, Br)[..., 0])
-        if there.cost <= here.cost:
+        there = here.moved(d, here.follow @ d + here.catch_up)
+        if there is not None and here.cost - there.cost < promised / 2:
+            # Where views barely separate two parameters, the poses follow along a curved valley: let them catch up.
+            there = there.moved(np.zeros(len(d)), there.catch_up)
+        if there is not None and there.cost <= here.cost:
             here, damping = there, max(damping / 10, 1e-12)
         elif damping > 1e9:
             break
         else:
             damping = max(damping, 1e-6) * 10
-    BB, Br = _of_poses(here)
-    local = _inverse(BB)
-    cross = here.across(here.of_pose)
-    follow = -local @ cross.swapaxes(1, 2)
-    total = here.gram() + np.einsum("vma,van->mn", cross, follow, optimize=True) + here.prior
-    g = here.across(here.residuals[..., None])[..., 0] + (follow.swapaxes(1, 2) @ Br)[..., 0]
-    return Fit(
-        **vars(here), total=total, inverse=solve_scaled(total, np.eye(len(total))), g=g, cross=cross, follow=follow,
-        local=local,
-    )  # fmt: skip
-
-
-def _of_poses(here: Step) -> tuple[np.ndarray, np.ndarray]:
-    """B^T B (v, 6, 6) and B^T r (v, 6, 1)."""
-    v = len(here.R)
-    B, r = here.of_pose.reshape(v, -1, 6), here.residuals.reshape(v, -1, 1)
-    return B.swapaxes(1, 2) @ B, B.swapaxes(1, 2) @ r
-
-
-def _inverse(BB: np.ndarray) -> np.ndarray:
-    """(v, 6, 6): the inverses; of few tags in a line a turn about it is not determined, and does not move."""
-    return np.linalg.pinv(BB, rcond=1e-14, hermitian=True)
-
-
-def _solve(here: Step, damping: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """The step of the shared numbers (m,) and of the poses (v, 6), and by how much it should lessen the squares."""
-    cross, (BB, Br) = here.across(here.of_pose), _of_poses(here)
-    inverse = _inverse(BB * (1 + damping * np.eye(6)))
-    U = here.gram() + here.prior
-    rhs = here.across(here.residuals[..., None]).sum(axis=0)[:, 0] + here.prior @ here.shared
-    S = U + damping * np.diag(np.diag(U)) - np.einsum("vma,vna->mn", cross @ inverse, cross, optimize=True)
-    d = -solve_scaled(S, rhs - (cross @ inverse @ Br).sum(axis=0)[:, 0])
-    poses = -(inverse @ (Br + cross.swapaxes(1, 2) @ d[:, None]))[..., 0]
-    promised = -float(d @ rhs + (poses * Br[..., 0]).sum())
-    return d, poses, promised
+    return here
 
 
 def solve_scaled(S: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -10,13 +10,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from raytwin.scene.lens import LEAST, jacobian, newton
+from raytwin.scene.lens import ALONG, LEAST, determinant, newton
 
 NAMES = ("k1", "k2", "p1", "p2", "k3")
 """The coefficients, in OpenCV's order."""
-
-WAYPOINTS = 32
-"""Points per ray at which the Jacobian is tested: more find narrower folds."""
 
 
 def project(points: np.ndarray, R: Any, t: Any, K: Any, dist: Sequence[float]) -> np.ndarray:
@@ -56,21 +53,11 @@ def undistort(pixels: Any, K: Any, dist: Sequence[float]) -> np.ndarray:
     return np.stack(newton((u - cx) / fx, (v - cy) / fy, five(dist).tolist()), axis=1)
 
 
-def unit_rays(pixels: np.ndarray, K: Any, dist: Sequence[float]) -> np.ndarray:
-    """(n, 3): the unit directions, in the camera's frame, of pixels (n, 2); see `undistort`."""
-    rays = np.c_[undistort(pixels, K, dist), np.ones(len(pixels))]
-    return rays / np.linalg.norm(rays, axis=1, keepdims=True)
-
-
 def grows(rays: np.ndarray, dist: Sequence[float]) -> np.ndarray:
-    """(n,) bool: whether the lens does not fold back between its middle and the camera's ray (n, 3).
-
-    At WAYPOINTS places on the way, in ideal coordinates, its Jacobian is positive definite, as it is in the middle.
-    """
+    """(n,) bool: whether the lens does not fold back between its middle and the camera's ray (n, 3)."""
     with np.errstate(all="ignore"):
-        x, y = (np.linspace(0, 1, WAYPOINTS + 1)[1:, None] * (rays[:, i] / rays[:, 2]) for i in (0, 1))
-        a, b, c = jacobian(x, y, five(dist).tolist())
-        return (rays[:, 2] > 0) & ((a > 0) & (a * c - b * b >= LEAST)).all(axis=0)
+        x, y = (ALONG * (rays[:, i] / rays[:, 2]) for i in (0, 1))
+        return (rays[:, 2] > 0) & (determinant(x, y, five(dist).tolist()) >= LEAST).all(axis=0)
 
 
 def five(dist: Sequence[float]) -> np.ndarray:

@@ -67,12 +67,11 @@ class Pose(Record, frozen=True):
 
 
 class PoseReport(Record, frozen=True):
-    """Both poses of one photo and how far they lie apart.
+    """Both poses of one photo, from `tags` tags, and how far they lie apart; `outliers`: ids of the tags left out.
 
-    `ambiguity`: the error of the second minimum that every planar pose has over that of the first, None where both
-    starts end in one pose; where it is `ambiguous`, the pose may be the wrong one of the two. `tags` counts those
-    used, `outliers` are the ids of those left out. `sigma_degrees`, `sigma_metres`: one standard deviation of the
-    refined pose, of the camera's turn and of its place; None where the camera's own is not known.
+    `ambiguity`: the error of the second minimum that every planar pose has over that of the first, None where there is
+    one only. `sigma_degrees`, `sigma_metres`: one standard deviation of the refined pose, of the camera's turn and of
+    its place; None where the camera's own is not known.
     """
 
     photo: str
@@ -142,21 +141,20 @@ def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, ph
     check_tags([tags], board, photo)
     if not spans_a_plane(board.points(t.id for t in used)[:, :2]):
         raise InputError(photo, "at least 4 tags of the board, not in one line", f"ids {_list(t.id for t in used)}")
-    # Known distortion: what is left of a tag's distance from the homography is noise, or a mistake.
     points, pixels = matched(used, board)
+    # Known distortion: what is left of a tag's distance from the homography is noise, or a mistake.
     inside = consistent(points, lens_model.undistort(pixels, K, dist), GROSS)
-    kept = [t for t, ok in zip(used, inside, strict=True) if ok] if spans_a_plane(points[inside, :2]) else used
-    start = None
+    kept, by = list(range(len(used))), None
     for _ in range(3):
-        closed = homography_pose(K, dist, kept, board)
-        straight = unbiased(kept, board, *(start or (closed.R, closed.t)), K, dist)
-        refined, ambiguity = refined_pose(K, dist, straight, board, closed)
-        start = refined.R, refined.t
-        straight = unbiased(used, board, *start, K, dist)
-        error = np.linalg.norm(lens_model.project(points, *start, K, dist) - matched(straight, board)[1], axis=1)
-        inside = error <= outlier_limit(error)
         if spans_a_plane(points[inside, :2]):
-            kept = [t for t, ok in zip(used, inside, strict=True) if ok]
+            kept = np.flatnonzero(inside).tolist()
+        closed = homography_pose(K, dist, [used[i] for i in kept], board)
+        by = by or closed
+        straight = unbiased(used, board, by.R, by.t, K, dist)
+        refined, ambiguity = refined_pose(K, dist, [straight[i] for i in kept], board, closed)
+        off = lens_model.project(points, refined.R, refined.t, K, dist) - matched(straight, board)[1]
+        by, error = refined, np.linalg.norm(off, axis=1)
+        inside = error <= outlier_limit(error)
     return PoseReport(
         photo,
         len(kept),
@@ -165,13 +163,12 @@ def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, ph
         rotation_degrees(closed.R, refined.R),
         float(np.linalg.norm(closed.t - refined.t)),
         ambiguity,
-        tuple(t.id for t in used if t not in kept),
+        tuple(tag.id for i, tag in enumerate(used) if i not in kept),
     )
 
 
 def pose_of_photo(calibration, photo: str | os.PathLike, board: Board) -> PoseReport:
-    """Both poses of a photo of the board, taken with the calibrated camera; the board in the shape it was found to
-    have.
+    """Both poses of a photo taken with the calibrated camera, the board in the shape that was found for it.
 
     A photo that the calibration saw is not searched again.
     """
@@ -239,12 +236,8 @@ def _pose(R: np.ndarray, t: np.ndarray, points: np.ndarray, pixels: np.ndarray, 
 
 
 def _list(ids) -> str:
-    """Ids as text, runs shortened: 0..34, 40."""
-    runs: list[list[int]] = []
-    for i in sorted(ids):
-        if runs and i == runs[-1][1] + 1:
-            runs[-1][1] = i
-        else:
-            runs.append([i, i])
-    text = [str(a) if a == b else f"{a}..{b}" for a, b in runs]
-    return ", ".join(text if len(text) <= 8 else [*text[:8], "..."]) or "none"
+    """Ids as text, without a gap as 0..34."""
+    some = sorted(ids)
+    if len(some) > 1 and some[-1] - some[0] == len(some) - 1:
+        return f"{some[0]}..{some[-1]}"
+    return ", ".join([*map(str, some[:8]), "..."][: len(some)]) or "none"

@@ -20,30 +20,26 @@ After mrcal's projection uncertainty (Kogan, mrcal.secretsauce.net/uncertainty.h
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from raytwin.calib.photos import lens_model
 from raytwin.calib.photos.fit import MODELS, Fit, solve_scaled
-
-UNDONE_PX = 1e-3
-"""A pixel whose undistorted ray does not come back to within this has none."""
+from raytwin.scene.lens import inverse
 
 CELL = 16
-"""The map has one value for each CELL x CELL pixels."""
+"""Pixels: the side of a cell of the map."""
 
 
 def leave_one_out(found: Fit) -> tuple[np.ndarray, np.ndarray]:
     """By photo: how the shared numbers move without it (n, m), and the rms distance of its own tags then (n,),
     pixels."""
     moves, errors = [], []
-    for i, residuals in enumerate(found.residuals):
-        move = solve_scaled(found.without(i), found.g[i])
-        # Its pose follows as well as it can.
-        by = found.along(i, move) + found.of_pose[i] @ (found.follow[i] @ move)
+    for A, r, seen in zip(found.A, found.r, found.observations.seen, strict=True):
+        move = solve_scaled(found.total - A.T @ A, A.T @ r)
         moves.append(move)
-        errors.append(math.sqrt(((residuals + by) ** 2).sum() / found.observations.seen[i].sum()))
+        errors.append(math.sqrt(((r + A @ move) ** 2).sum() / seen.sum()))
     return np.array(moves), np.array(errors)
 
 
@@ -58,22 +54,17 @@ class FitUncertainty:
     errors: np.ndarray
 
 
-def fit_uncertainty(found: Fit) -> FitUncertainty:
-    """Return the uncertainty of a fit."""
+def fit_uncertainty(found: Fit, gap: np.ndarray | None = None) -> FitUncertainty:
+    """Return the uncertainty of a fit; `gap` (k, k), the spread between models of the first k numbers, adds to it."""
     moves, errors = leave_one_out(found)
     s2 = max(found.variance, 1e-300)
     alike = s2 * found.inverse
     variance, jackknife = np.diag(alike), (1 - 1 / len(moves)) * (moves**2).sum(axis=0)
     wider = np.maximum(jackknife / np.where(variance > 0, variance, np.inf), 1)
     covariance = alike * np.sqrt(np.outer(wider, wider))
+    if gap is not None:
+        covariance[: len(gap), : len(gap)] += gap
     return FitUncertainty(covariance, math.sqrt(s2 * wider[:4].mean()), moves, errors)
-
-
-def with_model_gap(known: FitUncertainty, gap: np.ndarray) -> FitUncertainty:
-    """Add the spread between models, (k, k) of the first shared parameters, to the covariance."""
-    covariance = known.covariance.copy()
-    covariance[: len(gap), : len(gap)] += gap
-    return replace(known, covariance=covariance)
 
 
 def with_poses(found: Fit, known: FitUncertainty) -> np.ndarray:
@@ -81,7 +72,7 @@ def with_poses(found: Fit, known: FitUncertainty) -> np.ndarray:
     k, m, v = len(found.form.names), len(found.shared), len(found.R)
     T = np.concatenate([np.eye(k, m), found.follow.mean(axis=0)])
     covariance = T @ known.covariance @ T.T
-    covariance[k:, k:] += known.noise_px**2 * found.local.sum(axis=0) / v**2
+    covariance[k:, k:] += known.noise_px**2 * np.einsum("vir,vjr->ij", found.inverse_B, found.inverse_B) / v**2
     return covariance
 
 
@@ -91,35 +82,29 @@ def deviations(calibration, pixels: np.ndarray, distance: float) -> np.ndarray:
     What is seen lies `distance` metres from the camera, or at infinity. NaN where the lens has no inverse: no ray
     belongs to such a pixel.
     """
-    pixels = np.asarray(pixels, float)
-    K, dist = calibration.K, calibration.dist
-    with np.errstate(all="ignore"):
-        rays = lens_model.unit_rays(pixels, K, dist)
-        residuals, of_lens, of_point = lens_model.linearise(rays, pixels, K, dist, MODELS[calibration.model])
-        unseen = ~(np.linalg.norm(residuals, axis=1) <= UNDONE_PX) | ~lens_model.grows(rays, dist)
+    pixels, (fx, fy, cx, cy) = np.asarray(pixels, float), np.array(calibration.K)[[0, 1, 0, 1], [0, 1, 2, 2]]
+    at = (pixels - (cx, cy)) / (fx, fy)
+    x, y, seen = inverse(*at.T, lens_model.five(calibration.dist).tolist())
+    rays = np.where(seen[:, None], np.stack([x, y, np.ones(len(x))], axis=1), (0.0, 0.0, 1.0))
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    _, of_lens, of_point = lens_model.linearise(
+        rays, pixels, calibration.K, calibration.dist, MODELS[calibration.model]
+    )
     by_pose = lens_model.of_pose(rays, of_point)
     # On unit rays d/d tau is that of a point 1 m away.
     by_pose[..., 3:] /= distance
     J = np.concatenate([of_lens, by_pose], axis=-1)
-    J[unseen] = 0
     variance = J @ np.array(calibration.basis.covariance) @ J.transpose(0, 2, 1)
     found = np.sqrt(np.maximum(np.linalg.eigvalsh(variance)[:, -1], 0))
-    found[unseen] = math.nan
-    return found
-
-
-def cell_middles(image_size: tuple[int, int]) -> tuple[np.ndarray, tuple[int, int]]:
-    """(h w, 2): the middles of h x w equal cells of the image, about CELL pixels wide; and (h, w)."""
-    width, height = image_size
-    w, h = max(2, round(width / CELL)), max(2, round(height / CELL))
-    u, v = np.meshgrid((np.arange(w) + 0.5) * width / w - 0.5, (np.arange(h) + 0.5) * height / h - 0.5)
-    return np.stack([u.ravel(), v.ravel()], axis=-1), (h, w)
+    return np.where(seen, found, math.nan)
 
 
 def uncertainty_map(calibration) -> np.ndarray:
-    """(h, w): `deviations` at `cell_middles`, as far off as the board was."""
-    pixels, shape = cell_middles(calibration.image_size)
-    return deviations(calibration, pixels, calibration.basis.distance).reshape(shape)
+    """(h, w): `deviations` at the middles of h x w equal cells, CELL pixels wide or so, as far off as the board was."""
+    width, height = calibration.image_size
+    w, h = max(2, round(width / CELL)), max(2, round(height / CELL))
+    u, v = np.meshgrid((np.arange(w) + 0.5) * width / w - 0.5, (np.arange(h) + 0.5) * height / h - 0.5)
+    return deviations(calibration, np.c_[u.ravel(), v.ravel()], calibration.basis.distance).reshape(h, w)
 
 
 def pose_deviation(calibration, points: np.ndarray, R: np.ndarray, t: np.ndarray) -> tuple[float, float]:

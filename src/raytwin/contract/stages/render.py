@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.contract.stage import Arrays, Case, Stage
-from raytwin.contract.stages.stage_scenes import AROUND, LENS, SceneDict, draw_scene
+from raytwin.contract.stage import Arrays, Case, Stage, Variant, wrong
+from raytwin.contract.stages.stage_scenes import AROUND, LENS, SceneDict, around_eye, draw_scene
 from raytwin.diagnose import textbook
 
 
@@ -35,10 +35,39 @@ def cases(seed: int) -> list[Case]:
     return [Case(shows, (scene,), (render(scene),)) for shows, scene in drawn]
 
 
+def last(seed: int) -> list[Case]:
+    """From inside a sphere, whose wall hides the sun, on whichever side of what is seen the sun is."""
+    rng = np.random.default_rng(seed)
+    few, more = ((-0.2, 0.1, 0.6, 0.5),), ((0.4, 0.4, 0.7, 0.5), (-0.4, 0.0, 0.9, 0.4))
+    made = []
+    for shows, scene in (
+        ("a sphere", draw_scene(rng, few, 1, "shadow")),
+        ("spheres", draw_scene(rng, more, 2, "shadow")),
+    ):
+        above = around_eye(scene)
+        below = above | {"sun": above["sun"] | {"to_light": -above["sun"]["to_light"]}}
+        for where, one in (("above", above), ("below", below)):
+            made.append(Case(f"{shows} seen from inside another, the sun {where}", (one,), (render(one),)))
+    return made
+
+
 def errors(expected: Arrays, got: Arrays) -> np.ndarray:
     """|L - L₀| of each pixel's worst channel, by the largest L₀; infinity for NaN."""
     off = np.abs(got[0] - expected[0]).max(axis=-1) / expected[0].max()
     return np.where(np.isnan(off), np.inf, off)
 
 
-STAGE = Stage(render, ("picture",), cases, errors, 1e-3, "of the brightest", outliers=0.01)
+OWN_WALL = "own-wall"
+SAID = (
+    "from inside a sphere its own wall is lit: it hides the sun from what is seen there, so start shadow rays a little "
+    "off the surface, on the side of the eye, and leave no sphere out that the eye is in"
+)
+LEFT_OUT = 'own = own & (np.linalg.norm(eye - thing["center"]) > thing["radius"])', "pass"
+OUTWARD = "n = np.where(towards, n, -n)", 'n = n if "radius" in thing else np.where(towards, n, -n)'
+VARIANTS = (
+    Variant(OWN_WALL, SAID, lambda _: wrong("render", (LEFT_OUT,))),
+    Variant(OWN_WALL, SAID, lambda _: wrong("render", (LEFT_OUT, OUTWARD))),
+)
+"""Shown by no picture from outside."""
+
+STAGE = Stage(render, ("picture",), cases, errors, 1e-3, "of the brightest", VARIANTS, outliers=0.01, last=last)

@@ -6,7 +6,7 @@ import numpy as np
 
 from raytwin.diagnose import textbook
 from raytwin.renderers.scene_exchange import as_arrays
-from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.scene.lens import undone
 
 SceneDict = dict[str, Any]
@@ -40,31 +40,35 @@ def draw_scene(
             return scene
 
 
+def around_eye(scene: SceneDict) -> SceneDict:
+    """The scene within one more sphere, which holds the eye and what is near."""
+    eye = -np.transpose(scene["R_cam_board"]) @ scene["t_cam_board"]
+    sphere = {"center": 0.5 * eye, "radius": 0.9 * float(np.linalg.norm(eye)), "albedo": np.array([0.7, 0.55, 0.8])}
+    return scene | {"spheres": [*scene["spheres"], sphere]}
+
+
 def _scene(rng: np.random.Generator, spheres: tuple[Place, ...], planes: int, lens: tuple[float, ...]) -> Scene:
     camera = _camera(rng, lens)
 
-    def colour() -> Lambert:
-        return Lambert(_three(rng.uniform(0.2, 0.9, 3)))
+    def colour() -> tuple[float, float, float]:
+        return _three(rng.uniform(0.2, 0.9, 3))
 
-    objects: list[Any] = [
+    balls = [
         Sphere(_three(0.1 * (np.array(s[:3]) + min(1.0, s[3]) * rng.uniform(-0.06, 0.06, 3))), 0.1 * s[3], colour())
         for s in spheres
     ]
-    if not objects:
+    if not balls:
         before = np.array([0.02, -0.015, 0.1]) - camera.t_cam_board
-        objects.append(Sphere(_three(np.transpose(camera.R_cam_board) @ before), 0.095, colour()))
+        balls.append(Sphere(_three(np.transpose(camera.R_cam_board) @ before), 0.095, colour()))
+    flats: tuple[Rectangle, ...] = ()
     if planes > 0:
-        objects.append(Rectangle((0.01, 0.02, 0.0), (0.23, 0.04, 0.0), (-0.03, 0.1725, 0.0), colour()))
+        flats += (Rectangle((0.01, 0.02, 0.0), (0.23, 0.04, 0.0), (-0.03, 0.1725, 0.0), colour()),)
     if planes > 1:
-        objects.append(Rectangle((0.07, -0.06, 0.06), (0.05, 0.03, 0.0), (0.0, 0.0, 0.05), colour()))
-    lights = (
-        Sun(
-            _three(rng.uniform([0.3, -0.6, 0.6], [0.45, -0.45, 0.8])),
-            _three(rng.uniform([4.5, 5, 5.5], [5.0, 5.5, 6.0])),
-        ),
-        Sky(_three(rng.uniform([0.1, 0.2, 0.3], [0.16, 0.26, 0.4]))),
-    )
-    return Scene("drawn", camera, tuple(objects), lights)
+        flats += (Rectangle((0.07, -0.06, 0.06), (0.05, 0.03, 0.0), (0.0, 0.0, 0.05), colour()),)
+    to_light = _three(rng.uniform([0.3, -0.6, 0.6], [0.45, -0.45, 0.8]))
+    sun = Sun(to_light, _three(rng.uniform([4.5, 5, 5.5], [5.0, 5.5, 6.0])))
+    sky = Sky(_three(rng.uniform([0.1, 0.2, 0.3], [0.16, 0.26, 0.4])))
+    return Scene("drawn", camera, tuple(balls), flats, sun, sky)
 
 
 def _camera(rng: np.random.Generator, lens: tuple[float, ...]) -> Camera:

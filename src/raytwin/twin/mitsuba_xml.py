@@ -1,0 +1,121 @@
+"""A scene as a Mitsuba 3 file, which Mitsuba renders as the twin does; what the file cannot say is reported.
+
+The world is the twin's (`place_of`): the board's axes, an origin and a unit that suit float32.
+"""
+
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Iterable
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from raytwin.errors import InputError, missing_package
+from raytwin.rungs import RUNGS
+from raytwin.scene import Scene
+from raytwin.scene.lens import newton
+from raytwin.twin.opencv_sensor import sensor_at
+from raytwin.twin.twin_scene import SIZE, place_of, translate
+
+SAMPLES = 64
+"""A pixel, unless the renderer is asked for others (`mitsuba -D spp=256`)."""
+
+NEAR, FAR = 1e-6 * SIZE, 1e6 * SIZE
+"""Mitsuba's lengths: the camera sees from here to there."""
+
+TAGS = {
+    "sphere": "shape", "rectangle": "shape", "twosided": "bsdf", "diffuse": "bsdf", "directional": "emitter",
+    "constant": "emitter", "path": "integrator", "perspective": "sensor", "hdrfilm": "film", "box": "rfilter",
+    "independent": "sampler",
+}  # fmt: skip
+"""Mitsuba's plugin -> the element that it is in XML."""
+KINDS = {str: "string", int: "integer", float: "float"}
+
+FOUND = "a rung that Mitsuba's integrators have: sky or path"
+
+
+def mitsuba_xml(scene: Scene, rung: str = "path") -> str:
+    """The text of a file that `mitsuba` and `mi.load_file` take: the rung's depth, a box filter, 32-bit floats.
+
+    Mitsuba's perspective camera has one focal length and no distortion: fx is taken, and `moved_by` says what is lost.
+    Raises InputError for a rung without a depth, for a map in the place of the sky, and for highlights.
+    """
+    scene.check_lambertian("a file of Mitsuba's")
+    if rung not in RUNGS or RUNGS[rung].depth is None:
+        raise InputError("--rung", FOUND, rung)
+    try:
+        import mitsuba as mi
+    except ModuleNotFoundError as error:
+        raise missing_package("--mitsuba-xml", error) from None
+    if mi.variant() is None:
+        mi.set_variant("scalar_rgb")  # nothing is rendered: any will do
+    camera, _ = scene.camera, scene.sky  # raises for a map
+    pinhole = msgspec.structs.replace(
+        camera, K=((camera.fx, 0.0, camera.cx), (0.0, camera.fx, camera.cy), (0.0, 0.0, 1.0)), dist=()
+    )
+    place, depth = place_of(scene), RUNGS[rung].depth
+    world = translate(scene, place, {})
+    world.get("sky", {}).pop("sampling_weight", None)  # of `path` behind the twin's first hit
+    _tell_apart(world)
+    world["integrator"] = {"type": "path", "max_depth": depth, "rr_depth": depth}
+    world["sensor"] = sensor_at(pinhole, np.asarray(camera.R_cam_board), place.eye, place.unit, SAMPLES)
+    world["sensor"] |= {"near_clip": max(NEAR, place.start), "far_clip": FAR}
+    root = ET.Element("scene", version="3.0.0")
+    ET.SubElement(root, "default", name="spp", value=str(SAMPLES))
+    root.extend([_element(name, value) for name, value in world.items() if name != "type"])
+    for count in root.iterfind("sensor/sampler/integer"):
+        count.set("value", "$spp")
+    ET.indent(root)
+    return ET.tostring(root, "unicode") + "\n"
+
+
+def _element(name: str, value: Any) -> ET.Element:
+    """What `mi.load_dict` takes under this name, as XML.
+
+    Mitsuba's own writer (`mi.parser.write_string`, 3.9) takes transforms apart in float32: sheets grow by 0.4 %.
+    """
+    if isinstance(value, dict) and value["type"] == "rgb":
+        return ET.Element("rgb", name=name, value=_numbers(value["value"]))
+    if isinstance(value, dict):
+        element = ET.Element(TAGS[value["type"]], {"id" if "-" in name else "name": name, "type": value["type"]})
+        element.extend([_element(key, inner) for key, inner in value.items() if key != "type"])
+        return element
+    if isinstance(value, list):
+        kind = "point" if name == "center" else "vector"
+        return ET.Element(kind, name=name, value=_numbers(value))
+    if hasattr(value, "matrix"):
+        transform = ET.Element("transform", name=name)
+        ET.SubElement(transform, "matrix", value=_numbers(np.array(value.matrix).ravel()))
+        return transform
+    kind = next(kind for cls, kind in KINDS.items() if isinstance(value, cls))
+    return ET.Element(kind, name=name, value=str(value))
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(repr(float(x)) for x in values)
+
+
+def _tell_apart(world: dict[str, Any]) -> None:
+    """Move the red of each rectangle by another 1e-7, among those of the same albedo.
+
+    Mitsuba merges rectangles of one material as it loads a file, and leaves them out of the scene's bounding box, so
+    that the sky leaks through walls (3.9).
+    """
+    same: Counter[tuple[float, ...]] = Counter()
+    for thing in world.values():
+        if isinstance(thing, dict) and thing["type"] == "rectangle":
+            inner = thing["bsdf"]["bsdf"]
+            red, *others = albedo = tuple(inner["reflectance"]["value"])
+            moved = same[albedo] * 1e-7
+            same[albedo] += 1
+            told_apart = {"type": "rgb", "value": [red - moved if red > 0.5 else red + moved, *others]}
+            thing["bsdf"] = {"type": "twosided", "bsdf": inner | {"reflectance": told_apart}}
+
+
+def moved_by(scene: Scene) -> float:
+    """Pixels: how far, at most, the file's camera sees something from where the scene's camera does."""
+    camera = scene.camera
+    u, v = (a.ravel() for a in np.meshgrid(np.linspace(0, camera.width - 1, 33), np.linspace(0, camera.height - 1, 33)))
+    x, y = newton((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, camera.coefficients)
+    return float(np.hypot(camera.fx * x + camera.cx - u, camera.fx * y + camera.cy - v).max())
