@@ -396,6 +396,7 @@ MISTAKES: list[Mistake] = [
     (("distortion-kept",), A, "range(100)", "range(0)"),
     (("distortion-few-steps",), A, "range(100)", "range(3)"),
     (("distortion-few-steps",), B, "range(200)", "range(2)"),
+    (("distortion-few-steps",), B, "range(200)", "range(1)"),
     (("distortion-sign",), A, "k1, k2, p1, p2, k3 = dist", "k1, k2, p1, p2, k3 = -dist"),
     (("distortion-forward",), B, "x, y = x - (fx - xd), y - (fy - yd)", "x, y = fx, fy; break"),
     (("k3-left-out",), B, " + k3 * r2 ** 3", ""),

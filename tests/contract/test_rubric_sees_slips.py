@@ -9,7 +9,7 @@ import pytest
 from raytwin.contract.check_function import call_stage, is_right
 from raytwin.contract.stage import Case
 from raytwin.contract.stage_table import CONTRACT
-from raytwin.diagnose.operators import edits
+from raytwin.diagnose.edits import edits
 from raytwin.diagnose.textbook import TEXT, tracer_with
 
 ENDLESS = ("an axis is missing",)
@@ -55,7 +55,7 @@ def surfaces(rng):
     [
         ("intersect_sphere", ("intersect_sphere",), rays, 1),
         ("shade", ("shade",), surfaces, 1),
-        ("back_project", ("undistort", "through"), lenses, 9),
+        ("back_project", ("undistort", "through"), lenses, 7),
     ],
 )
 def test_every_slip_in_the_textbook_that_changes_anything_fails_a_case(function, parts, probes, every):

@@ -198,14 +198,28 @@ def test_a_mistake_in_some_cases_is_told_by_the_case():
     assert found.sentence.endswith("(one albedo for all)")
 
 
-def test_a_function_that_writes_into_its_arguments_spoils_no_case():
+@pytest.mark.parametrize("written", [("normals",), ("normals", "sky"), ()])
+def test_a_function_that_writes_into_its_arguments_fails_one_case_that_says_so(written):
     def greedy(points, normals, albedo, to_light, irradiance, sky):
         right = CONTRACT["shade"].reference(points, normals, albedo, to_light, irradiance, sky)
-        for a in (points, normals, albedo, to_light, irradiance, sky):
-            a[...] = 7
+        for name in written:
+            {"normals": normals, "sky": sky}[name][...] = 7
         return right
 
-    assert judge_function(CONTRACT["shade"], greedy).passed
+    found = judge_function(CONTRACT["shade"], greedy)
+    assert [case.passed for case in found.cases].count(False) == bool(written)
+    assert all(f"`{name}`" in found.sentence and "in place" in found.sentence for name in written)
+    assert found.passed == (not written)
+
+
+def test_a_function_that_keeps_its_rays_by_the_size_of_the_picture_fails_the_case_of_another_camera():
+    kept, reference = {}, CONTRACT["back_project"].reference
+
+    def lazy(K, dist, width, height):
+        return kept.setdefault((width, height, *dist), reference(K, dist, width, height))
+
+    found = judge_function(CONTRACT["back_project"], lazy)
+    assert [case.shows for case in found.cases if not case.passed] == ["another camera of the same size"]
 
 
 def test_answers_can_be_judged_without_the_function():

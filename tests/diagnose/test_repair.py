@@ -16,7 +16,7 @@ from raytwin.contract.repair_function import _bounded_memory, further_probes, re
 from raytwin.contract.stage import Case
 from raytwin.contract.stage_table import CONTRACT
 from raytwin.diagnose.attempt import attempt, lines_run
-from raytwin.diagnose.operators import edits
+from raytwin.diagnose.edits import edits
 from raytwin.diagnose.repair import AT_ONCE, LINES_A_TRY, Repair, Runner, Work, candidates, repair
 from raytwin.diagnose.textbook import TEXT
 
@@ -123,7 +123,7 @@ def test_accidents_of_copying_and_moving_are_undone():
         assert right in texts, right
 
 
-def test_copied_lines_indices_within_a_part_and_arguments_of_opencv_are_put_right():
+def test_copied_lines_counts_and_steps_of_opencv_are_put_right():
     text = (
         "def f(xd, yd, tx, ty, out, parts, K):\n    a = (xd - tx) / K + xd * 2\n    b = (xd - ty) / K + yd * 2\n"
         "    x = tx / K\n    y = (yd - ty) / K\n    for start in parts:\n        k = K[0]\n        out[k] = a\n"
@@ -131,10 +131,26 @@ def test_copied_lines_indices_within_a_part_and_arguments_of_opencv_are_put_righ
     )
     texts = changed(text)
     for right in (
-        "b = (yd - ty) / K + yd * 2", "x = (xd - tx) / K", "out[start + k] = a", "enumerate(yd, len(parts))",
-        "cv2.undistortPoints(a, np.eye(3), b)", "criteria=(3, 100, 1e-12)",
+        "b = (yd - ty) / K + yd * 2", "x = (xd - tx) / K", "enumerate(yd, len(parts))",
+        "criteria=(3, 100, 1e-12)",
     ):  # fmt: skip
         assert right in texts, right
+
+
+def test_hidden_names_and_values_returned_too_early_are_put_right():
+    text = (
+        "def f(t, balls, n):\n    for t in balls:\n        c = t > n - t\n        return c\n"
+        "    y = [n * k for k in t]\n"
+        "    return t, y, [k - t for t in y for k in t]\n"
+    )
+    texts = changed(text)
+    for right in (
+        "for t_ in balls:\n        c = t_ > n - t_\n        return c\n    y = [n * k for k in t]\n",
+        "for t_ in balls:\n        c = t > n - t_\n", "        if c:\n            return True\n",
+        "        if not c:\n            return False\n", "[k - t for t_ in y for k in t_]",
+    ):  # fmt: skip
+        assert right in texts, right
+    assert "k_" not in texts  # it hides nothing
 
 
 def test_lost_lines_late_variables_and_exchanged_names_are_put_right():
@@ -395,7 +411,6 @@ def repaired(text, name, cases):
 @pytest.mark.parametrize(("wrong", "right"), [
     ("p[hit] = t[hit, None] * d[hit]", "p[hit] = t[hit, None] * d[hit] + o"),
     ("H = Td @ G @ Ts", "H = np.linalg.inv(Td) @ G @ Ts"),
-    ("m = o[:n] - c; a = d[i:i + n]", "m = o[i:i + n] - c; a = d[i:i + n]"),
     ("y = np.empty_like(v)", "y = np.empty_like(v, dtype=float)"),
     ("off = self.power", "off = self.power.copy()"),
 ])  # fmt: skip

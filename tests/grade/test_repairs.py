@@ -36,6 +36,17 @@ def test_the_line_of_a_slip_is_told_where_the_submission_lets_it_be_found(tmp_pa
         assert any(said in sentence for sentence in exercise.sentences) == told, exercise.sentences
 
 
+def test_a_function_that_changes_its_arguments_loses_one_case_and_is_told_the_line(tmp_path):
+    text = PLAIN.replace("    oc = origins - center\n", "    origins -= center\n    oc = origins\n")
+    (tmp_path / "r.toml").write_text(f'title = "t"\nhints = 3\n{SPHERES}')
+    (tmp_path / "a.py").write_text(text)
+    (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
+    (exercise,) = result.exercises
+    assert [part.passed for part in exercise.parts].count(False) == 1
+    assert any("`origins` in place" in said for said in exercise.sentences), exercise.sentences
+    assert any("`origins = origins - center` in place of `origins -= center`" in said for said in exercise.sentences)
+
+
 SPHERES = '[[exercises]]\nname = "spheres"\nstage = "intersect_sphere"\npoints = 20\n'
 RAYS = '[[exercises]]\nname = "rays"\nstage = "back_project"\npoints = 20\n'
 POINTS = '[[exercises]]\nname = "points"\nstage = "hit_points"\ndrawn = 1\npoints = 20\n'

@@ -38,7 +38,7 @@ from raytwin.contract.stage_table import CONTRACT
 from raytwin.diagnose.catalogue import FAULTS
 from raytwin.diagnose.draw_scene import LARGER, draw_scene
 from raytwin.diagnose.edit import Edit
-from raytwin.diagnose.operators import edits
+from raytwin.diagnose.edits import edits
 from raytwin.diagnose.parametric_faults import FAMILIES
 from raytwin.diagnose.repair import kind_of
 from raytwin.grade.grade_submission import grade_submission

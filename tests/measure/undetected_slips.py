@@ -20,7 +20,7 @@ from raytwin.contract.stage import PARTS_OF, wrong
 from raytwin.contract.stage_table import CONTRACT
 from raytwin.diagnose.draw_scene import draw_scene
 from raytwin.diagnose.edit import Edit
-from raytwin.diagnose.operators import edits
+from raytwin.diagnose.edits import edits
 from raytwin.diagnose.predict import RIGHT, Pipeline, predictor, slip
 from raytwin.diagnose.textbook import FUNCTIONS, Changes
 from raytwin.grade.questions import LARGER

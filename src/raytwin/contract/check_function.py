@@ -6,6 +6,7 @@ and named where it gives the numbers that were found, in all cases.
 
 import dataclasses
 import itertools
+import pickle
 import traceback
 import warnings
 from collections.abc import Iterable, Sequence
@@ -42,7 +43,7 @@ def repair_function(stage: Stage, function: Function, seed: int = 0, source: str
         return None
 
     def is_wrong(case: Case) -> bool:
-        return not is_right(stage, case, _call(function, case))
+        return not is_right(stage, case, call_stage(stage, function, [case])[0])
 
     cases = probes(stage, stage.cases(seed), is_wrong) or probes(stage, stage.last(seed), is_wrong)
     further = partial(further_probes, stage, seed)
@@ -67,16 +68,29 @@ def call_stage(stage: Stage, function: Function, cases: Iterable[Case]) -> list[
     """The function's answer to each case; it gets copies of the arguments, and whatever it raises is its answer."""
     if other := stage.misfit(function):
         return [f"it is {other}, and is called as {stage.signature}" for _ in cases]
-    return [_call(function, case) for case in cases]
+    answers = [_call(function, case) for case in cases]
+    return _one_says_so(stage, [answer for answer, _ in answers], [changed for _, changed in answers])
 
 
-def _call(function: Function, case: Case) -> Outcome:
+def _one_says_so(stage: Stage, outcomes: list[Outcome], changed: Sequence[Sequence[int]]) -> list[Outcome]:
+    """The outcomes, of which the first whose call changed its arguments becomes that in words."""
+    for k, arguments in enumerate(changed):
+        if (said := stage.changes(arguments)) and not isinstance(outcomes[k], str):
+            return [*outcomes[:k], said, *outcomes[k + 1 :]]
+    return outcomes
+
+
+def _call(function: Function, case: Case) -> tuple[Outcome, list[int]]:
+    """What it answers, and the numbers of the arguments that it changed."""
+    arguments = _copied(case.args)
+    before = [pickle.dumps(argument) for argument in arguments]
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
-            return as_arrays(function(*_copied(case.args)))
+            outcome = as_arrays(function(*arguments))
     except Exception as error:  # theirs, whatever it is
-        return _error_text(error)
+        outcome = _error_text(error)
+    return outcome, [k for k, one in enumerate(before) if one != pickle.dumps(arguments[k])]
 
 
 def _copied(args: Any) -> Any:
@@ -219,11 +233,11 @@ def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[
 
     def explains(variant: Variant) -> bool:
         function = variant.change(stage.reference)
-        predicted = _call(function, first[0])
+        predicted, _ = _call(function, first[0])
         others = (one for one in rest if not (variant.sometimes and _passes(stage, *one)))
         return (
             _agrees(stage, predicted, first[1])
-            and all(_agrees(stage, _call(function, case), found) for case, found in others)
+            and all(_agrees(stage, _call(function, case)[0], found) for case, found in others)
             and not _passes(stage, first[0], predicted)
         )
 

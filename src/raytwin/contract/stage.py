@@ -163,6 +163,12 @@ class Stage:
         """`back_project(K, dist, width, height)`."""
         return f"{self.name}({', '.join(self.parameters)})"
 
+    def changes(self, arguments: Sequence[int]) -> str:
+        """In words, that a function changed these of its arguments in place; empty for none, and for a scene's."""
+        names = [self.parameters[k] for k in arguments if k < len(self.parameters) and self.parameters[k] != "scene"]
+        said = ", ".join(f"`{name}`" for name in names)
+        return f"it changes {said} in place: whatever calls it goes on with other values" if names else ""
+
     def misfit(self, function: Function) -> str:
         """The function with its own parameters, where it cannot be called with the stage's arguments; else empty."""
         try:

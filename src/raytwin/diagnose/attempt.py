@@ -60,7 +60,11 @@ def attempt(
                 signal.setitimer(signal.ITIMER_VIRTUAL, limit)
             if code is not None:
                 exec(code, space)
-            got = space[function](*pickle.loads(stored))
+            given = pickle.loads(stored)
+            before = [pickle.dumps(one) for one in given if not isinstance(one, dict)]
+            got = space[function](*given)
+            if before != [pickle.dumps(one) for one in given if not isinstance(one, dict)]:
+                return None
             return tuple(numpy.array(a, dtype=float) for a in (got if isinstance(got, tuple) else (got,)))
         except (Exception, SystemExit):  # a change that does not run is none
             return None

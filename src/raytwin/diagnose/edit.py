@@ -7,7 +7,6 @@ import re
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 New = ast.AST | list[ast.stmt]
@@ -120,26 +119,6 @@ def changed(node: Any, **fields: Any) -> Any:
     return type(node)(**dict(ast.iter_fields(node)) | fields)
 
 
-@cache
-def template(text: str) -> Any:
-    return ast.parse(text, mode="eval").body
-
-
-def fill(text: str, **parts: ast.expr) -> Any:
-    """The expression `text`, its names A, B and so on replaced by nodes."""
-    return _filled(template(text), parts)
-
-
-def _filled(tree: Any, parts: Mapping[str, ast.expr]) -> Any:
-    if isinstance(tree, ast.Name):
-        return parts.get(tree.id, tree)
-    if isinstance(tree, list):
-        return [_filled(one, parts) for one in tree]
-    if not (isinstance(tree, ast.AST) and tree._fields):
-        return tree
-    return type(tree)(**{name: _filled(getattr(tree, name), parts) for name in tree._fields})
-
-
 def renamed(tree: ast.AST, names: Mapping[str, str]) -> Any:
     """A copy with other names."""
     made = copy.deepcopy(tree)
@@ -188,25 +167,3 @@ def names_in(tree: ast.AST, use: type[ast.expr_context] = ast.expr_context) -> s
 def form(tree: ast.AST) -> str:
     """The tree's form, whatever its names, numbers and words are."""
     return re.sub(r"Name\(id='\w+'|Constant\(value=[^,)]*", "_(", ast.dump(tree))
-
-
-def same(old: Any, new: Any) -> bool:
-    """Whether two nodes, lists of nodes or values are equal."""
-    if type(old) is not type(new):
-        return False
-    if isinstance(old, list):
-        return len(old) == len(new) and all(map(same, old, new))
-    if isinstance(old, ast.AST):
-        return old is new or all(same(getattr(old, name, None), getattr(new, name, None)) for name in old._fields)
-    return bool(old == new)
-
-
-def short(node: ast.AST) -> str:
-    """The node's text, cut for a message."""
-    text = ast.unparse(node)
-    return text if len(text) <= 40 else text[:37] + "..."
-
-
-def is_text(node: ast.AST) -> bool:
-    """Whether it is a text, None or a slice: nothing is computed with these."""
-    return isinstance(node, ast.Slice) or (isinstance(node, ast.Constant) and not isinstance(node.value, int | float))

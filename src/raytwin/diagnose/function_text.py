@@ -5,7 +5,7 @@ import re
 import warnings
 from collections.abc import Sequence
 
-from raytwin.diagnose.scope import MODULES, File
+from raytwin.diagnose.edits import MODULES, File
 
 Cells = Sequence[tuple[str, str]]
 """(name, text): a Python file has one, a notebook several."""

@@ -19,9 +19,8 @@ from typing import Any
 import numpy as np
 
 from raytwin.diagnose.edit import Edit, code_of
+from raytwin.diagnose.edits import edits, is_setting
 from raytwin.diagnose.function_text import Cells, file_of, names_bound, statements_of
-from raytwin.diagnose.operators import edits, edits_of_right
-from raytwin.diagnose.rewritings import is_setting
 
 Answers = list[tuple[np.ndarray, ...] | None]
 Lines = Set[tuple[str, int]]
@@ -284,12 +283,8 @@ class _Search:
     def __init__(
         self, cells: Cells, function: str, innocent: Sequence[str], runner: Runner, wrong: Any, words: Set[str] | None
     ) -> None:
-        reached, every = (statements_of(cells, function, names) for names in (innocent, ()))
-        ours = {id(statement) for _, statement in reached}
+        reached = statements_of(cells, function, innocent)
         self.reached = self._without_what_differs(reached, runner, wrong)
-        lines_of = {(cell, s.lineno) for cell, s in reached}
-        self.aside = [(cell, s) for cell, s in every if id(s) not in ours and (cell, s.lineno) not in lines_of]
-        """What is correct alone, but may change arrays that are not its own."""
         self.file = file_of(cells, [statement for _, statement in reached])
         self.running = None if wrong is None else runner.lines(wrong.args)
         self.lines_a_try = LINES_A_TRY + sum((self.running or {}).values())
@@ -302,8 +297,6 @@ class _Search:
         """The usual ones, or the rare, AT_ONCE at a time, the least far-fetched first: those that are Python."""
         found = [Candidate(cell, s, edit) for cell, s in self.reached
                  for edit in edits(s, self.file, rare, partial(self._runs, s))]  # fmt: skip
-        for cell, statement in () if rare else self.aside:
-            found += [Candidate(cell, statement, edit) for edit in edits_of_right(statement)]
         self.many = Counter(kind_of(c.edit.operator) for c in found)
         found.sort(key=self.weight)
         for k in range(0, len(found), AT_ONCE):

@@ -11,6 +11,7 @@ import numpy as np
 
 from raytwin.contract.composed_tracer import NEEDED, compose
 from raytwin.contract.stage import Function
+from raytwin.contract.stage_table import LESSONS
 from raytwin.grade.questions import Question
 from raytwin.grade.result import Result
 from raytwin.grade.rubric import Rubric
@@ -58,8 +59,18 @@ def call_all(result: Result, code: Code, rubric: Rubric, asked: list[Question]) 
         for other in (o for o in left if o.exercise.stage == one.exercise.stage):
             other.answer = ended
         left = [o for o in left if o.exercise.stage != one.exercise.stage]
+    for stage in {one.exercise.stage for one in asked}:
+        _one_says_so([one for one in asked if one.exercise.stage == stage])
     locks = tuple(f"{n}: {why}" for n, why in probe().items() if why != HOLDS)
     return msgspec.structs.replace(result, printed=printed, notes=child.notes, open_locks=locks), problem
+
+
+def _one_says_so(asked: Sequence[Question]) -> None:
+    """The first of a function's calls that changed its arguments fails for it."""
+    for one in asked:
+        if said := LESSONS[one.exercise.stage].changes(one.answer.changed):
+            one.answer = replace(one.answer, arrays=(), problem=said, sort="error")
+            return
 
 
 def ask(one: Question, child: Sandbox, code: Code, ours: Sequence[str] = ()) -> None:

@@ -269,7 +269,7 @@ def _repair(
 
     def is_wrong(case: Case, of: Stage = stage) -> bool:
         answer = child.call(of.name, *case.args)
-        return bool(answer.problem) or not is_right(of, case, answer.arrays)
+        return bool(answer.problem or of.changes(answer.changed)) or not is_right(of, case, answer.arrays)
 
     @cache
     def right_beside() -> list[tuple[Stage, Case]]:

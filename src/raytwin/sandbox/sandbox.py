@@ -92,12 +92,13 @@ class Code:
 @dataclass(frozen=True, eq=False)
 class Answer:
     """Arrays; or `problem`, in words, and of which sort: `error` (it raised), `limit` (too much of something), `broken`
-    (ended, or no answer)."""
+    (ended, or no answer). `changed`: numbers of the arguments that the function changed in place."""
 
     arrays: tuple[np.ndarray, ...] = ()
     seconds: float = 0.0
     problem: str = ""
     sort: Literal["", "error", "limit", "broken", "missing"] = ""
+    changed: tuple[int, ...] = ()
 
 
 class Sandbox:
@@ -216,7 +217,9 @@ class Sandbox:
             arrays = answer.get("arrays")
             right = isinstance(arrays, list) and all(isinstance(a, np.ndarray) for a in arrays)
             if right and answer["call"] == self._calls:
-                return Answer(tuple(arrays), seconds)
+                changed = answer.get("changed")
+                known = tuple(k for k in changed if isinstance(k, int)) if isinstance(changed, list) else ()
+                return Answer(tuple(arrays), seconds, changed=known)
             self._end(FORGED, "broken")
         return replace(self.problem, seconds=seconds)
 

@@ -42,9 +42,13 @@ LENSES = {
 
 
 def cases(seed: int) -> list[Case]:
-    """Each kind of lens before frames of some 20 x 15 pixels that see about 35 degrees to each side."""
+    """Each kind of lens before frames of some 20 x 15 pixels that see about 35 degrees to each side; and the first
+    again with another K: what was kept for a size is of no use there."""
     rng = np.random.default_rng(seed)
-    return [_case(shows, dist, rng) for shows, dist in LENSES.items()]
+    made = [_case(shows, dist, rng) for shows, dist in LENSES.items()]
+    K, dist, width, height = made[0].args
+    args = (K * [[1.2, 1, 0.9], [1, 1.1, 1.05], [1, 1, 1]], dist, width, height)
+    return [*made, Case("another camera of the same size", args, (back_project(*args),))]
 
 
 def _case(shows: str, dist: Any, rng: np.random.Generator) -> Case:
