@@ -123,7 +123,7 @@ def lines_run(space: Any, function: Any, arguments: Any, seconds: Any) -> Any:
             return space[function](*arguments)
         finally:
             sys.settrace(None)
-            threading.settrace(None)  # type: ignore[arg-type]
+            threading.settrace(None)
 
     before_it = sys.gettrace()
     space["raytwin_traced"] = traced
