@@ -270,6 +270,23 @@ def test_the_lines_that_a_call_runs_are_counted():
     assert found == {("f", 6): 3, ("f", 7): 2, ("Ball", 3): 2, ("f", 8): 1, ("f", 10): 1}
 
 
+def test_the_lines_that_run_in_other_threads_are_counted_too():
+    text = "from concurrent.futures import ThreadPoolExecutor\ndef g(k):\n    return k\ndef f(n):\n"
+    exec(f"{text}    with ThreadPoolExecutor(2) as pool:\n        return sum(pool.map(g, range(n)))\n", space := {})
+    assert lines_run(space, "f", (3,), 1.0)["g", 3] == 3
+
+
+def test_a_return_that_ends_a_loop_at_the_first_miss_becomes_continue():
+    text = (
+        "def f(x):\n    y = [0] * len(x)\n    for k, one in enumerate(x):\n        if one < 0:\n            return y\n"
+    )
+    text += "        y[k] = one\n    return y\n"
+    exec(text, space := {})
+    cases = [Case("", (x,), (np.maximum(x, 0),)) for x in (np.array([1, -1, 2]), np.array([-3, 4, -1, 5]))]
+    found = repair_here(space["f"], cases, lambda case, got: np.array_equal(case.expected[0], got[0]), text)
+    assert (found.line, found.after, found.sure) == (5, "continue", True)
+
+
 @pytest.mark.parametrize(("text", "wanted", "sure"), [
     ("x[2] * 8", "x[2] * 7", False), ("x[2] * 2", "x[2] * 3", True), ("x[8]", "x[7]", True),
 ])  # fmt: skip

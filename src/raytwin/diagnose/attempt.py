@@ -103,6 +103,7 @@ def attempt(
 def lines_run(space: Any, function: Any, arguments: Any, seconds: Any) -> Any:
     """(name of the outermost function or class, line) -> how often one call runs that line of the text."""
     import sys
+    import threading
 
     count: dict[tuple[str, int], int] = {}
 
@@ -116,11 +117,13 @@ def lines_run(space: Any, function: Any, arguments: Any, seconds: Any) -> Any:
         return in_frame if frame.f_globals is space else None
 
     def traced(*arguments: Any) -> Any:
+        threading.settrace(called)
         sys.settrace(called)
         try:
             return space[function](*arguments)
         finally:
             sys.settrace(None)
+            threading.settrace(None)
 
     before_it = sys.gettrace()
     space["raytwin_traced"] = traced

@@ -201,6 +201,7 @@ def _around(node: ast.expr, scope: Scope) -> Found:
     if isinstance(parent, ast.Assign) and isinstance(node, ast.Name | ast.Attribute | ast.Subscript):
         yield "a copy is missing", COPIED, filled("A.copy()", A=node)
     signed = isinstance(node, ast.UnaryOp) or is_setting(node) or scope.indexed(node) is not None
+    signed |= isinstance(parent, ast.Compare) and isinstance(parent.ops[0], ast.Eq)  # it would never hold
     squared = isinstance(parent, ast.BinOp) and (isinstance(parent.op, ast.Pow) or same(parent.left, parent.right))
     for words, weight, _, forms in rows_for(None):
         for one in forms:
@@ -486,7 +487,10 @@ def _jump(n: ast.stmt, scope: Scope) -> Found:
 
 
 def _return(n: ast.Return, scope: Scope) -> Found:
-    if n.value is not None and not isinstance(n.value, ast.Constant) and next(scope.loops_around(n), None):
+    if next(scope.loops_around(n), None) is None:
+        return
+    yield "it returns inside the loop, which ends it: `continue` is wanted", COPIED, [ast.Continue()]
+    if n.value is not None and not isinstance(n.value, ast.Constant):
         for found, test in ((True, n.value), (False, ast.UnaryOp(ast.Not(), n.value))):
             words = f"it returns the first value: only where it is {found} nothing else counts"
             yield words, USUAL, [ast.If(test, [ast.Return(ast.Constant(found))], [])]
