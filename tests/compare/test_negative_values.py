@@ -47,3 +47,12 @@ def test_where_the_test_has_no_noise_no_negative_value_is_excused():
     test = gaussian(np.random.default_rng(4), 0.3)
     assert fails_as_negative(compare(test, exact(TRUTH), noise="none"))
     assert fails_as_negative(compare(test, exact(TRUTH), noise="reference"))
+
+
+def test_negative_values_of_an_image_that_states_no_noise_are_undecided_and_say_why():
+    """The reference has them, too: nothing else fails."""
+    truth = TRUTH.astype(np.float32)
+    truth[10, 20] = -0.1
+    c = compare(Image(truth.copy(), samples=0), Image(truth, samples=0))
+    assert c.verdict == "undecided"
+    assert "a filter with negative lobes" in c.reasons[0]

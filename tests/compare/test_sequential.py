@@ -7,6 +7,7 @@ import pytest
 from measure.noise_models import render
 from measure.sequences import NOISES, SMALL, faulty, pooled, sequence
 
+import raytwin
 from raytwin.compare import SequentialComparison, compare
 from raytwin.compare.decision import Unseen, _excluded, _Tested
 from raytwin.compare.sequential import PER_OCTAVE, first_samples, look_level, look_number
@@ -228,3 +229,14 @@ def test_renders_that_are_equal_since_events_are_rare_all_count():
     assert len({one.tobytes() for one in renders}) < 40
     assert check.samples == 40
     np.testing.assert_allclose(check.image("test").mean, np.mean(renders, axis=0), rtol=1e-6)
+
+
+def test_renders_that_repeat_or_are_means_of_one_that_grows_are_named_before_any_verdict():
+    rng = np.random.default_rng(14)
+    renders = [rng.exponential(SMALL).astype(np.float32) for _ in range(8)]
+    means = [np.mean(renders[: k + 1], axis=0, dtype=np.float32) for k in range(8)]
+    assert raytwin.compare(renders, SMALL.astype(np.float32)).verdict != "fail"
+    with pytest.raises(InputError, match="one growing render"):
+        raytwin.compare(means, SMALL.astype(np.float32))
+    with pytest.raises(InputError, match=r"renders 1 and 8 .* are equal"):
+        raytwin.compare([*renders, renders[1]], SMALL.astype(np.float32))

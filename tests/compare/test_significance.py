@@ -3,12 +3,14 @@
 import math
 
 import mpmath
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.special import ndtri, pdtr
 
 from raytwin.compare import significance
-from raytwin.compare.significance import welch
+from raytwin.compare.significance import as_skewed, less_skewed, welch
 
 
 @pytest.mark.parametrize("dof", [1, 3, 15, 30.5, math.inf])
@@ -41,3 +43,19 @@ def test_sidak_s_levels_multiply_back_to_the_rate(rate, tests):
 )
 def test_welch_s_degrees_of_freedom(parts, expected):
     assert welch(parts) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("events", "expected"), [(1, 16), (4, 25), (30, 62), (100, 150)])
+def test_a_skewed_deviation_is_that_of_a_poisson_number(events, expected):
+    """`events` seen where `expected` are usual: z of the normal deviation whose tail is P(N <= events), within 0.35."""
+    z, g = (expected - events) / np.sqrt(events), 1 / np.sqrt(events)
+    exact = -ndtri(pdtr(events, expected))
+    assert abs(float(less_skewed(np.array([z]), g)[0]) - exact) < 0.35
+
+
+def test_without_skewness_a_deviation_stays_and_with_it_begins_as_johnson_s():
+    z = np.array([0.0, 0.5, 3.0, 30.0])
+    assert list(less_skewed(z, 0.0)) == list(z)
+    assert less_skewed(np.array([0.5]), 0.1)[0] == pytest.approx(0.5 - 0.1 * 0.25 / 3, rel=1e-3)
+    assert (np.diff(less_skewed(np.linspace(0, 50, 100), 0.7)) > 0).all()
+    assert as_skewed(less_skewed(z, 0.1), np.full(4, 0.1)) == pytest.approx(z, rel=0.02)

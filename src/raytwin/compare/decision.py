@@ -11,17 +11,17 @@ Each of the four gets the rate 1 - (1 - rate)^(1/4), and shares it among its own
 What a variance estimated from a few batches needs, so that the rate holds:
 
 - Student's t in the place of the Gaussian. A value has the batches' degrees of freedom; a sum over pixels has
-  (sum v)^2 / sum(v^2 / nu) - 1 (Welch, Satterthwaite), nu what is known of each pixel's variance (noise.doubt): 0 when
-  a single firefly carries it.
+  (sum v)^2 / sum(v^2 / nu) - 1 (Welch, Satterthwaite).
+- The third moment beside the variance: noise that is skewed against the error makes a sum look surer than it is
+  (significance.less_skewed, after Johnson 1978).
 - A value whose batches happened to agree looks surer than it is. Its variance is raised to its block's mean, and to
-  what the other image's variance says of it.
-- A pixel that missed a rare event (a firefly) is too dark by the events' mean, or too bright if they are dark, without
-  a trace in its variance. The mean of the fireflies that were seen elsewhere is therefore granted to whatever may have
-  missed them all, in units of radiance or of the light, whichever is more: often a few thousandths, where widening
-  every variance by a firefly's would have blinded all tests. Where both images state their samples, a variance is never
-  less than the samples' ratio says of the other's.
-- Where events are too dense to be fireflies, a tile that saw few of them shows too little variance. It is raised to
-  what is usual around it (_at_least_usual): then Poisson's lower tail is thinner than the Gaussian's, exp(-z²/2).
+  what the other image's variance says of it, by the samples' ratio.
+- A sum that expects few events may have missed them all, without a trace in its variance. How many it expects, and how
+  much light they are, its neighbours tell, or all blocks (rare_events). A sum that shows their variance saw them.
+- Beside an image without noise nothing tells of events that no sample of the whole image met: few samples leave such
+  an error undecided (lacking_light).
+- Where fireflies carry most of the variance and fall everywhere alike, sums are tested without them, too, and their
+  mean is granted.
 - Values with a standard deviation below a tenth of the tolerance hold no noise: they are compared as exact images are,
   where neither image is sampled, and at the background. In a sampled image samples that all agree prove little: n of
   them miss an event of probability p with exp(-n p). What they may have missed is granted to values, tiles and image,
@@ -195,7 +195,8 @@ def decide(
     found = [_block_sums(pair, strip) for strip in strips]
     grids = {key: np.concatenate([sums[key] for sums in found]) for key in found[0]}
     grids |= rare_events(grids, pair.ratio, pair.scales, share)
-    without = _without_fireflies(pair, strips, share)
+    rare = any(grids[f"wide {way}"].any() for way in WAYS)
+    without = _without_fireflies(pair, strips, share) if rare else None
     for strip in strips:
         noise_free = _exact_values(noise_free, strip)
         if by_value:
@@ -315,7 +316,7 @@ ENOUGH_SAMPLES = 80_000
 
 def excusable(error: Means, radiance: Means, lacking: Lacking) -> Bool[np.ndarray, "..."]:
     """Whether events that no sample met may explain the error."""
-    return np.asarray(np.abs(error) < np.where(error < 0, *lacking) * np.abs(radiance))
+    return np.asarray(np.abs(error) < np.where(error < 0, lacking[0], lacking[1]) * np.abs(radiance))
 
 
 def lacking_light(test: Image, reference: Image, share: float) -> Lacking:
@@ -489,7 +490,7 @@ def _without_fireflies(pair: Pair, strips: list[Strip], share: float) -> Sums | 
     """The sums over the values that are no firefly of either image, if fireflies carry most of the variance; else None.
 
     What is left is too dark by the fireflies' mean, or too bright if they are dark, which is granted: for k of one size
-    the upper limit of a Poisson mean, (sqrt(k) + c / 2)² + 1, c the Gaussian's quantile; with more light, more.
+    the upper limit of a Poisson mean, (sqrt(k) + q / 2)² + 1, q the Gaussian's quantile; with more light, more.
     """
     from scipy.special import ndtri
 
@@ -515,10 +516,10 @@ def _without_fireflies(pair: Pair, strips: list[Strip], share: float) -> Sums | 
         return None
     found = [_block_sums(pair, strip, out) for strip, out in zip(strips, masks, strict=True)]
     sums = {key: np.concatenate([part[key] for part in found]) for key in found[0]}
-    c = -float(ndtri(share))
+    q = -float(ndtri(share))
     size = np.divide(second, first, out=np.zeros((2, 3)), where=first > 0)
     # Some of them have hidden among others.
-    most = 1.2 * (first + c * np.sqrt(second) + (c * c / 4 + 1) * size) / sums["n"].sum()
+    most = 1.2 * (first + q * np.sqrt(second) + (q * q / 4 + 1) * size) / sums["n"].sum()
     light = np.maximum(sums["r"].sum(axis=(0, 1)) / sums["n"].sum(), TINY)
     (bright, dark), more = most, np.maximum(sums["r"] / light, sums["n"])
     tested, referred = (image.variance is not None for image, _, _ in pair.sides)
@@ -598,7 +599,7 @@ def _estimate(estimator: Estimator, level: float) -> _Tested:
         skewness = np.nan_to_num(np.stack(third) * shared**2 / (sd * s["n"]) ** 3)
     beyond = np.maximum(np.abs(error) - granted - missing, 0)
     z = np.divide(beyond, sd, out=np.zeros_like(sd), where=sd > 0)
-    z = less_skewed(np.nan_to_num(z, nan=np.inf, posinf=np.inf), np.where(error < 0, *skewness))
+    z = less_skewed(np.nan_to_num(z, nan=np.inf, posinf=np.inf), np.where(error < 0, skewness[0], skewness[1]))
     always = always + np.maximum(dark, bright)
     return _Tested(
         np.nan_to_num(z, nan=np.inf, posinf=np.inf),
