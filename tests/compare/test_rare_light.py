@@ -76,7 +76,7 @@ def test_light_of_dense_noise_is_not_rare():
 
 @pytest.mark.parametrize("third", [True, False])
 def test_a_tile_that_missed_its_events_is_excused_by_its_neighbours_and_not_beyond_them(third):
-    """Events of 30 in a share .01 of the samples of 24 x 24 pixels: none of 20 renders fails; with half the light all."""
+    """Events of 30 in one sample of 100, in 24 x 24 pixels: of 20 renders none fails; with half the light all do."""
     rng, samples = np.random.default_rng(8), 64
     chance = np.zeros((64, 96, 1))
     chance[20:44, 30:54] = 0.01

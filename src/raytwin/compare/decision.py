@@ -296,7 +296,7 @@ def _pair_of(test: Image, reference: Image, bound: Bound, share: float, rounding
         welch(noisy),
         _proven(reference, unseen),
         np.float32(max(sum(v for v, _ in noisy), 1e-30)),
-        lacking_light(test, reference, share),
+        lacking_light(test, reference, share, look),
         (
             0.0 if ratio is None or reference.third is None else ratio**2,
             0.0 if ratio is None or test.third is None else ratio**-2,
@@ -313,13 +313,21 @@ FEWEST_TOLD = 3
 ENOUGH_SAMPLES = 80_000
 """Samples of the whole image: of events that are no rarer than one in 10 000 they have met some, but for exp(-8)."""
 
+ENOUGH_AT_ONCE = 30_000
+"""The same for a comparison made once: the looks of a sequence meet the least lucky of all numbers of samples."""
+
+
+def enough_samples(look: float) -> int:
+    """Samples of the whole image from which on no error is laid to events that none of them met."""
+    return ENOUGH_SAMPLES if look < 1 else ENOUGH_AT_ONCE
+
 
 def excusable(error: Means, radiance: Means, lacking: Lacking) -> Bool[np.ndarray, "..."]:
     """Whether events that no sample met may explain the error."""
     return np.asarray(np.abs(error) < np.where(error < 0, lacking[0], lacking[1]) * np.abs(radiance))
 
 
-def lacking_light(test: Image, reference: Image, share: float) -> Lacking:
+def lacking_light(test: Image, reference: Image, share: float, look: float) -> Lacking:
     """The share of its light that the test, or the reference, may lack because no pixel's sample met an event.
 
     Beside an image without noise nothing tells of such events. -ln(share) of them are missed by all samples with the
@@ -331,7 +339,7 @@ def lacking_light(test: Image, reference: Image, share: float) -> Lacking:
     each = noisy.samples if noisy.samples > 1 else noisy.batches or 0
     samples = math.prod(noisy.shape[:2]) * each
     told = each >= FEWEST_TOLD
-    lacking = BRIGHTEST * -math.log(share) / samples if told and samples < ENOUGH_SAMPLES else 0.0
+    lacking = BRIGHTEST * -math.log(share) / samples if told and samples < enough_samples(look) else 0.0
     return (0.0, lacking) if test.variance is None else (lacking, 0.0)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from raytwin.compare.blocks import Pixels
 from raytwin.compare.comparison import Statistics
-from raytwin.compare.decision import ENOUGH_SAMPLES, TESTS, Decision, Rounding, decide
+from raytwin.compare.decision import TESTS, Decision, Rounding, decide, enough_samples
 from raytwin.compare.exact import NoiseFree, count_noise_free
 from raytwin.compare.finding import Finding, Place, notes
 from raytwin.compare.messages import agreement, noise_findings, percent, what_could_be_seen
@@ -245,7 +245,7 @@ class RadianceTest:
         seen_by = what_could_be_seen(made.image.detectable, made.tile.detectable, made.inflation, self.rate)
         doubts: tuple[str, ...] = ()
         if findings and made.excusable and all(f.kind in ("image", "tile", "value") for f in findings):
-            doubts = (UNSAMPLED.format(ENOUGH_SAMPLES // self.pixels + 1),)
+            doubts = (UNSAMPLED.format(enough_samples(self.look) // self.pixels + 1),)
         of = (seen, "the whole image's mean"), (made.tile.detectable, "24 x 24 pixels")
         missed = [
             f"{percent(found)} of {what} (a pass needs {percent(limit)})"
