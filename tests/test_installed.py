@@ -156,14 +156,14 @@ def test_every_extra_that_is_missing_is_named_at_once_in_one_line(run):
         "bench single": "twin,llvm",
         "reference check single": "twin,llvm",
         "explore single": "live,twin,llvm",
-        "calibrate . --board board.toml": "photos",
+        "photo calibrate . --board board.toml": "photos",
         "stability": "photos",
         "walk --notebook": "notebook",
     }
     *told, (code, doctor) = json.loads(run("chain", json.dumps([c.split() for c in (*needs, "doctor")])).stdout)
     for (command, extras), (refused, line) in zip(needs.items(), told, strict=True):
         assert (refused, line.count("\n")) == (2, 1), line
-        assert line.startswith(f"raytwin: {command.split()[0]} needs ")
+        assert line.startswith(f"raytwin: {' '.join(command.split()[: 2 if 'photo ' in command else 1])} needs ")
         assert line.endswith(f"is not installed: pip install 'raytwin[{extras}]'\n")
     assert code == 0
     assert re.search(r"^backend +none: .*pip install 'raytwin\[twin,llvm\]'", doctor, re.MULTILINE)

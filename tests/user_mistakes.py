@@ -16,7 +16,7 @@ def mistakes(scene: raytwin.Scene, image: raytwin.Image) -> None:
         print(ids)
     traced: np.ndarray = raytwin.trace(scene, "shadow")  # wrong
     rendered: str = raytwin.render(scene, samples="64")  # wrong
-    written: raytwin.Scene = raytwin.read_scene("scenes/single")  # wrong
+    written: str = raytwin.read_scene("scenes/single")  # wrong
     verdict: int = raytwin.compare_images(image, image).verdict  # wrong
     raytwin.compare_images(image.mean, image)  # wrong
     raytwin.Sphere((0.0, 0.0), 1.0)  # wrong

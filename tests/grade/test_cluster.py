@@ -12,7 +12,6 @@ import submitted_tracers as tracers
 from raytwin.errors import MachineError
 from raytwin.grade.class_run import jobs_of, run
 from raytwin.parallel import Workers, map_parallel
-from raytwin.workflows.settings import ReferenceSettings
 
 distributed = pytest.importorskip("distributed")
 
@@ -64,17 +63,6 @@ def test_a_process_that_is_killed_takes_nothing_with_it(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([TESTS, os.environ.get("PYTHONPATH", "")]))
     done = list(map_parallel(tracers.die_once, [str(tmp_path / "a"), str(tmp_path / "b")], Workers(2)))
     assert [d.result for d in done] == ["alive", "alive"]
-
-
-def test_a_worker_that_cannot_have_the_callers_variant_says_so_in_one_line(monkeypatch, tmp_path):
-    from raytwin import twin
-    from raytwin.cli.reference_commands import _cases, _changes
-
-    twin.activate()
-    monkeypatch.setenv("RAYTWIN_NO_LLVM", "1")  # which the workers inherit; here it is chosen already
-    cases = _cases([Path("single")], ["surface", "lambert"])
-    with pytest.raises(MachineError, match=r"^variant llvm_ad_rgb: expected a machine where it works [^\n]*$"):
-        list(_changes(cases, tmp_path, ReferenceSettings(size=(8, 6)), Workers(jobs=2)))
 
 
 def test_no_scheduler_at_the_address_is_said(monkeypatch):

@@ -147,10 +147,10 @@ def test_few_samples_fail_no_right_tracer(scenes, level, samples):
 
 def test_a_tracer_of_centers_differs_from_areas_as_expected_and_a_wrong_one_still_fails(scenes, monkeypatch):
     monkeypatch.setattr("raytwin.workflows.compare_scene.find_causes", lambda *_: ())  # takes longest
-    # Of 8 samples few showed the edges: one seed of six on overlap, none on distorted.
+    # Of 36 samples one seed of three does not show overlap's edges, which are rare events; distorted's always show.
     asked = (("overlap", None, "differs"), ("distorted", None, "differs"), ("overlap", Moved(surface=True), "fail"))
     for name, subject, verdict in asked:
-        result = compare_scene(scenes / name, subject=subject, sampling="area", size=(160, 120), cache=False)
+        result = compare_scene(scenes / name, subject=subject, sampling="area", size=(160, 120), seed=1, cache=False)
         assert result.comparison.verdict == verdict
         assert ("sends one ray through each pixel's center" in result.comparison.reasons[0]) == (verdict == "differs")
 

@@ -159,7 +159,7 @@ def test_the_same_pixels_at_another_place_of_the_display_fail(tmp_path):
 
 
 def test_the_docs_have_every_metrics_formula():
-    readme = (ROOT / "docs" / "reference" / "diff-and-metrics.md").read_text(encoding="utf-8")
+    readme = (ROOT / "docs" / "files.md").read_text(encoding="utf-8")
     for metric in METRICS.values():
         formula = metric.formula.replace("|", "\\|")
         assert f"| `{metric.name}` | {formula} | {metric.source} |" in readme

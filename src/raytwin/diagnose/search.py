@@ -32,6 +32,7 @@ FINALISTS = 24
 CLEAR = 0.05
 """Share of the cost: where a fault leaves less, one that leaves more than NEAR is dropped."""
 NEAR = 0.5
+"""Share of the cost above which a fault is dropped beside a CLEAR one."""
 CLOSE = 4
 """Multiple of the best cost on few pixels above which a fault is not tried on all."""
 TEMPTING = 16
