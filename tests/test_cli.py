@@ -58,6 +58,7 @@ def test_compare_fails_with_1_where_the_images_differ_and_says_with_0_that_a_low
         assert run.stdout.startswith(verdict)
 
 
+@pytest.mark.nightly
 def test_without_any_llvm_one_line_says_what_to_install(scenes, tmp_path):
     environment = {"RAYTWIN_NO_LLVM": "1", "RAYTWIN_CACHE": str(tmp_path)}
     run = raytwin_alone("compare", scenes / "distorted", "--size", "80x60", "-o", tmp_path / "out", **environment)

@@ -53,6 +53,7 @@ BUILT = {
 }
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "rung", "samples"),
     [("overlap", "path", 64), ("wedge", "sky", 64), ("weekend", "sky", 64), ("eight kilometres", "path", 64),

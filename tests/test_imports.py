@@ -115,6 +115,7 @@ def test_a_function_that_has_a_packages_name_is_that_package():
 EXAMPLES = sorted(p for p in (ROOT / "src").rglob("*.py") if ">>> " in p.read_text(encoding="utf-8"))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
 def test_the_examples_in_docstrings_work(path, monkeypatch):
     monkeypatch.chdir(ROOT)

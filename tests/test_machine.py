@@ -14,6 +14,8 @@ from raytwin.cli import main
 from raytwin.errors import InputError
 from raytwin.image import Image
 
+pytestmark = pytest.mark.nightly
+
 LONG = "/" + "x" * 300
 """No folder can have this name: asking for it fails, as one that may not be entered does."""
 RUBRIC = Path(files.__file__).parents[1] / "grade" / "rubric.toml"

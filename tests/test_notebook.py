@@ -16,6 +16,8 @@ from raytwin import files, twin
 from raytwin.errors import InputError
 from raytwin.viewer import widget
 
+pytestmark = pytest.mark.nightly
+
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "python.md"
 LESS = "repeats=3", "repeats=3, truth_samples=16"

@@ -14,6 +14,8 @@ from raytwin.speed import trace
 from raytwin.workflows.augment_photos import augment_photos
 from raytwin.workflows.photograph import photograph_board
 
+pytestmark = pytest.mark.nightly
+
 SIZE, COUNT = (504, 378), 3
 SPHERES = (
     Sphere((0.05, 0.09, 0.03), 0.03, (0.75, 0.3, 0.2)),

@@ -15,6 +15,8 @@ from raytwin.cli import app
 from raytwin.errors import InputError
 from raytwin.image import Image
 
+pytestmark = pytest.mark.nightly
+
 pytest_plugins = ["pytester"]
 SHIPPED = references.SHIPPED
 

@@ -186,6 +186,7 @@ def test_the_learners_code_prints_what_its_comment_says(checkout, monkeypatch, c
     )
 
 
+@pytest.mark.nightly
 def test_the_instructors_test_passes_with_a_right_renderer_and_fails_with_a_wrong_one(checkout):
     code = next(block for block in blocks(DOCS / "renderer.md", "python") if "raytwin_reference" in block)
     code = code[code.index("def test_my_renderer") :]
@@ -209,6 +210,7 @@ def test_the_python_of_a_page_runs_and_prints_what_its_comment_says(checkout, mo
         assert printed_by("\n".join(code), checkout, monkeypatch, capsys) == printed
 
 
+@pytest.mark.nightly
 def test_every_exported_name_has_an_example_that_prints_what_the_page_says(tmp_path, monkeypatch):
     import raytwin as package
 
@@ -230,6 +232,7 @@ PRINTS = re.compile(r"^```python\n((?:(?!```).*\n)+)```\n\n```text\n((?:(?!```).
 """Code, and directly below it what it prints."""
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("page", ["python", "noise"])
 def test_python_prints_what_stands_below_it(page, checkout, monkeypatch, capsys):
     scripts = PRINTS.findall((DOCS / f"{page}.md").read_text(encoding="utf-8"))
@@ -253,6 +256,7 @@ def test_batches_are_decided_as_the_readme_and_the_page_on_renderers_say(checkou
     assert re.match(r"fail \d+ the whole image is \d\.\d+ % too bright", second)
 
 
+@pytest.mark.nightly
 def test_the_maintainers_test_passes_as_written(checkout):
     (code,) = (block for block in blocks(DOCS / "renderer.md", "python") if "def my_render" in block)
     write([("maintainer/test_mine.py", code)], checkout)

@@ -77,6 +77,7 @@ def test_a_scene_is_given_out_resolved_and_in_float64(overlap):
     np.testing.assert_array_equal(given["planes"][0]["half_u"], overlap.planes[0].half_u)
 
 
+@pytest.mark.nightly
 def test_a_learners_function_is_compared_in_the_tracers_place(theirs, scenes, monkeypatch):
     monkeypatch.setattr("raytwin.workflows.compare_scene.find_causes", lambda *_: ())  # takes longest
     right = compare_scene(scenes / "single", subject=find_subject(f"{theirs}:render", "shadow"), size=(160, 120))
@@ -111,6 +112,7 @@ def test_an_image_and_a_folder_of_images_are_subjects(tmp_path, single):
         find_subject(str(tmp_path), "shadow")(single.__class__("other", single.camera))
 
 
+@pytest.mark.nightly
 def test_a_method_is_made_of_whatever_a_subject_may_be(theirs, single, scenes):
     named = method(f"{theirs}:render", "mine", rung="lambert", sampling="area")
     assert (named.name, named.rung, named.sampling) == ("mine", "lambert", "area")

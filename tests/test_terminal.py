@@ -146,6 +146,7 @@ def test_a_number_that_is_written_otherwise_is_found(text, wrong):
 
 
 @pytest.mark.nightly
+@pytest.mark.nightly
 def test_commands_write_numbers_in_one_form(scenes, tmp_path):
     photos = sorted((scenes / "desk" / "photos").glob("*.jpg"))[:4]
     board = scenes / "desk" / "board.toml"

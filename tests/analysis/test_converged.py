@@ -39,6 +39,7 @@ def test_a_formula_has_no_noise_and_its_floor_is_rounding(corner):
     assert found.error(found.image.mean + 0.25).value == pytest.approx(0.25)
 
 
+@pytest.mark.nightly
 def test_it_ends_at_the_floor_asked_for_or_when_the_time_is_up(corner):
     fine, coarse = converged(corner, samples=AMPLE, enough=0.01), converged(corner, samples=2)
     assert fine.floor() <= 0.01 < coarse.floor()

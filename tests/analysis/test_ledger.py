@@ -46,6 +46,7 @@ def test_parts_add_up_to_what_is_shown_less_the_whole_light(overlap, fast, rung)
     assert len(left) == {"lambert": 5, "shadow": 4, "sky": 3, "path": 0}[rung]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["distorted", "wedge", "weekend", "studio"])
 def test_on_every_scene_the_parts_are_the_whole_error_pixel_by_pixel(scenes, fast, name):
     """What is shown less the walks of the ledger's own seeds, to float32's rounding of a handful of sums."""

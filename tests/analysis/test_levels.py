@@ -34,6 +34,7 @@ def table(scenes) -> Table:
     return levels(scenes / "overlap", size=SIZE).found
 
 
+@pytest.mark.nightly
 def test_errors_fall_with_light_and_samples_and_both_sides_agree(table):
     errors = {row.method.partition("-")[2] if row.side == "tracer" else row.method: row.error for row in table.rows}
     assert errors["lambert-conic"] > 2 * errors["shadow-conic"] > 2 * errors["path-depth8-64"]
@@ -65,6 +66,7 @@ def test_the_choice_meets_the_tolerance_with_another_seed_and_the_next_cheaper_f
     assert all(row.error_most > tolerance for row in rows[:place])
 
 
+@pytest.mark.nightly
 def test_rays_are_counted_from_the_share_of_paths_that_meet_a_surface(corner):
     """1/2 of the hemisphere over each plane is the other: 1, 1/2, 1/4, ... of the paths go on."""
     engine = fast_engine(twin.activate().variant)
@@ -77,6 +79,7 @@ def test_rays_are_counted_from_the_share_of_paths_that_meet_a_surface(corner):
     assert rays["path", 4, 1] == pytest.approx(1 + 2 * 1.75, rel=0.02)
 
 
+@pytest.mark.nightly
 def test_each_part_is_its_term_of_the_series_and_can_be_dropped_below_the_tolerance(corner):
     """1/2 open, 1/4 occluded, bounces of 1/16, 1/64, ..., 1/3 in all."""
     parts = {part.part: part for part in levels(corner, 0.03).found.parts}
@@ -110,6 +113,7 @@ def test_no_part_of_the_light_exceeds_what_is_certain_without_a_render(scenes, n
         assert 0 < largest(*names) <= albedo * (sun + sky) * albedo ** (n + 1) / (1 - albedo)
 
 
+@pytest.mark.nightly
 def test_the_answer_does_not_depend_on_how_long_anything_takes(scenes, monkeypatch):
     """A clock that runs by leaps, as on a machine with other things to do."""
     answers = []
@@ -137,6 +141,7 @@ def test_a_reference_too_noisy_for_the_tolerance_says_so(scenes, monkeypatch):
     assert found.reason.startswith("cannot tell")
 
 
+@pytest.mark.nightly
 def test_where_no_method_meets_the_tolerance_the_nearest_is_named(scenes, monkeypatch):
     monkeypatch.setattr(room, "MAX_SAMPLES", 4)
     found = levels(scenes / "overlap", 2e-3, size=SIZE).found
@@ -152,6 +157,7 @@ def test_a_tolerance_or_metric_that_is_none_is_refused(scenes):
         levels(scenes / "single", 0.1, "psnr")
 
 
+@pytest.mark.nightly
 def test_the_command_writes_what_it_says(tmp_path):
     run = raytwin("levels", "single", "--tolerance", "0.1", "--size", "80x60", "--json", tmp_path / "a.json",
                   "-o", tmp_path / "page")  # fmt: skip

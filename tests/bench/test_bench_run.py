@@ -26,6 +26,8 @@ from raytwin.renderers.subject_renderers import Filled, SmoothedSpeculation, Spe
 from raytwin.renderers.twin_renderers import Plain, Twin
 from raytwin.speed import trace
 
+pytestmark = pytest.mark.nightly
+
 KEYS = [
     "method", "engine", "precision", "rung", "trim", "speculation", "samples", "width", "height", "seconds_median",
     "seconds_iqr", "compile_seconds", "truth", "rmse", "rmse_sigma", "relmse", "p999_abs", "truth_floor",

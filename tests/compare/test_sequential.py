@@ -51,6 +51,7 @@ def test_the_levels_that_a_run_uses_are_four_in_an_octave_at_most_and_sum_to_les
     assert sum(used) < 1e-3
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("stored", [True, False], ids=["stored reference", "both in rounds"])
 def test_all_looks_together_fail_no_more_correct_pairs_than_stated(stored):
     """At a rate of 5 %, 8 or more of 40 fail with a probability of 0.07 %. Measured: see measure.sequences."""

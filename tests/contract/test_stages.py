@@ -129,6 +129,7 @@ def test_misses_that_are_marked_by_another_number_are_named_with_it(marks, named
 OUTSIDE = 'own = own & (np.linalg.norm(eye - thing["center"]) > thing["radius"])', "pass"
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("dark", [(), (("return visible", "return visible & (which < 1)"),)])
 def test_a_wall_that_is_lit_from_inside_its_sphere_is_seen_once_all_else_is_right(dark):
     """The pictures from inside are asked for last: what is wrong elsewhere is told as ever."""
@@ -270,6 +271,7 @@ def test_the_line_comes_behind_what_is_proved_and_before_what_is_likely(faults, 
     assert made.said == said
 
 
+@pytest.mark.nightly
 def test_check_names_in_a_picture_what_no_variant_has_with_its_number():
     def bright_shadows(scene):
         lit = CONTRACT["render"].reference(scene | {"rung": "lambert"})

@@ -44,6 +44,7 @@ def test_the_worked_example_is_right(tmp_path):
         assert made["intersect_plane"](*asked) == pytest.approx(other["intersect_plane"](*asked))
 
 
+@pytest.mark.nightly
 def test_a_starter_that_is_filled_in_checks_itself_as_it_is_run(tmp_path):
     """As a student does: one function written, one written wrong, the others as they were."""
     text = starter()

@@ -38,6 +38,7 @@ def subject(folder, body, also=", seed=0, samples=1"):
     return str(file)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("body", "how"),
     [
@@ -94,6 +95,7 @@ def test_a_program_whose_command_has_no_seed_is_called_once(tmp_path):
     assert find_subject("./mine {scene} {out} {seed}", "shadow").seeded
 
 
+@pytest.mark.nightly
 def test_a_process_that_ended_is_started_again_at_the_next_call(tmp_path):
     process = SubjectProcess(subject(tmp_path, "os._exit(0) if seed else None"))
     scene = {"height": 2, "width": 3}
@@ -125,6 +127,7 @@ def test_no_process_is_left_when_raytwin_ends(tmp_path):
     assert not Path(f"/proc/{pid}").exists()
 
 
+@pytest.mark.nightly
 def test_the_line_that_check_names_is_named_by_compare_too(tmp_path):
     (tmp_path / "mine.py").write_text(mistaken(PLAIN, "+ root) / (2*a)", "+ root) / (3*a)"))
     (said,) = stage_causes(find_subject(str(tmp_path / "mine.py"), "shadow"))

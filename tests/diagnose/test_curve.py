@@ -43,6 +43,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("words", CURVES)
 @pytest.mark.parametrize("picture", [SMOOTH, RANDOM], ids=["smooth", "random"])
 def test_a_curve_is_told_with_its_exponent_or_name(words, picture):

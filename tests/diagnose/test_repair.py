@@ -85,6 +85,7 @@ def test_a_change_that_does_not_end_is_given_up_and_names_are_put_back():
     assert space["f"] is len
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("text", [TEXT, LOOPS], ids=["textbook", "loops"])
 def test_every_edit_changes_one_place_and_leaves_the_tree_as_it_was(text):
     for statement in (s for s in ast.parse(text).body if isinstance(s, ast.FunctionDef)):
@@ -363,6 +364,7 @@ def test_a_repair_may_spoil_no_pixels_though_a_picture_with_a_few_passes():
     assert not is_repaired(stage, case, (spoilt,))
 
 
+@pytest.mark.nightly
 def test_what_repairs_a_random_slip_is_right_in_cases_that_nobody_tried():
     name = "shade"
     stage, tree = CONTRACT[name], ast.parse(PLAIN)

@@ -18,6 +18,8 @@ from raytwin.image import Image
 from raytwin.scene import Scene, Sphere
 from raytwin.tracer import trace
 
+pytestmark = pytest.mark.nightly
+
 
 def small(name: str, size: tuple[int, int]) -> Scene:
     scene = files.read_scene(files.find_scene(files.SCENES / name))

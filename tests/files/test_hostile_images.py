@@ -37,6 +37,7 @@ def test_damaged_files_are_images_or_clear_errors(tmp_path):
     assert outcomes.count("error") > COUNT / 3
 
 
+@pytest.mark.nightly
 def test_a_large_picture_of_one_colour_is_read_and_a_larger_one_refused_by_its_length(tmp_path):
     """21 megapixels in some kilobytes are a legitimate picture; 50 in as few are a bomb."""
 

@@ -324,6 +324,7 @@ def test_junit_csv_and_json_agree(graded, tmp_path):
 # ------------------------------------------------------------------------------------------ kinds of submissions
 
 
+@pytest.mark.nightly
 def test_a_program_and_a_folder_of_images_are_graded(tmp_path):
     rubric = tmp_path / "rubric.toml"
     rubric.write_text(

@@ -16,7 +16,10 @@ from raytwin.parallel import Workers, map_parallel
 distributed = pytest.importorskip("distributed")
 
 # Dask's own, of sockets and loops that it leaves to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning", "ignore::UserWarning")
+pytestmark = [
+    pytest.mark.nightly,
+    pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning", "ignore::UserWarning"),
+]
 
 TESTS = str(Path(__file__).parents[1])
 

@@ -33,6 +33,7 @@ def submission(wrong: str) -> str:
     return f"{tracers.RIGHT}\nplain = shade\n{wrong}"
 
 
+@pytest.mark.nightly
 def test_an_unknown_mistake_is_named_once_and_said_to_all_who_make_it_without_grading_them_again(tmp_path, monkeypatch):
     rubric, out = tmp_path / "r.toml", tmp_path / "out"
     rubric.write_text(RUBRIC.format(seed=1))

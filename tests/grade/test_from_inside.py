@@ -32,6 +32,7 @@ GAMMA = "return out.reshape", "out = np.clip(out, 0, 1) ** (1 / 2.2)\n    return
 PI = "albedo / np.pi *", "albedo *"
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("text", "points", "cause"),
     [

@@ -42,7 +42,10 @@ sys.exit(done.returncode)
 MEGABYTES = 768
 """What Gradescope gives a container by default."""
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Gradescope's containers are Linux")
+pytestmark = [
+    pytest.mark.nightly,
+    pytest.mark.skipif(sys.platform != "linux", reason="Gradescope's containers are Linux"),
+]
 
 
 def some_wheel(folder: Path) -> Path:

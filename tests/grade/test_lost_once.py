@@ -108,6 +108,7 @@ OTHER = (
 )  # fmt: skip
 
 
+@pytest.mark.nightly
 def test_a_class_is_marked_by_a_changed_rubric_without_grading_anyone(graded, tmp_path, monkeypatch):
     """The points are those of a class that is graded by the changed rubric from the start."""
     (tmp_path / "r.toml").write_text(OTHER)

@@ -24,6 +24,7 @@ LONG = SOURCE + "# " + "x" * 100_000 + "\n"
 """Too long to be read for a line."""
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("text", "told"), [(SOURCE, True), (SOURCE + LIAR, False), (LONG, False)])
 def test_the_line_of_a_slip_is_told_where_the_submission_lets_it_be_found(tmp_path, text, told):
     (tmp_path / "r.toml").write_text('title = "t"\nhints = 3\n[[exercises]]\nstage = "intersect_sphere"\npoints = 20\n')
@@ -56,6 +57,7 @@ COPIED += "\n\ndef own_rays" + OWN_RAYS
 """Its pictures do not call the function that is tested, but what is wrong in it."""
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("text", "of", "line", "told"),
     [(SOURCE, SPHERES, "line 39", "Caused by `intersect_sphere`"), (COPIED, RAYS, "line 12", "line 12")],

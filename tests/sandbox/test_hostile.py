@@ -134,6 +134,7 @@ def test_python_stays_readable_in_a_hidden_folder_and_what_is_hidden_in_it_does_
     assert names == {".venv": True, ".venv/bin": False, ".venv/lib": True, ".venv/lib/numpy": False}
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", attacks.ENDINGS)
 def test_an_ending_has_its_reason_and_leaves_nothing(name):
     ending = attacks.ENDINGS[name]
@@ -152,6 +153,7 @@ def test_an_ending_has_its_reason_and_leaves_nothing(name):
     assert goes(child._base)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", attacks.FORGED)
 def test_a_forged_message_ends_the_process_with_that_reason_and_no_thread_dies(name, capfd):
     with Sandbox(Code(source=attacks.FORGED[name].source, asked=("f",)), SHORT) as child:
@@ -188,6 +190,7 @@ def test_each_process_has_its_memory_and_may_write_small_files():
         assert child.call("g").problem.startswith("OSError: [Errno 27] File too large")
 
 
+@pytest.mark.nightly
 def test_a_call_ends_after_its_own_seconds_of_computing_and_all_after_theirs():
     source = (
         "import time\ndef f(seconds):\n end = time.process_time() + seconds\n while time.process_time() < end: pass"

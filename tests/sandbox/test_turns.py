@@ -16,7 +16,10 @@ from raytwin.sandbox import turns
 from raytwin.sandbox.sandbox import Answer, Code, Limits, Sandbox, probe
 from raytwin.sandbox.turns import refused, turn
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="RLIMIT_NPROC counts threads on Linux alone")
+pytestmark = [
+    pytest.mark.nightly,
+    pytest.mark.skipif(sys.platform != "linux", reason="RLIMIT_NPROC counts threads on Linux alone"),
+]
 
 THREADS = """
 import threading, time

@@ -110,6 +110,7 @@ def test_a_scene_far_from_the_origin_keeps_its_digits_in_float32(overlap, engine
     assert quantile999(near_image.mean - far_image.mean) < FLOAT32_AGREES
 
 
+@pytest.mark.nightly
 def test_a_crowd_on_a_table_is_the_same_for_every_engine_and_without_boxes(engine, rng, single):
     # More objects than are held against each other unsorted, some of them large, and rectangles among them.
     balls = [

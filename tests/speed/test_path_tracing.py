@@ -117,6 +117,7 @@ def test_the_mean_of_a_smooth_integrand_errs_by_far_less_than_by_chance():
 # ---------------------------------------------------------------------------------------------- one source
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "engine"),
     [(name, TRIED[k % len(TRIED)]) for i, name in enumerate(SHIPPED) for k in (i, ~i)],
@@ -239,6 +240,7 @@ def twin_to(scene: Scene, depth: int, seed: int) -> Image:
 LIT = (*EVERY, "gloss", "studio")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("name", "depth"), [*zip(LIT, itertools.cycle((1, 2, 3, 8)))])
 def test_the_twin_sees_the_same_light_in_every_tile(scenes, name, fast, depth):
     """1.1 million samples each; a channel's 8 x 8 tiles by chance, so that a correct pair fails in 3 of 1000."""
@@ -252,6 +254,7 @@ def test_the_twin_sees_the_same_light_in_every_tile(scenes, name, fast, depth):
         assert mine.mean[mine.surface.ids >= 0].min() == 0
 
 
+@pytest.mark.nightly
 def test_each_bounce_alone_is_the_difference_of_two_of_the_twins_depths_and_all_add_up(scenes, fast):
     scene = files.read_scene(scenes / "eclipse")
     small = scene.with_camera(scene.camera.resized(96, 72))

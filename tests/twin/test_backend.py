@@ -194,6 +194,7 @@ def loaded_by(variant: str, *before: str) -> list[str]:
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux alone tells what a process has loaded")
 def test_where_dr_jit_was_imported_before_its_own_library_is_the_one_that_is_tried(llvm, monkeypatch):
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nowhere/libLLVM.so")

@@ -21,6 +21,7 @@ def scene_of(scenes, name: str):
     return scene.with_camera(scene.camera.resized(64, 48))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("name", "integrator", "rung"), [("overlap", "path", "path"), ("distorted", "direct", "sky")])
 def test_a_plain_render_converges_to_the_twins(scenes, name, integrator, rung):
     """`distorted` takes the sensor that undoes the lens."""

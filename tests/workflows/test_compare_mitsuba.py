@@ -40,6 +40,7 @@ def renderer(depth: int = 8, power: float = 1) -> UserRenderer:
     return UserRenderer("path", "theirs", render)
 
 
+@pytest.mark.nightly
 def test_a_right_renderer_passes_and_one_that_stops_early_fails(glass):
     """At a false-alarm rate of 1e-3, at fixed seeds."""
     right = compare_scene(glass, subject=renderer())
@@ -77,6 +78,7 @@ def test_what_cannot_take_a_file_is_refused(glass, subject):
         compare_scene(glass, subject=subject)
 
 
+@pytest.mark.nightly
 def test_a_reference_of_a_file_is_made_checked_and_goes_stale_with_its_mesh(glass, tmp_path):
     made = make_reference.make(glass, "path", tmp_path / "reference", samples=128)
     references.save(made.new)
@@ -95,6 +97,7 @@ def test_a_reference_of_a_file_is_made_checked_and_goes_stale_with_its_mesh(glas
     assert "bowl.ply changed since" in stale.problems[0]
 
 
+@pytest.mark.nightly
 def test_a_reference_of_a_film_with_a_window_is_the_part_that_it_shows(glass, tmp_path):
     whole = twin.render_mitsuba(files.read_mitsuba(glass), 64, 1)
     files.write_mitsuba(with_window(files.read_mitsuba(glass), 20, 10, 16, 12), glass)

@@ -10,6 +10,8 @@ from measure.random_scenes import KINDS
 from raytwin import twin
 from raytwin.rungs import RUNGS
 
+pytestmark = pytest.mark.nightly
+
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_right_tracer_passes_on_every_shipped_scene_at_every_level(name):

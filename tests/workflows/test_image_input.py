@@ -81,6 +81,7 @@ def test_a_function_that_returns_a_path_is_a_subject(tmp_path):
     assert run.returncode == 0, run.stdout + run.stderr
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("ending", ["png", "exr"])
 def test_a_subject_is_held_to_what_its_files_format_can_show(ending, tmp_path, monkeypatch):
     """Eight bits, or half floats: the true picture passes, and one that is 2 % too bright fails."""

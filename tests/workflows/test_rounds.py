@@ -82,6 +82,7 @@ def test_both_sides_stop_when_they_agree_and_again_cost_the_same(scenes, monkeyp
     np.testing.assert_array_equal(again.subject.mean, first.subject.mean)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("gain", [1.0, 1.1])
 def test_a_function_that_takes_samples_and_a_seed_is_asked_for_no_more_than_it_needs(scenes, tmp_path, gain):
     (tmp_path / "mine.py").write_text(MINE.format(gain=gain))
@@ -100,6 +101,7 @@ def test_settings_that_contradict_each_other_are_refused():
         CompareSettings(detectable_tile_bias=0.0)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("its_seed", "verdict"), [("max(seed, 1)", "pass"), ("0", "undecided")])
 def test_a_correct_renderer_whose_seeds_0_and_1_are_the_same_does_not_fail(scenes, tmp_path, its_seed, verdict):
     (tmp_path / "mine.py").write_text(MINE.format(gain=1).replace("seed=seed", f"seed={its_seed}"))

@@ -20,6 +20,8 @@ from raytwin.speed import trace
 from raytwin.workflows.compare_scene import compare_scene
 from raytwin.workflows.shrink import minimized, parts_of, shrink
 
+pytestmark = pytest.mark.nightly
+
 SMALL = (80, 60)
 
 

@@ -119,6 +119,7 @@ def test_errors_are_reported_by_region():
     )
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("to_light", [(1.0, 0.0, 1.0), (-0.4, -1.0, 0.15), (1.0, 0.0, 0.0005)])
 def test_what_is_left_out_of_the_work_would_not_have_changed(to_light, monkeypatch):
     """Within noise with every pixel worked on: the squares hold the shadow wherever the sun stands."""
@@ -148,6 +149,7 @@ def test_far_from_all_objects_nothing_is_noisy():
     assert 300 < changed.sum() < 0.1 * changed.size
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("first", [True, False])
 def test_a_sphere_in_a_photographed_walls_shade_takes_no_sun_a_second_time(first):
     """Where the wall shades the floor in the photo already, the sphere hides some of the sky and nothing else."""

@@ -57,6 +57,7 @@ def rows(taken, scenes, tmp_path_factory):
     )
 
 
+@pytest.mark.nightly
 def test_an_augmented_photo_is_near_the_true_one_in_every_region(taken, rows):
     """Away from the corners, which the lens darkens. What is printed on the board is known by its mean alone."""
     assert json.loads(json.dumps(rows)) == rows

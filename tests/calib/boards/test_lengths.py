@@ -24,6 +24,7 @@ def test_what_is_no_length_is_refused(text):
     assert error.value.where == "--tag"
 
 
+@pytest.mark.nightly
 @given(st.text(max_size=30))
 def test_any_text_is_a_length_in_range_or_refused(text):
     for zero in (False, True):

@@ -143,6 +143,7 @@ def test_a_sun_that_is_no_stronger_than_its_uncertainty_is_not_taken():
             assert light.Ls == pytest.approx(np.full(3, 0.4 / PAPER), rel=0.1)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("width", [0.0015, 0.012])
 def test_a_pins_shadow_tells_the_sun_and_its_share_of_the_light_and_a_blocks_is_known_by_its_width(tmp_path, width):
     """The shadow is painted on the sheet: a strip from the foot to where the sun's ray through the top meets it."""

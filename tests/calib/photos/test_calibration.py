@@ -139,6 +139,7 @@ def test_its_json_has_exactly_the_promised_keys(tmp_path):
 # ---------------------------------------------------------------------------------- real photos
 
 
+@pytest.mark.nightly
 def test_real_sets_are_bent_predict_better_so_and_the_degenerate_one_has_the_lowest_error(real_found):
     found = {name: real_found(name) for name in ("april_fine", "desk_tilted", "desk_degenerate")}
     codes = {name: _codes(c) for name, c in found.items()}

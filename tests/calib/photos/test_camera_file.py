@@ -23,6 +23,7 @@ from raytwin.workflows import augment_photos
 BENT = msgspec.structs.replace(SMALL, offsets=tuple((0.0, 1e-5, 1e-4 * i) for i in range(35)))
 
 
+@pytest.mark.nightly
 def test_augment_uses_the_boards_shape_in_the_camera_file(shoot, bent_found, scenes, tmp_path, monkeypatch):
     """A sheet bent by 3 mm: with its shape the tags lie where calibrate found them, taken for flat they do not."""
     photo = shoot(14, bend=3e-3)[0] / bent_found.views[3].photo

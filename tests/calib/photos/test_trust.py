@@ -20,6 +20,8 @@ from raytwin.calib.photos.fit import ModelSpec, Sighting, fit
 from raytwin.calib.photos.uncertainty import fit_uncertainty, leave_one_out
 from raytwin.calib.synthetic_photos import bow_of, poses
 
+pytestmark = pytest.mark.nightly
+
 SIZE = (1008, 756)
 FOUR = ("fx", "fy", "cx", "cy")
 

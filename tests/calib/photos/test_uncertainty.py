@@ -28,6 +28,7 @@ def test_the_covariance_holds_the_variances_that_opencv_gives(views, model):
     assert np.sqrt(np.diag(C))[:m] == pytest.approx(list(found.sigma.values()), rel=1e-3)
 
 
+@pytest.mark.nightly
 def test_the_predicted_deviations_are_those_of_repeated_calibrations(views):
     camera, stands, _ = views
     rng = np.random.default_rng(3)
