@@ -120,7 +120,7 @@ def make() -> None:
         if not (folder := MADE / entry.folder).exists():
             shutil.rmtree(unfinished := MADE / f"{entry.folder}.unfinished", ignore_errors=True)
             unfinished.mkdir(parents=True)
-            write_files((ROOT / "docs" / "tutorials" / "instructor.md").read_text(encoding="utf-8"), unfinished)
+            write_files((ROOT / "docs" / "teach.md").read_text(encoding="utf-8"), unfinished)
             for number, command in enumerate(entry.commands, 1):
                 code = run(command, unfinished)
                 if code not in (entry.codes if number == len(entry.commands) else (0,)):
