@@ -192,8 +192,7 @@ def decide(
     pair = _pair_of(test, reference, bound, share, rounding, look)
     noise_free, values, failed_pixels = NoiseFree(), Family(Worst(), pair.level, 0, test.mean.size), 0
     strips = list(pair.strips())
-    found = [_block_sums(pair, strip) for strip in strips]
-    grids = {key: np.concatenate([sums[key] for sums in found]) for key in found[0]}
+    grids = _all_block_sums(pair, strips, [strip.silent for strip in strips])
     grids |= rare_events(grids, pair.ratio, pair.scales, share)
     rare = any(grids[f"wide {way}"].any() for way in WAYS)
     without = _without_fireflies(pair, strips, share) if rare else None
@@ -412,17 +411,26 @@ def _proven(reference: Image, unseen: float) -> Bool[np.ndarray, "h w 1"]:
 WAYS = "dark", "bright"
 
 
-def _block_sums(pair: Pair, strip: Strip, out: Bool[np.ndarray, "h w 3"] | None = None) -> Sums:
+def _all_block_sums(pair: Pair, strips: list[Strip], left_out: list[Bool[np.ndarray, "h w 3"]]) -> Sums:
+    """The sums of all strips, one below the other."""
+    found = [_block_sums(pair, strip, out) for strip, out in zip(strips, left_out, strict=True)]
+    return {key: np.concatenate([sums[key] for sums in found]) for key in found[0]}
+
+
+def _block_sums(pair: Pair, strip: Strip, out: Bool[np.ndarray, "h w 3"]) -> Sums:
     """Σ(t - r), Σr, n, Σv of both images, Σv²/ν, Σκ, Σrounding over blocks of 8 x 8: what z of any tile is made from.
 
         z = max(|Σ(t - r)| / n - granted, 0) / (sqrt(Σva + Σvb) / n),  ν = (Σva + Σvb)² / Σ(v²/ν) - 1
 
     κ is the third moment. Where it is not known, it is the covariance of v and t - r: a mean and its own variance share
-    just that. `out`: values that are left out, by default those without noise.
+    just that. `out`: values that are left out, those without noise among them.
     """
-    out = strip.silent if out is None else out
     y0, y1, some_out = strip.y0, strip.y0 + len(strip.error), bool(out.any())
-    d = np.where(out, np.float32(0), strip.error) if some_out else strip.error
+
+    def kept(values: Pixels) -> Pixels:
+        return np.where(out, np.float32(0), values) if some_out else values
+
+    d = kept(strip.error)
     found: Sums = {"d": block_sums(d, strip.rows), "r": block_sums(strip.radiance, strip.rows)}
     found["n"], none = block_counts(d, strip.rows), np.zeros_like(found["d"])
     found["vv"] = none
@@ -430,11 +438,10 @@ def _block_sums(pair: Pair, strip: Strip, out: Bool[np.ndarray, "h w 3"] | None 
         if image.variance is None:
             found[f"v{key}"] = found[f"k{key}"] = none
             continue
-        v = np.where(out, np.float32(0), image.variance[y0:y1]) if some_out else image.variance[y0:y1]
+        v = kept(image.variance[y0:y1])
         found[f"v{key}"] = block_sums(v, strip.rows)
         if image.third is not None:
-            third = np.where(out, np.float32(0), image.third[y0:y1]) if some_out else image.third[y0:y1]
-            found[f"k{key}"] = block_sums(third, strip.rows)
+            found[f"k{key}"] = block_sums(kept(image.third[y0:y1]), strip.rows)
         else:
             together = block_sums(v * d, strip.rows) - found["d"] * found[f"v{key}"] / found["n"]
             found[f"k{key}"] = sign * together
@@ -522,8 +529,7 @@ def _without_fireflies(pair: Pair, strips: list[Strip], share: float) -> Sums | 
         masks.append(out)
     if not carried > MOSTLY_FIREFLIES * total or not _scattered(strips, masks):
         return None
-    found = [_block_sums(pair, strip, out) for strip, out in zip(strips, masks, strict=True)]
-    sums = {key: np.concatenate([part[key] for part in found]) for key in found[0]}
+    sums = _all_block_sums(pair, strips, masks)
     q = -float(ndtri(share))
     size = np.divide(second, first, out=np.zeros((2, 3)), where=first > 0)
     # Some of them have hidden among others.
