@@ -6,6 +6,7 @@ import inspect
 import io
 import json
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -211,6 +212,8 @@ def shell(tmp_path, monkeypatch):
     interactiveshell = pytest.importorskip("IPython.core.interactiveshell")
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path))
     monkeypatch.chdir(tmp_path)
+    for prompt in ("ps1", "ps2", "ps3"):  # IPython sets them and leaves them: this puts back what was there
+        monkeypatch.setattr(sys, prompt, "", raising=False)
     shell = interactiveshell.InteractiveShell.instance()
     shell.kernel = object()
     yield shell

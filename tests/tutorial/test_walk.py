@@ -108,7 +108,9 @@ def test_a_script_puts_two_pictures_beside_each_other_in_a_file(tmp_path, monkey
     assert written[0, [0, 12, 20]].tolist() == [[0, 0, 0], [255, 255, 255], [188, 188, 188]]
 
 
-def test_a_function_that_is_still_empty_is_to_do_and_no_mistake(capsys):
+def test_a_function_that_is_still_empty_is_to_do_and_no_mistake(capsys, monkeypatch):
+    monkeypatch.delattr(sys, "ps1", raising=False)  # as a script, which prints what it found
+
     def shade(points, normals, albedo, to_light, irradiance, sky):
         """(N, 3): the radiance that each point sends back."""
         ...  # yours
