@@ -19,11 +19,11 @@ import numpy as np
 from PIL import Image as Picture
 
 import raytwin
-from raytwin.diagnose.catalogue import FAULTS
-from raytwin.diagnose.changes import STAGES, Fault
-from raytwin.diagnose.draw_scene import draw_scene
-from raytwin.diagnose.predict import Array, Predictor, predictor
-from raytwin.files.photo_files import to_bytes
+from raytwin.explain.catalogue import FAULTS
+from raytwin.explain.changes import STAGES, Fault
+from raytwin.explain.draw_scene import draw_scene
+from raytwin.explain.predict import Array, Predictor, predictor
+from raytwin.images.photo_files import to_bytes
 
 FOLDER = gallery.MADE / "faults"
 WIDTH, HEIGHT = 160, 120

@@ -15,10 +15,10 @@ from PIL import ImageDraw, ImageFont
 
 import raytwin
 from raytwin import twin
-from raytwin.files.photo_files import to_bytes
-from raytwin.image import Image
-from raytwin.report.charts.chart import Point, family_chart, svg_text
+from raytwin.images.image import Image
+from raytwin.images.photo_files import to_bytes
 from raytwin.rungs import RUNGS
+from raytwin.show.charts.chart import Point, family_chart, svg_text
 
 FOLDER = MADE / "figures"
 WIDTH, HEIGHT = 240, 180

@@ -31,8 +31,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 TOGETHER = (
-    ("tests/calib/photos/", "tests/test_photographer.py"),
-    ("tests/grade/test_class.py", "tests/grade/test_grader_faults.py"),
+    ("tests/photos/camera/", "tests/test_photographer.py"),
+    ("tests/teach/grade/test_class.py", "tests/teach/grade/test_grader_faults.py"),
 )
 """Files, or folders, that share what costs most: a folder of photos, a class that is graded."""
 
@@ -109,7 +109,7 @@ def shoot(tmp_path_factory):
     """A folder of photos of the plain renderer's, and their truth; made once for the same arguments."""
     from photo_helpers import BOARD, PlainRenderer, a_camera
 
-    from raytwin.calib.synthetic_photos import photograph
+    from raytwin.photos.synthetic_photos import photograph
 
     made = {}
 

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytwin import files
-from raytwin.image import Image
+from raytwin.fast import ENGINES
+from raytwin.fast.sampling import BATCHES, sobol_pair
+from raytwin.images.image import Image
 from raytwin.scene import Scene
-from raytwin.speed import ENGINES
-from raytwin.speed.sampling import BATCHES, sobol_pair
+from raytwin.scene.scene_files import read_scene
 from raytwin.tracer import trace_paths
 from raytwin.tracer.path import Draw
 
@@ -64,18 +64,18 @@ def engine(request, packages) -> str:
 @pytest.fixture(scope="session", params=SHIPPED)
 def shipped(request, scenes) -> Scene:
     """Each shipped scene whose camera is given, in a picture of several tiles, those at its edges cut."""
-    scene = files.read_scene(scenes / request.param)
+    scene = read_scene(scenes / request.param)
     return scene.with_camera(scene.camera.resized(400, 300))
 
 
 @pytest.fixture(scope="session")
 def single(scenes) -> Scene:
-    return files.read_scene(scenes / "single")
+    return read_scene(scenes / "single")
 
 
 @pytest.fixture(scope="session")
 def overlap(scenes) -> Scene:
-    return files.read_scene(scenes / "overlap")
+    return read_scene(scenes / "overlap")
 
 
 def sample_indices(samples: int) -> list[tuple[int, int]]:
@@ -85,14 +85,14 @@ def sample_indices(samples: int) -> list[tuple[int, int]]:
 
 
 def pixel_draws(image_size: tuple[int, int], samples: int, seed: int = 0) -> list[Draw]:
-    """The numbers of all pixels of a frame (width, height), for each of its samples: what `speed.walk` uses."""
+    """The numbers of all pixels of a frame (width, height), for each of its samples: what `fast.walk` uses."""
     w, h = image_size
     pixel, like = np.arange(w * h).reshape(h, w), np.zeros((h, w))
     return [partial(sobol_pair, like, pixel, batch, i, seed & 0xFFFFFFFF) for batch, i in sample_indices(samples)]
 
 
 def plain_paths(scene: Scene, depth: int = 8, samples: int = 16, seed: int = 0) -> Image:
-    """The plain tracer's paths with the random numbers of `speed.walk`."""
+    """The plain tracer's paths with the random numbers of `fast.walk`."""
     return trace_paths(scene, pixel_draws(scene.camera.image_size, samples, seed), depth)
 
 

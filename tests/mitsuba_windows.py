@@ -3,8 +3,8 @@
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from raytwin.files.mitsuba_file import _film, _with_film
 from raytwin.scene import MitsubaScene
+from raytwin.scene.mitsuba_file import _film, _with_film
 
 
 def with_window(scene: MitsubaScene, x: int, y: int, width: int, height: int) -> MitsubaScene:

@@ -7,9 +7,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from raytwin.calib.boards.board import Board, BoardTag, Grid
-from raytwin.calib.photos import lens_model
-from raytwin.calib.photos.detection import Tag
+from raytwin.photos.boards.board import Board, BoardTag, Grid
+from raytwin.photos.camera import lens_model
+from raytwin.photos.camera.detection import Tag
 from raytwin.scene import Camera
 
 

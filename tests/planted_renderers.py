@@ -8,10 +8,10 @@ import msgspec
 import numpy as np
 from scene_of import changed
 
-from raytwin.image import Image
+from raytwin.fast import trace
+from raytwin.images.image import Image
 from raytwin.renderers.renderer import Call, Renderer
 from raytwin.scene import Rectangle, Scene, Sky, Sphere, Sun
-from raytwin.speed import trace
 
 Fault = Callable[[Scene, str], Image]
 

@@ -17,12 +17,12 @@ CALLS = 5
 checked = beartype(conf=BeartypeConf(is_pep484_tower=True, is_random=False))
 # Not the records of scenes: msgspec checks them where they are read, and engines put their own floats in.
 ROOMS = (
-    "raytwin.image",
+    "raytwin.images.image",
     "raytwin.rungs",
     *(f"raytwin.scene.{noun}" for noun in ("camera_frame", "lens", "validate")),
-    "raytwin.lights",
+    "raytwin.tracer.lights",
     "raytwin.tracer",
-    "raytwin.speed",
+    "raytwin.fast",
     "raytwin.compare",
 )
 

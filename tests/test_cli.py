@@ -16,13 +16,15 @@ from program import parse, raytwin, raytwin_alone, refused
 from typer.main import get_command
 from typer.testing import CliRunner
 
-from raytwin import files
-from raytwin.calib.boards import Board, Grid, write_board
 from raytwin.cli import app
 from raytwin.cli.option_values import check_outputs
 from raytwin.cli.progress_bar import lines, print_seconds, show_progress
-from raytwin.image import Image
+from raytwin.images.exr import read_exr
+from raytwin.images.image import Image
+from raytwin.images.image_formats import write_image
+from raytwin.photos.boards import Board, Grid, write_board
 from raytwin.progress import Stages
+from raytwin.scene.scene_files import read_camera
 
 
 def test_compare_passes_and_writes_every_file(scenes, tmp_path):
@@ -34,9 +36,9 @@ def test_compare_passes_and_writes_every_file(scenes, tmp_path):
     found = json.loads((tmp_path / "a.json").read_text())
     assert found["backend"].keys() >= {"twin_variant", "tracer_engine"}
     assert found == json.loads((tmp_path / "out" / "comparison.json").read_text())
-    tracer, _ = files.read_exr(tmp_path / "out" / "tracer.exr")
-    other, _ = files.read_exr(tmp_path / "out" / "twin.exr")
-    error, _ = files.read_exr(tmp_path / "out" / "error.exr")
+    tracer, _ = read_exr(tmp_path / "out" / "tracer.exr")
+    other, _ = read_exr(tmp_path / "out" / "twin.exr")
+    error, _ = read_exr(tmp_path / "out" / "error.exr")
     assert tracer.shape == (120, 160, 3)
     assert np.array_equal(tracer.mean - other.mean, error.mean)
     assert "<html" in (tmp_path / "out" / "report.html").read_text()[:500]
@@ -50,7 +52,7 @@ def test_compare_passes_and_writes_every_file(scenes, tmp_path):
 
 
 def test_compare_fails_with_1_where_the_images_differ_and_says_with_0_that_a_lower_level_differs(scenes, tmp_path):
-    files.write_image(tmp_path / "black.exr", Image(np.zeros((60, 80, 3), np.float32)))
+    write_image(tmp_path / "black.exr", Image(np.zeros((60, 80, 3), np.float32)))
     wrong, lower = ("--subject", tmp_path / "black.exr"), ("--rung", "sky", "--samples", 16)
     for options, code, verdict in ((wrong, 1, "FAIL"), (lower, 0, "DIFFERS")):
         run = raytwin("compare", scenes / "overlap", "--size", "80x60", *options, "-o", tmp_path)
@@ -79,7 +81,7 @@ def test_calibrate_takes_photos_one_by_one(scenes, tmp_path):
     assert list(found["views"][0]) == ["photo", "tags", "rms_px", "R_cam_board", "t_cam_board", "influence"]
     assert {v["photo"] for v in found["views"]} == {p.name for p in photos}
     view = next(v for v in found["views"] if v["photo"] == photos[3].name)
-    camera = files.read_camera(tmp_path / "c.toml")
+    camera = read_camera(tmp_path / "c.toml")
     assert camera.image_size == (2016, 1512)
     assert camera.fx == pytest.approx(1560, rel=0.01)
     assert np.allclose(camera.R_cam_board, view["R_cam_board"], atol=5e-3)

@@ -6,7 +6,7 @@ import pytest
 from photo_helpers import BOARD
 from program import raytwin, refused
 
-from raytwin.calib.boards import read_board
+from raytwin.photos.boards import read_board
 
 GRID = ("board", "--columns", 3, "--rows", 4, "--tag", "30mm", "--pitch", "38mm")
 

@@ -9,10 +9,12 @@ from program import raytwin, refused
 from scene_of import scene_of
 from truths import view_of
 
-from raytwin import files, image_input, twin
+from raytwin import twin
 from raytwin.compare import compare
+from raytwin.images import image_input
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.scene import Camera, Rectangle, Scene, Shape, Sky, Sphere, Sun
+from raytwin.scene.scene_files import read_scene
 from raytwin.twin.mitsuba_xml import mitsuba_xml, moved_by
 
 
@@ -66,7 +68,7 @@ def test_mitsuba_renders_the_same_picture_from_the_file(scenes, tmp_path, name, 
     twin.activate()
     import mitsuba as mi
 
-    scene = BUILT.get(name) or files.read_scene(scenes / name)
+    scene = BUILT.get(name) or read_scene(scenes / name)
     w, h = scene.camera.image_size
     scene = scene.with_camera(scene.camera.resized(64, round(64 * h / w)))
     (tmp_path / "scene.xml").write_text(mitsuba_xml(scene, rung))
@@ -87,13 +89,13 @@ def test_objects_that_float32_cannot_hold_are_named():
 
 def test_what_a_file_of_mitsubas_cannot_say_is_told_in_one_line(tmp_path, scenes):
     run = raytwin("export", "distorted", "--mitsuba-xml", "-o", tmp_path / "a.xml")
-    camera = files.read_scene(scenes / "distorted").camera
+    camera = read_scene(scenes / "distorted").camera
     x, y = np.array([camera.cx, camera.cy]) / [camera.fx, camera.fy]
     assert run.returncode == 0
     assert run.stderr.count("\n") == 1
     assert "neither distortion nor a second focal length: it sees up to" in run.stderr
-    assert moved_by(files.read_scene(scenes / "distorted")) > 1
-    assert moved_by(files.read_scene(scenes / "overlap")) < 1e-9
+    assert moved_by(read_scene(scenes / "distorted")) > 1
+    assert moved_by(read_scene(scenes / "overlap")) < 1e-9
     assert x > 0
     assert y > 0
 

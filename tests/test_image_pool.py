@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from raytwin.image import Image
-from raytwin.image_pool import ImagePool
+from raytwin.images.image import Image
+from raytwin.images.image_pool import ImagePool
 
 SHAPE = (6, 7, 3)
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytwin import files
-from raytwin.image import Image
+from raytwin.images.exr import write_exr
+from raytwin.images.image import Image
 
 ROOT = Path(__file__).resolve().parent.parent
 GUIDE = ROOT / "docs" / "contributing.md"
@@ -40,7 +40,9 @@ def loaded_by(statement: str) -> set[str]:
 
 
 def test_the_lower_floors_load_no_heavy_library():
-    lower = "import raytwin.errors, raytwin.scene, raytwin.image, raytwin.files, raytwin.tracer"
+    lower = (
+        "import raytwin.errors, raytwin.scene, raytwin.images.image_formats, raytwin.scene.scene_files, raytwin.tracer"
+    )
     assert not loaded_by(lower) & set(HEAVY)
 
 
@@ -56,15 +58,15 @@ def test_importing_any_module_runs_nothing_and_writes_nothing(tmp_path):
 
 
 def test_to_draw_into_photos_and_tell_of_it_takes_neither_mitsuba_nor_what_compares_images():
-    loads = "import raytwin.cli, raytwin.report.terminal_text, raytwin.workflows.augment_photos"
-    draws = "from raytwin import speed, twin; assert not twin.chosen().libllvm or speed.ENGINES['drjit32'].float_type"
-    assert not loaded_by(f"{loads}; {draws}") & {"mitsuba", "asyncio", "raytwin.compare", "raytwin.diagnose.diagnosis"}
+    loads = "import raytwin.cli, raytwin.show.terminal_text, raytwin.study.augment_photos"
+    draws = "from raytwin import fast, twin; assert not twin.chosen().libllvm or fast.ENGINES['drjit32'].float_type"
+    assert not loaded_by(f"{loads}; {draws}") & {"mitsuba", "asyncio", "raytwin.compare", "raytwin.explain.diagnosis"}
 
 
 def test_comparing_two_files_does_without_the_folders_that_the_guide_lists(tmp_path):
     (row,) = re.findall(r"^\| which folders `raytwin diff` .*$", GUIDE.read_text(encoding="utf-8"), re.M)
     for name, scale in (("a", 1), ("b", 2)):
-        files.write_exr(tmp_path / f"{name}.exr", Image(np.full((9, 8, 3), scale, np.float32)))
+        write_exr(tmp_path / f"{name}.exr", Image(np.full((9, 8, 3), scale, np.float32)))
     command = ["diff", str(tmp_path / "a.exr"), str(tmp_path / "b.exr"), "-o", str(tmp_path / "out")]
     run = f"import contextlib, io; from raytwin.cli import main; sys.argv[1:] = {command}"
     loaded = loaded_by(
@@ -83,14 +85,14 @@ def test_every_file_that_the_guide_names_is_there():
 
 def test_the_tracer_is_numpy_and_records_and_nothing_else():
     ours = {m for m in loaded_by("import raytwin.tracer") if m.startswith("raytwin.")}
-    assert {m for m in ours if not m.startswith(("raytwin.tracer", "raytwin.lights", "raytwin.scene."))} == {
+    assert {m for m in ours if not m.startswith(("raytwin.tracer", "raytwin.scene."))} == {
         "raytwin.errors",
-        "raytwin.image",
+        "raytwin.images",
+        "raytwin.images.image",
         "raytwin.notebook",
         "raytwin.rungs",
         "raytwin.scene",
         "raytwin.array_types",
-        "raytwin.arrays",
     }
 
 

@@ -19,8 +19,8 @@ from installed_wheel import TEXTS, clean_environment
 from program import CHAIN, STAGE, check_chain
 
 import raytwin
-from raytwin import files
-from raytwin.image import Image
+from raytwin.images.exr import write_exr
+from raytwin.images.image import Image
 
 pytestmark = pytest.mark.nightly
 
@@ -126,7 +126,7 @@ if __name__ == "__main__":
 def test_images_are_compared_and_files_graded_without_any_extra_and_nothing_of_unix(run, tmp_path):
     a = np.random.default_rng(1).random((20, 30, 3)).astype(np.float32)
     for name, image in (("a", a), ("b", 1.5 * a)):
-        files.write_exr(tmp_path / f"{name}.exr", Image(image))
+        write_exr(tmp_path / f"{name}.exr", Image(image))
     (tmp_path / "far.py").write_text(FAR)
     (tmp_path / "rubric.toml").write_text('title = "t"\n[[exercises]]\nstage = "intersect_sphere"\npoints = 1\n')
     (tmp_path / "test_mine.py").write_text(PLUGIN)

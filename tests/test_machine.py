@@ -9,16 +9,20 @@ import numpy as np
 import pytest
 from program import raytwin, raytwin_alone, refused
 
-from raytwin import files
+from raytwin import errors
 from raytwin.cli import main
 from raytwin.errors import InputError
-from raytwin.image import Image
+from raytwin.images.exr import write_exr
+from raytwin.images.image import Image
+from raytwin.images.image_formats import write_image
+from raytwin.images.photo_files import write_picture
+from raytwin.scene.toml_json import write_json
 
 pytestmark = pytest.mark.nightly
 
 LONG = "/" + "x" * 300
 """No folder can have this name: asking for it fails, as one that may not be entered does."""
-RUBRIC = Path(files.__file__).parents[1] / "grade" / "rubric.toml"
+RUBRIC = Path(errors.__file__).parent / "teach" / "grade" / "rubric.toml"
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="a Linux thing")
 
 
@@ -27,7 +31,7 @@ def pair(tmp_path) -> tuple[Path, Path]:
     """Two images that differ."""
     a = np.random.default_rng(3).random((90, 120, 3)).astype(np.float32)
     for name, image in (("a", a), ("b", 1.5 * a)):
-        files.write_exr(tmp_path / f"{name}.exr", Image(image))
+        write_exr(tmp_path / f"{name}.exr", Image(image))
     return tmp_path / "a.exr", tmp_path / "b.exr"
 
 
@@ -39,11 +43,11 @@ def test_a_full_disk_is_said_and_leaves_nothing_behind(pair, tmp_path):
         "resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))\n"
     )
     (tmp_path / "out").mkdir()
-    path = os.pathsep.join([str(tmp_path), str(Path(files.__file__).parents[2])])
+    path = os.pathsep.join([str(tmp_path), str(Path(errors.__file__).parents[1])])
     code = (
-        "import numpy as np; from raytwin import files; from raytwin.image import Image; import sys\n"
+        "import numpy as np; import raytwin; import sys\n"
         "for path in sys.argv[1:]:\n"
-        "    try: files.write_image(path, Image(np.random.rand(90, 120, 3).astype('f')))\n"
+        "    try: raytwin.write_image(path, raytwin.Image(np.random.rand(90, 120, 3).astype('f')))\n"
         "    except Exception as error: print(error)"
     )
     paths = [tmp_path / "out" / f"x.{ending}" for ending in ("exr", "pfm", "png")]
@@ -60,7 +64,7 @@ def test_a_full_disk_is_said_and_leaves_nothing_behind(pair, tmp_path):
 def test_a_place_where_nothing_can_be_made_is_said(tmp_path):
     for path in ("/proc/x.exr", "/proc/x.pfm", "/proc/x.json"):
         with pytest.raises(InputError, match=rf"^{path}: expected a writable path, got No such file"):
-            (files.write_json if path.endswith("json") else files.write_image)(path, Image(np.ones((2, 2, 3), "f")))
+            (write_json if path.endswith("json") else write_image)(path, Image(np.ones((2, 2, 3), "f")))
     (tmp_path / "file").touch()
     refused(raytwin("reference", "make", "single", "--folder", tmp_path / "file" / "x"), "file, which is a file")
 
@@ -95,7 +99,7 @@ def test_a_home_that_cannot_be_entered_costs_the_cache_alone(tmp_path):
 @LINUX
 def test_a_name_that_is_not_utf8_is_no_traceback(pair, tmp_path):
     odd = os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9.png")
-    files.write_picture(odd, np.zeros((4, 5, 3), np.uint8))
+    write_picture(odd, np.zeros((4, 5, 3), np.uint8))
     refused(raytwin("diff", odd, tmp_path / "nosuch.png"), "nosuch.png", "no such file")
     refused(raytwin("diff", odd, odd, "--json", tmp_path / "x.json"), "UTF-8", "caf")
     assert raytwin("diff", odd, odd).returncode == 0

@@ -7,12 +7,16 @@ their truth is the same photo taken with the objects really there.
 import numpy as np
 import pytest
 
-from raytwin import files, twin
-from raytwin.calib import boards, photos, synthetic_photos
+from raytwin import twin
+from raytwin.fast import trace
+from raytwin.images.photo_files import list_photos, read_photo
+from raytwin.photos import boards, synthetic_photos
+from raytwin.photos import camera as camera_package
 from raytwin.scene import Camera, Sphere
-from raytwin.speed import trace
-from raytwin.workflows.augment_photos import augment_photos
-from raytwin.workflows.photograph import photograph_board
+from raytwin.scene.scene_files import scene_and_photos, write_camera
+from raytwin.scene.toml_json import plain, read_toml, write_toml
+from raytwin.study.augment_photos import augment_photos
+from raytwin.study.photograph import photograph_board
 
 pytestmark = pytest.mark.nightly
 
@@ -30,8 +34,8 @@ def studio(scenes, tmp_path_factory):
     twin.activate()
     folder = tmp_path_factory.mktemp("studio")
     boards.write_board(folder / "board.toml", boards.read_board(scenes / "desk" / "board.toml"))
-    desk = files.read_toml(scenes / "desk" / "scene.toml")
-    files.write_toml(folder / "scene.toml", desk | {"spheres": files.plain(SPHERES)})
+    desk = read_toml(scenes / "desk" / "scene.toml")
+    write_toml(folder / "scene.toml", desk | {"spheres": plain(SPHERES)})
     for name, there in (("photos", False), ("with", True)):
         photograph_board(
             folder / "board.toml", folder / name, scene=folder, count=COUNT, size=SIZE, samples=8, with_objects=there
@@ -43,11 +47,11 @@ def studio(scenes, tmp_path_factory):
 def augmented(studio):
     """Each photo drawn on, its truth, and the errors by region; the camera is calibrated from the photos."""
     camera, board = studio / "camera.toml", boards.read_board(studio / "board.toml")
-    taken = files.list_photos(studio / "photos")
-    found = photos.calibrate(taken, board, "k1k2")
-    files.write_camera(camera, photos.camera_of_photo(found, taken[0], board))
+    taken = list_photos(studio / "photos")
+    found = camera_package.calibrate(taken, board, "k1k2")
+    write_camera(camera, camera_package.camera_of_photo(found, taken[0], board))
     rows = augment_photos(taken, studio, studio / "drawn", camera=camera, against=studio / "with")
-    return [(files.read_photo(studio / "drawn" / p.name), files.read_photo(studio / "with" / p.name), row)
+    return [(read_photo(studio / "drawn" / p.name), read_photo(studio / "with" / p.name), row)
             for p, row in zip(taken, rows, strict=True)]  # fmt: skip
 
 
@@ -68,7 +72,7 @@ def test_of_overlapping_spheres_the_nearest_is_seen(studio, augmented):
     """Which sphere a pixel shows is told by the truth's hue: red, blue and green albedos."""
     truth = synthetic_photos.read_truth(studio / "photos" / "truth.toml")
     cameras = [Camera(truth.image_size, truth.K, R, t, truth.dist) for R, t in truth.photos.values()]
-    written, shown = files.scene_and_photos(studio)[0], set()
+    written, shown = scene_and_photos(studio)[0], set()
     for (drawn, true, _), camera in zip(augmented, cameras, strict=True):
         ids = trace(written.with_camera(camera), "surface").surface.ids
         # Inner pixels alone, where the light is good enough for a hue.

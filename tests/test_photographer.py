@@ -2,11 +2,12 @@ import numpy as np
 import pytest
 from photo_helpers import BOARD, PlainRenderer, a_camera
 
-from raytwin import files
-from raytwin.calib.boards.board import read_board
-from raytwin.calib.photos import diagnostics, lens_model
-from raytwin.calib.synthetic_photos import expose, photograph, poses, read_truth
 from raytwin.errors import InputError
+from raytwin.images.photo_files import from_bytes, photo_size, srgb_decode, srgb_encode
+from raytwin.photos.boards.board import read_board
+from raytwin.photos.camera import diagnostics, lens_model
+from raytwin.photos.synthetic_photos import expose, photograph, poses, read_truth
+from raytwin.scene.toml_json import plain, write_toml
 
 CAMERA = a_camera()
 
@@ -44,10 +45,10 @@ def test_the_sensors_noise_is_the_roots_of_its_electrons():
     full, read = 8000.0, 4.0
     radiance = np.full((300, 400, 3), 0.2, np.float32)
     pixels = expose(radiance, np.random.default_rng(1), CAMERA, vignetting=0, full_well=full, read_noise=read)
-    linear = files.from_bytes(pixels).astype(float)
+    linear = from_bytes(pixels).astype(float)
     expected = (0.2 * full + read**2) / full**2
     # Rounding to a byte adds a step's variance over twelve: sRGB's slope turns the step into a linear one.
-    step = np.gradient(files.srgb_decode(np.arange(256) / 255))[round(255 * files.srgb_encode(np.array(0.2)).item())]
+    step = np.gradient(srgb_decode(np.arange(256) / 255))[round(255 * srgb_encode(np.array(0.2)).item())]
     assert linear.mean() == pytest.approx(0.2, abs=2e-4)
     assert linear.var() == pytest.approx(expected + step**2 / 12, rel=0.02)
 
@@ -55,7 +56,7 @@ def test_the_sensors_noise_is_the_roots_of_its_electrons():
 def test_natural_vignetting_falls_with_the_fourth_power_of_the_cosine():
     radiance = np.full((756, 1008, 3), 0.5, np.float32)
     pixels = expose(radiance, np.random.default_rng(1), CAMERA, vignetting=1, full_well=1e9, read_noise=0)
-    linear = files.from_bytes(pixels)[..., 0]
+    linear = from_bytes(pixels)[..., 0]
     corner = np.linalg.inv(np.array(CAMERA.K)) @ (0, 0, 1)
     assert linear[376, 508] == pytest.approx(0.5, rel=0.01)
     assert linear[0, 0] == pytest.approx(0.5 / (corner @ corner) ** 2, rel=0.02)
@@ -74,7 +75,7 @@ def test_photographs_come_with_their_board_and_their_truth(shoot):
     assert read_board(folder / "board.toml") == BOARD
     assert sorted(p.name for p in folder.iterdir()) == sorted(["board.toml", "truth.toml", *truth.photos])
     for name in truth.photos:
-        assert files.photo_size(folder / name) == truth.image_size
+        assert photo_size(folder / name) == truth.image_size
 
 
 def test_the_same_seed_takes_the_same_photos_and_another_does_not(tmp_path):
@@ -92,9 +93,9 @@ def test_the_same_seed_takes_the_same_photos_and_another_does_not(tmp_path):
 
 def test_a_truth_that_is_no_rotation_is_refused(shoot, tmp_path):
     _, truth = shoot()
-    data = files.plain(truth)
+    data = plain(truth)
     R, t = data["photos"]["photo_00.jpg"]
     data["photos"]["photo_00.jpg"] = [[[R[0][0] + 0.1, *R[0][1:]], *R[1:]], t]
-    files.write_toml(tmp_path / "truth.toml", data)
+    write_toml(tmp_path / "truth.toml", data)
     with pytest.raises(InputError, match=r"photos\.photo_00\.jpg\.R_cam_board: expected a rotation matrix"):
         read_truth(tmp_path / "truth.toml")

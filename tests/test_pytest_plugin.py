@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from raytwin import files, image_input, references
 from raytwin.cli import app
 from raytwin.errors import InputError
-from raytwin.image import Image
+from raytwin.images import image_input
+from raytwin.images.exr import read_exr
+from raytwin.images.image import Image
+from raytwin.images.image_formats import write_image
+from raytwin.renderers import references
 
 pytestmark = pytest.mark.nightly
 
@@ -24,7 +27,7 @@ SHIPPED = references.SHIPPED
 # A process that has imported all that a run needs, and is forked for each: importing costs a second.
 WARM = """
 import json, os, sys
-import numpy, pytest, raytwin.diagnose.diagnosis, raytwin.references, raytwin.report.check_page, raytwin.speed
+import numpy, pytest, raytwin.explain.diagnosis, raytwin.renderers.references, raytwin.show.check_page, raytwin.fast
 told = os.dup(1)
 os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 pytest.main(["--version", "-W", "ignore:Module already imported"])  # loads the environment's plugins
@@ -64,7 +67,7 @@ import pytest
 @pytest.fixture(autouse=True)
 def few_causes(request, monkeypatch):
     if "array" not in request.node.name:
-        monkeypatch.setattr("raytwin.diagnose.diagnosis.explain", lambda *_, **__: ())
+        monkeypatch.setattr("raytwin.explain.diagnosis.explain", lambda *_, **__: ())
 """
 
 
@@ -98,8 +101,7 @@ def failures(result: pytest.RunResult) -> dict[str, str]:
 # ------------------------------------------------------------------------------------------ what may be checked
 
 AGREE = """
-from raytwin import files
-from raytwin.image import Image
+import raytwin
 
 def noisy(held, factor=1.0):
     # Exponential noise: never negative, as radiance.
@@ -127,7 +129,7 @@ def test_list(shadow, factor):
 @FACTORS
 @pytest.mark.parametrize("ending", ["exr", "png"])
 def test_file(shadow, tmp_path, ending, factor):
-    files.write_image(tmp_path / f"a.{ending}", Image((shadow.image.mean * factor**2).astype("f4")))
+    raytwin.write_image(tmp_path / f"a.{ending}", raytwin.Image((shadow.image.mean * factor**2).astype("f4")))
     shadow.check(tmp_path / f"a.{ending}")
 
 @FACTORS
@@ -291,7 +293,7 @@ from pathlib import Path
 # A scene of one's own is not held to the shipped one of its name.
 @pytest.mark.parametrize("name", ["ball", "overlap"])
 def test_traced(raytwin_reference, name):
-    from raytwin.speed import trace
+    from raytwin.fast import trace
     held = raytwin_reference(name, "shadow")
     assert held.camera.image_size == (40, 30)
     held.check(trace(held.scene, "shadow"))
@@ -413,7 +415,7 @@ def test_an_update_fails_two_other_images_of_one_name_and_names_both_tests(warm,
         result.stdout.fnmatch_lines_random(
             [f"{note} the test test_two.py::{name.replace('[', '[[]')}:*" for name in (maker, "test_itself")]
         )
-        assert files.read_exr(tmp_path / "reference/mine/path.exr")[0].mean.max() != pytest.approx(
+        assert read_exr(tmp_path / "reference/mine/path.exr")[0].mean.max() != pytest.approx(
             float(loser[11:-1]), abs=0.1
         )
 
@@ -440,7 +442,7 @@ def test_report_lists_every_comparison_once_failures_first(warm, tmp_path):
     for page in pages:
         text = (out / page).read_text()
         assert "http" not in re.sub(r"http://www\.w3\.org/\S+|<script.*?</script>", "", text, flags=re.DOTALL)
-    assert index.count("data:image/png") == 3 * 5
+    assert index.count("data:images/image/png") == 3 * 5
     assert (out / "notes.txt").exists()
 
 
@@ -515,9 +517,9 @@ def test_a_formats_rounding_stays_within_the_step_that_is_granted_for_it(smooth,
         thing = smooth.mean.astype(np.float16)
     elif ending == "half":
         thing = thing.with_suffix(".exr")
-        files.write_image(thing, Image(smooth.mean.astype(np.float16).astype(np.float32)))
+        write_image(thing, Image(smooth.mean.astype(np.float16).astype(np.float32)))
     else:
-        files.write_image(thing, smooth)
+        write_image(thing, smooth)
     taken = image_input.as_image(thing)
     error = np.abs(taken.image.mean - taken.fitted(smooth).mean)
     if ending in ("exr", "pfm"):

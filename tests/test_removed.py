@@ -6,9 +6,9 @@ from program import raytwin
 import raytwin as package
 from raytwin import removed
 from raytwin.cli import COMMANDS as ALIVE
-from raytwin.contract.subject import find_subject
 from raytwin.errors import InputError
 from raytwin.renderers.renderer_table import RENDERERS, choose
+from raytwin.teach.contract.subject import find_subject
 
 
 @pytest.mark.parametrize("name", removed.COMMANDS)

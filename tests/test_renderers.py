@@ -5,15 +5,18 @@ import sys
 import numpy as np
 import pytest
 
-from raytwin import files, tracer
-from raytwin.calib.denoise import non_local_means
-from raytwin.contract.subject import find_subject, method
+from raytwin import tracer
 from raytwin.errors import InputError
-from raytwin.image import Image
+from raytwin.images.exr import write_exr
+from raytwin.images.image import Image
+from raytwin.photos.denoise import non_local_means
 from raytwin.renderers.renderer_table import RENDERERS
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.renderers.subject_renderers import Traced
-from raytwin.workflows.compare_scene import compare_scene
+from raytwin.scene.scene_files import read_scene
+from raytwin.scene_folders import SCENES, find_scene
+from raytwin.study.compare_scene import compare_scene
+from raytwin.teach.contract.subject import find_subject, method
 
 LEARNERS = """
 from dataclasses import dataclass
@@ -79,7 +82,7 @@ def test_a_scene_is_given_out_resolved_and_in_float64(overlap):
 
 @pytest.mark.nightly
 def test_a_learners_function_is_compared_in_the_tracers_place(theirs, scenes, monkeypatch):
-    monkeypatch.setattr("raytwin.workflows.compare_scene.find_causes", lambda *_: ())  # takes longest
+    monkeypatch.setattr("raytwin.study.compare_scene.find_causes", lambda *_: ())  # takes longest
     right = compare_scene(scenes / "single", subject=find_subject(f"{theirs}:render", "shadow"), size=(160, 120))
     assert right.comparison.verdict == "pass"
     assert right.settings["subject"] == f"{theirs}:render"
@@ -105,7 +108,7 @@ def test_what_a_function_does_wrong_is_told_in_one_line(theirs, single, function
 
 def test_an_image_and_a_folder_of_images_are_subjects(tmp_path, single):
     image = tracer.trace(single)
-    files.write_exr(tmp_path / "single.exr", Image(image.mean))
+    write_exr(tmp_path / "single.exr", Image(image.mean))
     for text in (tmp_path / "single.exr", tmp_path):
         np.testing.assert_array_equal(find_subject(str(text), "shadow")(single).mean, image.mean)
     with pytest.raises(InputError, match=r"other\.exr"):
@@ -156,7 +159,7 @@ def test_a_row_of_the_table_is_a_subject_and_tells_what_its_rays_met(single, pac
 
 @pytest.mark.parametrize("in_place", [True, False])
 def test_only_a_renderer_in_place_leaves_what_lies_outside_the_objects_boxes(in_place):
-    scene = files.read_scene(files.find_scene(files.SCENES / "single"))
+    scene = read_scene(find_scene(SCENES / "single"))
     scene = scene.with_camera(scene.camera.resized(16, 12))
     call = Traced("lambert", "numpy32", in_place=in_place).prepare(scene)
     one = call(0).mean

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 import shape_checks
 
-from raytwin import files
-from raytwin.speed import draw
+from raytwin.fast import draw
+from raytwin.scene.scene_files import read_scene
 
 DEEP = np.zeros((6, 8, 3))
 
 
 @pytest.fixture
 def scene(scenes):
-    scene = files.read_scene(scenes / "single")
+    scene = read_scene(scenes / "single")
     return scene.with_camera(scene.camera.resized(8, 6))
 
 
@@ -37,6 +37,6 @@ def test_each_test_checks_the_first_calls_of_every_function(scene):
 
 
 def test_in_use_nothing_of_it_is_imported():
-    code = "import sys, raytwin.speed, raytwin.compare; print({'jaxtyping', 'beartype'} & set(sys.modules))"
+    code = "import sys, raytwin.fast, raytwin.compare; print({'jaxtyping', 'beartype'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"

@@ -10,16 +10,17 @@ import pytest
 import typer
 from program import raytwin, raytwin_alone, refused
 
-from raytwin import cli, files
+from raytwin import cli
 from raytwin.cli.terminal import say, say_wrapped
-from raytwin.image import Image
+from raytwin.images.image import Image
+from raytwin.images.image_formats import write_image
 
 ESCAPE = "a\x1b[2J\x1b]0;owned\x07b"
 """Clears the screen, then renames the window."""
 
 
 def picture(path: Path, value: float = 0.5) -> Path:
-    files.write_image(path, Image(np.full((24, 24, 3), value, np.float32)))
+    write_image(path, Image(np.full((24, 24, 3), value, np.float32)))
     return path
 
 

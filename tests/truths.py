@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from scene_of import scene_of
 
-from raytwin.image import Image
+from raytwin.images.image import Image
 from raytwin.scene import Camera, Lambert, Phong, Rectangle, Scene, Shape, Sky, Sun
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from raytwin.files import write_image
-from raytwin.image import Image
+from raytwin.images.image import Image
+from raytwin.images.image_formats import write_image
 
 GRADIENT = np.array(((0.26, 0.27, 0.30), (0.10, 0.14, 0.24), (0.04, 0.05, 0.08)))
 """a, b, c of each channel."""

@@ -33,22 +33,16 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from raytwin.analysis.levels import levels as levels
-    from raytwin.bench.bench_run import bench as bench
-    from raytwin.calib.augment import augment as augment_photo
-    from raytwin.calib.boards import read_board as read_board
-    from raytwin.calib.photos import calibrate as calibrate
     from raytwin.compare.sequential import SequentialComparison as SequentialComparison
     from raytwin.compare.verdict import compare as _compare_images
-    from raytwin.contract.check import check as check
-    from raytwin.contract.subject import method as method
     from raytwin.errors import InputError as InputError
-    from raytwin.files import read_image as read_image
-    from raytwin.files import read_scene as read_scene
-    from raytwin.files import scenes as scenes
-    from raytwin.files import write_image as write_image
-    from raytwin.image import Image as Image
-    from raytwin.references import reference as reference
+    from raytwin.images.image import Image as Image
+    from raytwin.images.image_formats import read_image as read_image
+    from raytwin.images.image_formats import write_image as write_image
+    from raytwin.photos.augment import augment as augment_photo
+    from raytwin.photos.boards import read_board as read_board
+    from raytwin.photos.camera import calibrate as calibrate
+    from raytwin.renderers.references import reference as reference
     from raytwin.scene import Camera as Camera
     from raytwin.scene import Lambert as Lambert
     from raytwin.scene import Rectangle as Rectangle
@@ -57,22 +51,28 @@ if TYPE_CHECKING:
     from raytwin.scene import Sphere as Sphere
     from raytwin.scene import Sun as Sun
     from raytwin.scene.camera_rays import camera_rays as camera_rays
+    from raytwin.scene.scene_files import read_scene as read_scene
+    from raytwin.scene_folders import scenes as scenes
+    from raytwin.study.bench.bench_run import bench as bench
+    from raytwin.study.compare_scene import compare_scene as compare_scene
+    from raytwin.study.diff_files import compare as compare
+    from raytwin.study.diff_settings import DiffSettings as DiffSettings
+    from raytwin.study.levels import levels as levels
+    from raytwin.study.settings import CompareSettings as CompareSettings
+    from raytwin.teach.contract.check import check as check
+    from raytwin.teach.contract.subject import method as method
     from raytwin.tracer import trace as trace
     from raytwin.twin import mitsuba_sensor as mitsuba_sensor
     from raytwin.twin import render as render
-    from raytwin.workflows.compare_scene import compare_scene as compare_scene
-    from raytwin.workflows.diff_files import compare as compare
-    from raytwin.workflows.diff_settings import DiffSettings as DiffSettings
-    from raytwin.workflows.settings import CompareSettings as CompareSettings
 
     compare_images, diff_files = _compare_images, compare
     __version__: str
 
 _HOME = {
     "Camera": "scene",
-    "CompareSettings": "workflows.settings",
-    "DiffSettings": "workflows.diff_settings",
-    "Image": "image",
+    "CompareSettings": "study.settings",
+    "DiffSettings": "study.diff_settings",
+    "Image": "images.image",
     "InputError": "errors",
     "Lambert": "scene",
     "Rectangle": "scene",
@@ -81,32 +81,32 @@ _HOME = {
     "Sky": "scene",
     "Sphere": "scene",
     "Sun": "scene",
-    "augment_photo": "calib.augment:augment",
-    "bench": "bench.bench_run:bench",
-    "calibrate": "calib.photos",
+    "augment_photo": "photos.augment:augment",
+    "bench": "study.bench.bench_run",
+    "calibrate": "photos.camera",
     "camera_rays": "scene.camera_rays",
-    "check": "contract.check",
-    "compare": "workflows.diff_files:compare",
+    "check": "teach.contract.check",
+    "compare": "study.diff_files",
     "compare_images": "compare:compare",
-    "compare_scene": "workflows.compare_scene",
-    "diff_files": "workflows.diff_files:compare",
-    "levels": "analysis.levels",
-    "method": "contract.subject",
+    "compare_scene": "study.compare_scene",
+    "diff_files": "study.diff_files:compare",
+    "levels": "study.levels",
+    "method": "teach.contract.subject",
     "mitsuba_sensor": "twin",
-    "read_board": "calib.boards",
-    "read_image": "files",
-    "read_scene": "files",
-    "reference": "references",
+    "read_board": "photos.boards",
+    "read_image": "images.image_formats",
+    "read_scene": "scene.scene_files",
+    "reference": "renderers.references",
     "render": "twin",
-    "scenes": "files",
+    "scenes": "scene_folders",
     "trace": "tracer",
-    "write_image": "files",
+    "write_image": "images.image_formats",
 }
 """Name -> its module, and after a colon its name there, where that differs or a module of raytwin has it."""
 
 __all__ = sorted(_HOME)
 
-PACKAGES = ("bench", "compare")
+PACKAGES = ("compare",)
 """Names that are packages, and functions too: `raytwin.compare(a, b)` beside `from raytwin.compare import METRICS`."""
 
 

@@ -27,4 +27,4 @@ class InNotebook:
 
 def page() -> Any:
     """Return the module that makes HTML and widgets."""
-    return import_module("raytwin.report.notebook_page")
+    return import_module("raytwin.show.notebook_page")

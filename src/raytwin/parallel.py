@@ -11,8 +11,8 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import msgspec
 
-from raytwin import files
 from raytwin.errors import InputError, MachineError
+from raytwin.safe_write import replacing
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -79,7 +79,7 @@ class Stored(Generic[R]):
             return None
 
     def write(self, key: str, made: bytes) -> None:
-        with files.replacing(self.folder / f"{key}.json") as temporary:
+        with replacing(self.folder / f"{key}.json") as temporary:
             temporary.write_bytes(made)
 
     def run(

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Generator
 
     from raytwin.compare import Comparison
-    from raytwin.image import Image
-    from raytwin.image_input import LoadedImage
-    from raytwin.references import Reference
+    from raytwin.images.image import Image
+    from raytwin.images.image_input import LoadedImage
+    from raytwin.renderers.references import Reference
     from raytwin.scene import Camera, Scene, Tolerance
 
 MARKER = "raytwin(scenes=None, rungs=None): which references the fixture raytwin_case goes through (default: all)."
@@ -166,13 +166,13 @@ class ReferenceCheck:
         pixels: what a pass must exclude.
         """
         __tracebackhide__ = True
-        from raytwin import image_input
         from raytwin.compare import compare
-        from raytwin.diagnose.diagnosis import explain
         from raytwin.errors import InputError
-        from raytwin.image import Image
-        from raytwin.report.terminal_text import because, further
+        from raytwin.explain.diagnosis import explain
+        from raytwin.images import image_input
+        from raytwin.images.image import Image
         from raytwin.scene import Tolerance
+        from raytwin.show.terminal_text import because, further
 
         taken, made = None, None
         allowed = self.reference.tolerance if self.reference is not None else Tolerance()
@@ -218,9 +218,9 @@ class ReferenceCheck:
         self, render: "Callable[[int], Any]", renders: int, options: dict[str, Any]
     ) -> "tuple[LoadedImage, Comparison]":
         """Renders of the seeds 0, 1, ... until the verdict is certain: what they make together, and the verdict."""
-        from raytwin import image_input
         from raytwin.compare import SequentialComparison
         from raytwin.errors import InputError
+        from raytwin.images import image_input
 
         if renders < image_input.FEWEST:
             raise InputError("renders", f"at least {image_input.FEWEST}", renders)
@@ -239,8 +239,8 @@ class ReferenceCheck:
     def _find(self) -> "Reference | None":
         """The reference, whole and of its scene as it is; None where --raytwin-update may make it from an image."""
         __tracebackhide__ = True
-        from raytwin import references
         from raytwin.errors import InputError
+        from raytwin.renderers import references
 
         folders, scene = self._folders, self._folders.scene(self.name)
         paths, path, found, why = [], None, None, None
@@ -262,7 +262,7 @@ class ReferenceCheck:
         if why is None:
             return found
         if folders.update and own and scene:
-            from raytwin.workflows import make_reference
+            from raytwin.study import make_reference
 
             made = make_reference.make(scene, self.rung, folders.own)
             print("\n".join(made.lines()))
@@ -295,8 +295,8 @@ class ReferenceCheck:
     def _keep(self, image: "Image") -> str | None:
         """Make `image` the reference, once per run: later images are compared with it. Return which test made it."""
         __tracebackhide__ = True
-        from raytwin import references
         from raytwin.compare import compare
+        from raytwin.renderers import references
 
         wrong = compare(image, image)  # NaN, black, of another shape: nothing to compare others with
         if not wrong.passed:
@@ -335,7 +335,7 @@ class ReferenceCheck:
             return None
         from raytwin.compare import Report
         from raytwin.errors import InputError
-        from raytwin.report import check_page
+        from raytwin.show import check_page
 
         self._node.stash[_FAILED] = self._node.stash.get(_FAILED, False) or made.verdict not in ("pass", "differs")
         number = self._node.stash.setdefault(_COUNTER, itertools.count())
@@ -355,7 +355,7 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     ours = {"raytwin_case", "raytwin_reference"} & set(getattr(item, "fixturenames", ()))
     if folder is not None and ours and report.failed and call.excinfo and not item.stash.get(_FAILED, False):
         from raytwin.errors import InputError
-        from raytwin.report import check_page
+        from raytwin.show import check_page
 
         text = call.excinfo.exconly(tryshort=True).splitlines()
         case = getattr(item, "callspec", None)
@@ -388,7 +388,7 @@ class _Folders:
 
     @property
     def all(self) -> list[Path]:
-        from raytwin.references import SHIPPED
+        from raytwin.renderers.references import SHIPPED
 
         return [self.own, SHIPPED]
 
@@ -408,7 +408,7 @@ class _Folders:
 
     def cases(self, scenes: list[str] | None, rungs: list[str] | None) -> list[tuple[str, str]]:
         """(scene, rung) of all that is asked for, there or not; of all that are there, where nothing is asked for."""
-        from raytwin.references import listed
+        from raytwin.renderers.references import listed
 
         there = list(dict.fromkeys(case for folder in self.all for case in listed(folder)))
         names = scenes or list(dict.fromkeys(name for name, _ in there))
@@ -444,7 +444,7 @@ def _index_folder(config: pytest.Config) -> Path | None:
 def pytest_sessionstart(session: pytest.Session) -> None:
     if (folder := _index_folder(session.config)) is not None:
         from raytwin.errors import InputError
-        from raytwin.report import check_page
+        from raytwin.show import check_page
 
         try:
             check_page.prepare(folder)
@@ -456,7 +456,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 def pytest_sessionfinish(session: pytest.Session) -> None:
     if (folder := _index_folder(session.config)) is not None:
         from raytwin.errors import InputError
-        from raytwin.report import check_page
+        from raytwin.show import check_page
 
         try:
             count, failed = check_page.write_index(folder)

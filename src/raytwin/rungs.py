@@ -25,7 +25,7 @@ class Rung:
     background: bool = True
 
     def lacks(self, part: str, depth: int | None = None) -> bool:
-        """Return whether it lacks a part of the light, one of `speed.part_names`; `depth` replaces the rung's own."""
+        """Return whether it lacks a part of the light, one of `fast.part_names`; `depth` replaces the rung's own."""
         if part.startswith("bounce"):
             return int(part.removeprefix("bounce").rstrip("+")) + 2 > (depth or self.depth or 0)
         return not {"open": self.lit, "shadow": self.shadows, "occlusion": self.sky == "occluded"}[part]

@@ -5,14 +5,16 @@ import OpenEXR
 import pytest
 from PIL import Image as Pillow
 
-from raytwin import files
 from raytwin.compare import compare
 from raytwin.compare.alpha import alpha_findings
-from raytwin.image import Image
-from raytwin.image_input import as_image
-from raytwin.image_pool import ImagePool
+from raytwin.images.exr import write_exr
+from raytwin.images.image import Image
+from raytwin.images.image_formats import read_image
+from raytwin.images.image_input import as_image
+from raytwin.images.image_pool import ImagePool
+from raytwin.images.photo_files import from_bytes, to_bytes
 from raytwin.judging import Judging
-from raytwin.workflows.diff_files import compare as diff
+from raytwin.study.diff_files import compare as diff
 
 RNG = np.random.default_rng(5)
 RGB = RNG.random((32, 40, 3)).astype(np.float32)
@@ -38,8 +40,8 @@ def test_files_keep_their_alpha(tmp_path, kind):
     for name, alpha in (("clear", CLEAR), ("opaque", OPAQUE), ("soft", SOFT)):
         path = tmp_path / f"{name}.{kind}"
         if kind == "exr":
-            files.write_exr(path, Image(RGB, alpha=alpha))
-            np.testing.assert_array_equal(files.read_image(path).alpha, alpha)
+            write_exr(path, Image(RGB, alpha=alpha))
+            np.testing.assert_array_equal(read_image(path).alpha, alpha)
         else:
             codes = np.rint(255 * rgba(alpha, 0.5 * OPAQUE[..., None] * np.ones(3))).astype(np.uint8)
             Pillow.fromarray(codes).save(path)
@@ -49,7 +51,7 @@ def test_files_keep_their_alpha(tmp_path, kind):
 
 
 def test_eight_bits_of_alpha_are_held_to_half_a_code(tmp_path):
-    grey = files.from_bytes(np.full(RGB.shape, 128, np.uint8))
+    grey = from_bytes(np.full(RGB.shape, 128, np.uint8))
     codes = np.dstack([np.full(RGB.shape, 128, np.uint8), np.rint(255 * SOFT).astype(np.uint8)])
     Pillow.fromarray(codes).save(tmp_path / "x.png")
     assert diff(tmp_path / "x.png", rgba(SOFT, grey)).verdict == "pass"
@@ -93,11 +95,11 @@ def test_straight_and_premultiplied_colours_are_told(tmp_path):
     assert straight.cause.startswith("the colours are straight, the reference's are multiplied by alpha")
     assert diff(rgba(SOFT, premultiplied), rgba(SOFT)).cause.startswith("the colours are multiplied by alpha")
     assert "alpha" not in diff(rgba(SOFT, 0.5 * RGB), rgba(SOFT)).cause
-    Pillow.fromarray(np.dstack([files.to_bytes(RGB), np.rint(255 * SOFT).astype(np.uint8)])).save(tmp_path / "x.png")
-    files.write_exr(tmp_path / "x.exr", Image(premultiplied, alpha=SOFT))
+    Pillow.fromarray(np.dstack([to_bytes(RGB), np.rint(255 * SOFT).astype(np.uint8)])).save(tmp_path / "x.png")
+    write_exr(tmp_path / "x.exr", Image(premultiplied, alpha=SOFT))
     assert diff(tmp_path / "x.png", tmp_path / "x.exr").cause.startswith("the colours are straight")
     assert diff(tmp_path / "x.exr", tmp_path / "x.png").cause.startswith("the colours are multiplied by alpha")
-    files.write_exr(tmp_path / "x.exr", Image(premultiplied))
+    write_exr(tmp_path / "x.exr", Image(premultiplied))
     assert diff(tmp_path / "x.exr", tmp_path / "x.png").cause.startswith("the colours are multiplied by alpha")
 
 
@@ -106,7 +108,7 @@ def test_a_layers_own_alpha_is_read(tmp_path):
     planes = {f"View.Combined.{c}": np.ascontiguousarray(x) for c, x in names.items()}
     with OpenEXR.File({"type": OpenEXR.scanlineimage}, planes) as file:
         file.write(str(tmp_path / "x.exr"))
-    np.testing.assert_array_equal(files.read_image(tmp_path / "x.exr").alpha, SOFT)
+    np.testing.assert_array_equal(read_image(tmp_path / "x.exr").alpha, SOFT)
 
 
 def test_alphas_of_another_shape_fail():

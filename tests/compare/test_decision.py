@@ -11,7 +11,7 @@ from raytwin.compare import compare
 from raytwin.compare.decision import decide
 from raytwin.compare.exact import count_noise_free
 from raytwin.compare.scale import Bound
-from raytwin.image import Image, Surface
+from raytwin.images.image import Image, Surface
 from raytwin.scene import Tolerance
 
 H, W = 40, 56

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from raytwin.compare import compare
-from raytwin.image import Image
+from raytwin.images.image import Image
 
 
 @pytest.mark.parametrize("batches", [2, 3])

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from raytwin.compare import compare
 from raytwin.compare.geometry import geometry_findings
 from raytwin.compare.shift import Shift, _lit, _overlap, find_shift
-from raytwin.files import read_image
-from raytwin.image import Image, Surface
+from raytwin.images.image import Image, Surface
+from raytwin.images.image_formats import read_image
 from raytwin.scene import Tolerance
 
 H, W = 60, 80

@@ -4,7 +4,7 @@ import pytest
 from raytwin.compare import error_map, error_scale
 from raytwin.compare.heatmap import signed_error
 from raytwin.errors import InputError
-from raytwin.image import Image
+from raytwin.images.image import Image
 
 R = np.full((12, 16, 3), 0.5, np.float32)
 

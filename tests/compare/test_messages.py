@@ -9,7 +9,7 @@ from measure.noise_models import picture, render
 from raytwin.compare import compare
 from raytwin.compare.exact import NoiseFree
 from raytwin.compare.messages import _amount, agreement
-from raytwin.image import Image
+from raytwin.images.image import Image
 
 TRUTH = picture(48, 64)
 

@@ -5,7 +5,7 @@ import pytest
 from measure.noise_models import exact, picture, render, untold
 
 from raytwin.compare import compare
-from raytwin.image import Image
+from raytwin.images.image import Image
 
 TRUTH = picture(48, 64)
 REFERENCE = render(np.random.default_rng(1), TRUTH, samples=4096)

@@ -10,7 +10,7 @@ from measure.noise_models import filtered, render
 
 from raytwin.compare import noise
 from raytwin.compare.blocks import SIDE, block_sums, slide, strips
-from raytwin.image import Image
+from raytwin.images.image import Image
 
 
 def flat(v, mean=0.5, samples=16, batches=16):

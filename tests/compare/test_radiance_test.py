@@ -13,8 +13,8 @@ from raytwin.compare.noise import Residual
 from raytwin.compare.radiance_test import RadianceTest
 from raytwin.compare.untold import dense, unexplained
 from raytwin.errors import InputError
-from raytwin.files import read_scene
-from raytwin.image import Image
+from raytwin.images.image import Image
+from raytwin.scene.scene_files import read_scene
 from raytwin.tracer import trace
 
 TRUTH = picture(48, 64)

@@ -7,8 +7,8 @@ import pytest
 
 from raytwin.compare import compare
 from raytwin.compare.noise import rare_light
-from raytwin.image import Image
-from raytwin.image_pool import ImagePool
+from raytwin.images.image import Image
+from raytwin.images.image_pool import ImagePool
 
 SAMPLES = 16
 

@@ -11,8 +11,8 @@ from measure.noise_models import picture, quantised, render
 
 from raytwin.compare import compare
 from raytwin.compare.scale import Bound, scale_of, unit_of
-from raytwin.files.rounding import half_code
-from raytwin.image import Image
+from raytwin.images.image import Image
+from raytwin.images.stored_precision import half_code
 
 TRUTH = picture(24, 32)
 

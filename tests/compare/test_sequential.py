@@ -12,7 +12,7 @@ from raytwin.compare import SequentialComparison, compare
 from raytwin.compare.decision import Unseen, _excluded, _Tested
 from raytwin.compare.sequential import PER_OCTAVE, first_samples, look_level, look_number
 from raytwin.errors import InputError
-from raytwin.image import Image
+from raytwin.images.image import Image
 
 NOISE = NOISES["Gaussian"][0]
 

@@ -11,7 +11,7 @@ from raytwin.compare import compare
 from raytwin.compare.noise import residual
 from raytwin.compare.patterns import patterned
 from raytwin.compare.untold import LEVEL, borne_out
-from raytwin.image import Image
+from raytwin.images.image import Image
 
 TRUTH = picture(48, 64)
 LEAST = 1e-5

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from raytwin.compare import Comparison, Report, compare
 from raytwin.errors import InputError
-from raytwin.image import Image
+from raytwin.images.image import Image
 from raytwin.scene import Tolerance
 
 H, W = 48, 64

@@ -13,10 +13,10 @@ from pathlib import Path
 import msgspec
 from measure import record
 
-from raytwin.atlas import EXPERIMENTS, Atlas, Curve, Found
-from raytwin.bench import Bench
-from raytwin.report.atlas_page import edge, fate
-from raytwin.report.numbers import shown
+from raytwin.show.atlas_page import edge, fate
+from raytwin.show.numbers import shown
+from raytwin.study.atlas import EXPERIMENTS, Atlas, Curve, Found
+from raytwin.study.bench import Bench
 
 FRONTIER = (
     "raytwin bench scenes/desk --sizes 0.05 --budget 300"

@@ -19,12 +19,13 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from raytwin import files
-from raytwin.calib import boards, photos, synthetic_photos
-from raytwin.calib.boards import Board, Grid
-from raytwin.calib.photos import Calibration, Tag
 from raytwin.errors import InputError
-from raytwin.workflows.photograph import photograph_board
+from raytwin.images.photo_files import list_photos
+from raytwin.photos import boards, synthetic_photos
+from raytwin.photos import camera as camera_package
+from raytwin.photos.boards import Board, Grid
+from raytwin.photos.camera import Calibration, Tag
+from raytwin.study.photograph import photograph_board
 
 BOARD = Board("tag36h11", 0.030, Grid(5, 7, 0.038))
 FOLDS = 5
@@ -41,7 +42,7 @@ class Setting(NamedTuple):
     def find(self, grey: np.ndarray, family: str) -> list[Tag]:
         if self.shrink > 1:
             return detect_shrunk(grey, family, self.shrink)
-        return photos.detect(grey, family, self.reductions)
+        return camera_package.detect(grey, family, self.reductions)
 
 
 WHOLE, OURS, QUARTER = "full size, one thread", "raytwin's own", "photos shrunk to 1/4"
@@ -86,7 +87,7 @@ def detect_shrunk(grey: np.ndarray, family: str, n: int) -> list[Tag]:
     small = np.asarray(Pillow.fromarray(grey).reduce(n))
     return [
         msgspec.structs.replace(tag, center=back(tag.center), corners=tuple(map(back, tag.corners)))
-        for tag in photos.detect(small, family, (1.0,))
+        for tag in camera_package.detect(small, family, (1.0,))
     ]
 
 
@@ -95,7 +96,7 @@ def true_tags(truth: synthetic_photos.Truth) -> dict[str, list[Tag]]:
     points = np.array([(*center, 0.0) for center in BOARD.centers().values()])
     shown = {}
     for photo, (R, t) in truth.photos.items():
-        pixels = photos.project(points, np.array(R), np.array(t), np.array(truth.K), truth.dist)
+        pixels = camera_package.project(points, np.array(R), np.array(t), np.array(truth.K), truth.dist)
         inside = np.all((pixels > -0.5) & (pixels < np.array(truth.image_size) - 0.5), axis=1)
         at = zip(BOARD.centers(), pixels.tolist(), inside.tolist(), strict=True)
         shown[photo] = [Tag(i, tuple(p), (tuple(p),) * 4, 0.0) for i, p, ok in at if ok]
@@ -108,9 +109,9 @@ def held_out(tags: Mapping[str, Sequence[Tag]], found: Calibration, true: Mappin
     squares, count, folds = 0.0, 0, min(FOLDS, len(names))
     for k in range(folds):
         rest = {name: tags[name] for i, name in enumerate(names) if i % folds != k}
-        camera = photos.calibrate_detections(rest, found.image_size, BOARD, found.model)
+        camera = camera_package.calibrate_detections(rest, found.image_size, BOARD, found.model)
         for name in names[k::folds]:
-            pose, _ = photos.refined_pose(camera.K, camera.dist, true[name], BOARD)
+            pose, _ = camera_package.refined_pose(camera.K, camera.dist, true[name], BOARD)
             squares, count = squares + len(true[name]) * pose.rms_px**2, count + len(true[name])
     return float((squares / count) ** 0.5)
 
@@ -128,17 +129,17 @@ def medians(calls: Mapping[str, Callable[[], object]], repeats: int) -> dict[str
 
 def costs(folder: Path, repeats: int, names: Iterable[str] = SETTINGS) -> dict[str, Cost]:
     """Return what each setting costs on the synthetic photos in `folder`, where that can be told."""
-    taken, truth = files.list_photos(folder), synthetic_photos.read_truth(folder / "truth.toml")
+    taken, truth = list_photos(folder), synthetic_photos.read_truth(folder / "truth.toml")
     true = true_tags(truth)
 
     def calibrate(setting: Setting) -> Calibration:
-        return photos.calibrate(taken, BOARD, find=setting.find, threads=setting.threads)
+        return camera_package.calibrate(taken, BOARD, find=setting.find, threads=setting.threads)
 
     errors = {}
     for name in names:
         try:
             camera = calibrate(SETTINGS[name])
-            tags, _ = photos.detect_photos(taken, BOARD.kind, find=SETTINGS[name].find)
+            tags, _ = camera_package.detect_photos(taken, BOARD.kind, find=SETTINGS[name].find)
             unseen = held_out({Path(photo).name: found for photo, found in tags.items()}, camera, true)
         except InputError as error:
             print(f"{name}: {error}", file=sys.stderr)

@@ -20,12 +20,12 @@ import numpy as np
 from measure import record
 from photo_helpers import PlainRenderer, a_camera, stored_board, stored_tags
 
-from raytwin import files
-from raytwin.calib.boards import Board, Grid, read_board
-from raytwin.calib.photos import Calibration, Tag, calibrate_detections, detect_photos
-from raytwin.calib.photos.bias import unbiased
-from raytwin.calib.photos.lens_model import five
-from raytwin.calib.synthetic_photos import photograph
+from raytwin.images.photo_files import photo_size, read_photo, write_picture
+from raytwin.photos.boards import Board, Grid, read_board
+from raytwin.photos.camera import Calibration, Tag, calibrate_detections, detect_photos
+from raytwin.photos.camera.bias import unbiased
+from raytwin.photos.camera.lens_model import five
+from raytwin.photos.synthetic_photos import photograph
 from raytwin.scene.lens import undone
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -48,7 +48,7 @@ def shipped() -> Set:
     folder = ROOT / "scenes" / "desk"
     board = read_board(folder / "board.toml")
     photos = sorted((folder / "photos").glob("*.jpg"))
-    return board, detect_photos(photos, board.kind)[0], files.photo_size(photos[0]), ()
+    return board, detect_photos(photos, board.kind)[0], photo_size(photos[0]), ()
 
 
 def blurred(pixels: np.ndarray, i: int) -> np.ndarray:
@@ -86,7 +86,7 @@ def drawn(seed: int, bend: float = 0.0, spoil: Callable[[np.ndarray, int], np.nd
         photos = sorted(Path(folder).glob("*.jpg"))
         for i, photo in enumerate(photos):
             if spoil is not None:
-                files.write_picture(photo, spoil(files.read_photo(photo), i))
+                write_picture(photo, spoil(read_photo(photo), i))
         return board, detect_photos(photos, board.kind)[0], size, (camera.fx, camera.fy, camera.cx, camera.cy)
 
 

@@ -21,14 +21,15 @@ from measure import record
 from measure.other_tools import ON_BATCHES, ON_IMAGES
 
 import raytwin
-from raytwin import files, twin
-from raytwin.bench.bench_run import sized
-from raytwin.calib.find_camera import find_camera
+from raytwin import twin
 from raytwin.compare import SequentialComparison, compare
-from raytwin.image import Image
-from raytwin.image_pool import ImagePool
+from raytwin.images.image import Image
+from raytwin.images.image_pool import ImagePool
+from raytwin.photos.find_camera import find_camera
 from raytwin.renderers.subject_renderers import PathTraced, fast_engine
-from raytwin.report.charts.chart import Point, family_chart, svg_text
+from raytwin.safe_write import write_text
+from raytwin.show.charts.chart import Point, family_chart, svg_text
+from raytwin.study.bench.bench_run import sized
 
 SCENES = ("overlap", "wedge", "ball")
 BLOCK = 4
@@ -191,7 +192,7 @@ def draw(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     ]  # fmt: skip
     title = f"Samples until the fault is certain ({rows[0][0]}, 80 x 60 pixels)"
     chart = family_chart("verdict", title, "size of the fault, %", "samples per pixel", points)
-    files.write_text(record.DOCS / "images" / "verdict.svg", svg_text(chart))
+    write_text(record.DOCS / "images" / "verdict.svg", svg_text(chart))
 
 
 def main(*words: str) -> None:

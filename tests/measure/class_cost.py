@@ -16,9 +16,9 @@ import submitted_tracers as tracers
 from measure import record
 from tracers_by_students import CORRECT, MISTAKES, mistaken
 
-from raytwin.grade.class_run import Job, jobs_of, run
 from raytwin.parallel import Workers, map_parallel
-from raytwin.sandbox.sandbox import Code, Sandbox
+from raytwin.teach.grade.class_run import Job, jobs_of, run
+from raytwin.teach.sandbox.sandbox import Code, Sandbox
 
 RUBRIC = """
 title = "A hundred tracers"

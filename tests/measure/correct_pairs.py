@@ -16,14 +16,14 @@ from measure import record
 from measure.random_scenes import KINDS, random_scene
 
 from raytwin import twin
-from raytwin.analysis.beside_twin import compare_with_twin
-from raytwin.calib.find_camera import find_camera
 from raytwin.compare import Comparison
-from raytwin.image import Image
+from raytwin.fast import trace
+from raytwin.images.image import Image
+from raytwin.photos.find_camera import find_camera
 from raytwin.renderers.subject_renderers import PathTraced
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Tolerance
-from raytwin.speed import trace
+from raytwin.study.beside_twin import compare_with_twin
 
 ROOT = Path(__file__).resolve().parents[2]
 SHIPPED = tuple(sorted(p.parent.name for p in ROOT.glob("scenes/*/scene.toml")))

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from raytwin import files, twin
-from raytwin.bench.bench_run import sized
+from raytwin import twin
 from raytwin.compare import compare
-from raytwin.speed import background, draw, trace
-from raytwin.speed.speculation import speculate
+from raytwin.fast import background, draw, trace
+from raytwin.fast.speculation import speculate
+from raytwin.scene.scene_files import read_scene
+from raytwin.study.bench.bench_run import sized
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 
@@ -20,7 +21,7 @@ SCENES = Path(__file__).resolve().parents[2] / "scenes"
 @pytest.fixture(scope="module", params=["single", "distorted"])
 def scene(request):
     twin.activate()
-    found = files.read_scene(SCENES / request.param)
+    found = read_scene(SCENES / request.param)
     return found.with_camera(sized(found.camera, float(os.environ.get("RAYTWIN_BENCH_MP", "0.75"))))
 
 
@@ -50,8 +51,8 @@ def test_compare(benchmark, scene):
 
 
 def test_report(benchmark, scene, tmp_path):
-    from raytwin.report import compare_page
-    from raytwin.workflows.compare_scene import compare_scene
+    from raytwin.show import compare_page
+    from raytwin.study.compare_scene import compare_scene
 
     name = scene.name
     result = compare_scene(SCENES / name, size=scene.camera.image_size, engine="numpy32")

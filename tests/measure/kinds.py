@@ -19,8 +19,8 @@ from measure.sequences import HEIGHT, MOST, NOISES, WIDTH, Noise, Samples, chose
 from scipy.ndimage import convolve1d
 
 from raytwin.compare import SequentialComparison, compare
-from raytwin.image import Image
-from raytwin.image_pool import ImagePool
+from raytwin.images.image import Image
+from raytwin.images.image_pool import ImagePool
 
 SMALL = picture(HEIGHT, WIDTH).astype(np.float32)
 CONTRAST = SMALL**4 + np.float32(0.002)

@@ -14,11 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.analysis.converged import unbiased_error
-from raytwin.analysis.levels import Row, levels, method_of
-from raytwin.files import read_scene
+from raytwin.fast import walk
 from raytwin.scene import Scene
-from raytwin.speed import walk
+from raytwin.scene.scene_files import read_scene
+from raytwin.study.converged import unbiased_error
+from raytwin.study.levels import Row, levels, method_of
 
 SCENES = "ball", "distorted", "eclipse", "gloss", "grazing", "overlap", "studio", "wedge"
 TOLERANCES = 0.1, 0.03, 0.01

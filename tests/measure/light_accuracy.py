@@ -22,19 +22,21 @@ from measure import light_photos, record
 from photo_helpers import a_camera
 from scene_of import scene_of
 
-from raytwin import files
-from raytwin.calib import synthetic_photos
-from raytwin.calib.augment import augment, printed
-from raytwin.calib.boards import read_board
-from raytwin.calib.boards.board import draw_board
-from raytwin.calib.lighting import light_models as models
-from raytwin.calib.lighting.linear_photo import value_of_one
-from raytwin.calib.synthetic_photos import sheet_of
 from raytwin.errors import InputError
-from raytwin.lights.envmap_tables import REC_709
+from raytwin.images.photo_files import list_photos
+from raytwin.photos import synthetic_photos
+from raytwin.photos.augment import augment, printed
+from raytwin.photos.boards import read_board
+from raytwin.photos.boards.board import draw_board
+from raytwin.photos.lighting import light_models as models
+from raytwin.photos.lighting.estimate_light import estimate_light
+from raytwin.photos.lighting.linear_photo import value_of_one
+from raytwin.photos.synthetic_photos import sheet_of
 from raytwin.scene import Camera, Environment, Lambert, Sky, Sphere, Sun
-from raytwin.workflows.estimate_light import estimate_light
-from raytwin.workflows.photograph import TABLE
+from raytwin.scene.scene_files import write_camera
+from raytwin.scene.toml_json import write_json
+from raytwin.study.photograph import TABLE
+from raytwin.tracer.lights.envmap_tables import REC_709
 
 MIRROR = Sphere((-0.075, 0.05, 0.028), 0.03, Lambert((0.9, 0.9, 0.9)))
 ORANGE = Sphere((-0.065, 0.15, 0.018), 0.02, Lambert((0.75, 0.35, 0.08)))
@@ -85,7 +87,7 @@ def judge(folder: Path, seed: int) -> list[dict]:
     """A row per mode: errors and z of the light that is found in `folder`."""
     truth = synthetic_photos.read_truth(folder / "photos" / "truth.toml")
     R, t = truth.photos["photo_00.jpg"]
-    files.write_camera(folder / "camera.toml", Camera(truth.image_size, truth.K, R, t, truth.dist))
+    write_camera(folder / "camera.toml", Camera(truth.image_size, truth.K, R, t, truth.dist))
     to_light, E, Ls, around = random_light(seed)
     white = PAPER * (E * to_light[2] / np.pi + Ls) @ REC_709
     rng = np.random.default_rng(seed)
@@ -96,7 +98,7 @@ def judge(folder: Path, seed: int) -> list[dict]:
     start = time.process_time()
     try:
         whole = estimate_light(
-            files.list_photos(folder / "photos"), folder / "photos" / "board.toml", folder / "camera.toml",
+            list_photos(folder / "photos"), folder / "photos" / "board.toml", folder / "camera.toml",
             balls=[near], stand=stand,
         )  # fmt: skip
     except InputError as error:
@@ -231,7 +233,7 @@ def main() -> None:
                 rows += judge(asked.folder / f"{seed:02d}", seed)
                 for row in rows[-len(MODES) :]:
                     print({k: round(v, 3) if isinstance(v, float) else v for k, v in row.items()}, flush=True)
-        files.write_json(asked.folder / "judged.json", rows)
+        write_json(asked.folder / "judged.json", rows)
         report(rows, asked.first)
 
 

@@ -11,14 +11,15 @@ from pathlib import Path
 import numpy as np
 from scene_of import scene_of
 
-from raytwin import files, twin
-from raytwin.calib.boards.board import Board, BoardTag, draw_board, write_board
-from raytwin.calib.photos import lens_model
-from raytwin.calib.synthetic_photos import QUALITY, Truth, expose, poses, sheet_of, write_truth
+from raytwin import twin
+from raytwin.images.photo_files import write_picture
+from raytwin.photos.boards.board import Board, BoardTag, draw_board, write_board
+from raytwin.photos.camera import lens_model
+from raytwin.photos.synthetic_photos import QUALITY, Truth, expose, poses, sheet_of, write_truth
 from raytwin.scene import Camera, Environment, Lambert, Matrix, Rectangle, Scene, Sky, Sphere, Sun, Vector
+from raytwin.study.photograph import TABLE
 from raytwin.twin.opencv_sensor import sensor_at
 from raytwin.twin.twin_scene import load, place_of, translate
-from raytwin.workflows.photograph import TABLE
 
 TEXELS_PER_METRE = 4500.0
 """Of the board's texture: two per pixel at the nearest."""
@@ -56,7 +57,7 @@ def photograph(
         light = rendered(scene_of("light", view, objects, lights), {2: texture}, samples, seed)
         taken[f"photo_{i:02d}.jpg"] = R, t
         pixels = expose(light + sun_glint(view, mirror, lights[0]), rng, view)
-        files.write_picture(out / f"photo_{i:02d}.jpg", pixels, quality=QUALITY)
+        write_picture(out / f"photo_{i:02d}.jpg", pixels, quality=QUALITY)
     write_board(out / "board.toml", board)
     write_truth(out / "truth.toml", Truth(camera.image_size, camera.K, camera.dist, taken))
 

@@ -14,12 +14,12 @@ import numpy as np
 from measure import record
 from tracers_by_students import CORRECT, MISTAKES, mistaken, run
 
-from raytwin.diagnose.catalogue import FAULTS
-from raytwin.diagnose.changes import Fault, chain
-from raytwin.diagnose.diagnosis import FEW, SubmittedImage, diagnose
-from raytwin.diagnose.draw_scene import draw_scene
-from raytwin.diagnose.explanation import Explanation
-from raytwin.diagnose.predict import Pipeline, planted, written
+from raytwin.explain.catalogue import FAULTS
+from raytwin.explain.changes import Fault, chain
+from raytwin.explain.diagnosis import FEW, SubmittedImage, diagnose
+from raytwin.explain.draw_scene import draw_scene
+from raytwin.explain.explanation import Explanation
+from raytwin.explain.predict import Pipeline, planted, written
 from raytwin.renderers.scene_exchange import as_arrays
 
 SCENES = [(draw_scene(seed), "shadow" if seed < 3 else "lambert") for seed in range(4)]

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from raytwin.image import Image
+from raytwin.images.image import Image
 
 Pair = tuple[Image, Image]
 Maker = Callable[..., tuple[Image, Image]]
@@ -120,14 +120,14 @@ def filtered(
 
 def quantised(image: Image) -> Image:
     """As 8-bit sRGB keeps it."""
-    from raytwin.files import from_bytes, to_bytes
+    from raytwin.images.photo_files import from_bytes, to_bytes
 
     return replace(image, mean=from_bytes(to_bytes(np.clip(image.mean, 0, 1))))
 
 
 def half_steps(name: str, test: Image, reference: Image) -> tuple[np.ndarray | None, np.ndarray | None]:
     """What a kind's formats round off, as `diff` finds it out of the files."""
-    from raytwin.files.rounding import half_code
+    from raytwin.images.stored_precision import half_code
 
     sides = EIGHT_BITS.get(name, (False, False))
     test_half, reference_half = (

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import FrameType
 
 import raytwin
-from raytwin import files
+from raytwin.scene.scene_files import read_scene
 from raytwin.tracer import trace
 
 ROOT = Path(raytwin.__file__).parent
@@ -24,7 +24,7 @@ ONCE = "_set_up", "blacken", "without_ray"
 
 def visited(scene_name: str, rung: str, whole: bool) -> list[str]:
     """The files in the order of the visits; `whole`: with what is done once for an image."""
-    scene = files.read_scene(ROOT.parents[1] / "scenes" / scene_name)
+    scene = read_scene(ROOT.parents[1] / "scenes" / scene_name)
     scene = scene.with_camera(scene.camera.resized(1, 1))
     trace(scene, rung)  # what is computed once is no pixel's
     stack: list[str] = []
@@ -60,7 +60,7 @@ def main(scene: str = "single", rung: str = "lambert") -> None:
     """Print the counts, and how often each file is entered."""
     for what, whole in (("one pixel", False), ("with what an image needs once", True)):
         found = visited(scene, rung, whole)
-        steps = [file for file in found if file != "arrays.py"]
+        steps = [file for file in found if file != "tracer/arrays.py"]
         changes = sum(a != b for a, b in pairwise(steps))
         told = f"{len(set(found))} files, {len(found) - 1} changes of file, {changes} but for arithmetic"
         print(f"{scene}, {rung}, {what}: {told}")

@@ -8,7 +8,7 @@ import numpy as np
 from raytwin.array_types import Float, Float64
 from raytwin.compare.blocks import SIDE
 from raytwin.compare.significance import sidak
-from raytwin.image import Image
+from raytwin.images.image import Image
 
 RATE = 1e-3
 """The false-alarm rate of the tests that have one."""

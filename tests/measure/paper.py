@@ -24,13 +24,13 @@ from scene_of import scene_of
 from raytwin import twin
 from raytwin.compare import METRICS
 from raytwin.errors import InputError
-from raytwin.image import Image
+from raytwin.fast import TRIMS, trace
+from raytwin.images.image import Image
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.renderer_table import choose
 from raytwin.renderers.subject_renderers import PythonLoop, Speculated
-from raytwin.report.numbers import shown
 from raytwin.scene import Camera, Lambert, Scene, Sky, Sphere, Sun
-from raytwin.speed import TRIMS, trace
+from raytwin.show.numbers import shown
 
 COLUMNS = "figure", "what", "the paper", "its times faster", "times faster", "error"
 Row = tuple[str, ...]

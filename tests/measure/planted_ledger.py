@@ -15,12 +15,12 @@ import numpy as np
 from measure.correct_pairs import shipped
 
 from raytwin import twin
-from raytwin.analysis.ledger import OWN, split_error
-from raytwin.analysis.light_parts import WholeLight
-from raytwin.diagnose.catalogue import FAULTS
-from raytwin.diagnose.changes import Fault
-from raytwin.diagnose.predict import RIGHT, planted
-from raytwin.image import Image
+from raytwin.explain.catalogue import FAULTS
+from raytwin.explain.changes import Fault
+from raytwin.explain.ledger import OWN, split_error
+from raytwin.explain.light_parts import WholeLight
+from raytwin.explain.predict import RIGHT, planted
+from raytwin.images.image import Image
 from raytwin.renderers.subject_renderers import Traced, fast_engine
 
 SCENES = "overlap", "single", "ball"

@@ -32,20 +32,20 @@ from measure.undetected_slips import stop
 from starter_submissions import PLAIN
 from tracers_by_students import BOARD_FRAME, VECTORS
 
-from raytwin.contract.check_function import call_stage
-from raytwin.contract.stage import Case
-from raytwin.contract.stage_table import CONTRACT
-from raytwin.diagnose.catalogue import FAULTS
-from raytwin.diagnose.draw_scene import LARGER, draw_scene
-from raytwin.diagnose.edit import Edit
-from raytwin.diagnose.edits import edits
-from raytwin.diagnose.parametric_faults import FAMILIES
-from raytwin.diagnose.repair import kind_of
-from raytwin.grade.grade_submission import grade_submission
-from raytwin.grade.job import job_of
-from raytwin.grade.result import Result
-from raytwin.grade.rubric import PICTURES, READY, read_rubric
+from raytwin.explain.catalogue import FAULTS
+from raytwin.explain.draw_scene import LARGER, draw_scene
+from raytwin.explain.edit import Edit
+from raytwin.explain.edits import edits
+from raytwin.explain.parametric_faults import FAMILIES
+from raytwin.explain.repair import kind_of
 from raytwin.renderers.scene_exchange import as_arrays
+from raytwin.teach.contract.check_function import call_stage
+from raytwin.teach.contract.stage import Case
+from raytwin.teach.contract.stage_table import CONTRACT
+from raytwin.teach.grade.grade_submission import grade_submission
+from raytwin.teach.grade.job import job_of
+from raytwin.teach.grade.result import Result
+from raytwin.teach.grade.rubric import PICTURES, READY, read_rubric
 
 MOST = 1.35
 """Weight: what is more far-fetched is left out."""

@@ -23,10 +23,10 @@ from scene_of import changed
 
 from raytwin.compare import Comparison, compare
 from raytwin.compare.messages import percent
-from raytwin.files import read_scene
-from raytwin.image import Image
+from raytwin.images.image import Image
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
+from raytwin.scene.scene_files import read_scene
 
 EXPLAINED = (
     "rare events against the exact image", UNSEEN, "the same numbers in every pixel",

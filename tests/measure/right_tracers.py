@@ -14,10 +14,10 @@ import numpy as np
 from measure.correct_pairs import SHIPPED, Case, shipped
 
 from raytwin import twin
-from raytwin.image import Image
+from raytwin.images.image import Image
 from raytwin.renderers.subject_renderers import fast_engine
 from raytwin.rungs import RUNGS
-from raytwin.workflows.compare_scene import find_causes
+from raytwin.study.compare_scene import find_causes
 
 SIZES = (64, 96, 160)
 """Pixels of width."""

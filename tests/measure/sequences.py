@@ -22,8 +22,8 @@ from scipy.ndimage import convolve1d
 from scipy.stats import binomtest
 
 from raytwin.compare import SequentialComparison, compare
-from raytwin.image import Image
-from raytwin.image_pool import ImagePool
+from raytwin.images.image import Image
+from raytwin.images.image_pool import ImagePool
 
 HEIGHT, WIDTH = 24, 32
 MOST = 64

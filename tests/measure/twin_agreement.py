@@ -17,11 +17,13 @@ from measure import record
 from measure.random_scenes import KINDS, random_scene
 from scene_of import scene_of
 
-from raytwin import files, speed, twin
-from raytwin.analysis.beside_twin import compare_with_twin
+from raytwin import fast, twin
 from raytwin.compare import compare
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene.mitsuba_file import read_mitsuba, with_film
+from raytwin.scene.scene_files import read_scene
+from raytwin.study.beside_twin import compare_with_twin
 from raytwin.tracer import trace
 
 SHIPPED = "ball", "distorted", "eclipse", "gloss", "grazing", "overlap", "single", "studio", "wedge", "weekend"
@@ -34,7 +36,7 @@ def shipped(seeds: int) -> Iterator[tuple[str, Scene, int]]:
     given = [word.partition("=")[2] for word in sys.argv if word.startswith("sides=")]
     sizes = [tuple(map(int, size.split("x"))) for size in given[0].split(",")] if given else SIZES
     for name, size in product(SHIPPED, sizes):
-        scene = files.read_scene(record.DOCS.parent / "scenes" / name)
+        scene = read_scene(record.DOCS.parent / "scenes" / name)
         yield name, scene.with_camera(scene.camera.resized(*size)), seeds
 
 
@@ -71,7 +73,7 @@ def verdicts(scene: Scene, seeds: int) -> Iterator[tuple[str, str]]:
         if not RUNGS[rung].noisy and seed:
             continue
         if RUNGS[rung].noisy:
-            mine = speed.walk(scene, rung, "drjit64", samples=SAMPLES, seed=seed, sampling="center")
+            mine = fast.walk(scene, rung, "drjit64", samples=SAMPLES, seed=seed, sampling="center")
         else:
             mine = trace(scene, rung)
         other = twin.render(scene, rung, samples=SAMPLES, seed=seed + 1000, cache=False)
@@ -87,11 +89,11 @@ def alarms(seeds: int) -> Iterator[tuple[str, int, int]]:
     import mitsuba as mi
 
     folder = Path(tempfile.mkdtemp())
-    glass = files.read_mitsuba(record.DOCS.parent / "scenes" / "glass")
+    glass = read_mitsuba(record.DOCS.parent / "scenes" / "glass")
     box = mi.parser.parse_dict(mi.parser.ParserConfig(mi.variant()), mi.cornell_box())
     (folder / "box.xml").write_text(mi.parser.write_string(box))
-    for scene in (glass, files.read_mitsuba(folder / "box.xml")):
-        small = files.with_film(scene, 96, 96 * scene.image_size[1] // scene.image_size[0])
+    for scene in (glass, read_mitsuba(folder / "box.xml")):
+        small = with_film(scene, 96, 96 * scene.image_size[1] // scene.image_size[0])
         right = twin.render_mitsuba(small, 1024, 1_000_000, cache=False)
         tested = [twin.render_mitsuba(small, 64, seed, cache=False) for seed in range(seeds)]
         yield scene.name, seeds, sum(compare(image, right).verdict == "fail" for image in tested)
@@ -106,7 +108,7 @@ def main() -> None:
         return record.table("twin", name, ["file", "compared", "fail"], alarms(seeds), command)
     rows: dict[str, list[int]] = {}
     for label, scene, own in BEDS[name](seeds):
-        exact, image = speed.trace(scene, "shadow", "numpy64"), twin.render(scene, "shadow", cache=False)
+        exact, image = fast.trace(scene, "shadow", "numpy64"), twin.render(scene, "shadow", cache=False)
         row = rows.setdefault(label, [0] * 7)
         scale = float(np.quantile(exact.mean[exact.mean > 0], 0.99)) if (exact.mean > 0).any() else 1.0
         row[0] += exact.mean[..., 0].size

@@ -15,16 +15,16 @@ from functools import lru_cache
 import numpy as np
 from measure import record
 
-from raytwin.contract.check_function import call_stage, is_right
-from raytwin.contract.stage import PARTS_OF, wrong
-from raytwin.contract.stage_table import CONTRACT
-from raytwin.diagnose.draw_scene import draw_scene
-from raytwin.diagnose.edit import Edit
-from raytwin.diagnose.edits import edits
-from raytwin.diagnose.predict import RIGHT, Pipeline, predictor, slip
-from raytwin.diagnose.textbook import FUNCTIONS, Changes
-from raytwin.grade.questions import LARGER
-from raytwin.grade.rubric import READY, read_rubric
+from raytwin.explain.draw_scene import draw_scene
+from raytwin.explain.edit import Edit
+from raytwin.explain.edits import edits
+from raytwin.explain.predict import RIGHT, Pipeline, predictor, slip
+from raytwin.explain.textbook import FUNCTIONS, Changes
+from raytwin.teach.contract.check_function import call_stage, is_right
+from raytwin.teach.contract.stage import PARTS_OF, wrong
+from raytwin.teach.contract.stage_table import CONTRACT
+from raytwin.teach.grade.questions import LARGER
+from raytwin.teach.grade.rubric import READY, read_rubric
 
 MOST = 1.5
 """Weight: what is more far-fetched is left out."""

@@ -14,7 +14,7 @@ from measure import record
 from measure.noise_models import picture, render, untold
 
 from raytwin.compare import compare
-from raytwin.image import Image
+from raytwin.images.image import Image
 
 Rng = np.random.Generator
 Pattern = Callable[[Rng, int, int], np.ndarray]

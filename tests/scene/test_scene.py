@@ -9,9 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scene_of import scene_of
 
-from raytwin import files
 from raytwin.errors import InputError
-from raytwin.references import scene_hash
+from raytwin.renderers.references import scene_hash
 from raytwin.scene import (
     NOWHERE,
     Camera,
@@ -25,6 +24,8 @@ from raytwin.scene import (
     to_camera_frame,
 )
 from raytwin.scene.scene_changes import changes
+from raytwin.scene.scene_files import read_scene, scene_and_photos
+from raytwin.scene.toml_json import to_record
 
 CAMERA = Camera(
     (640, 480),
@@ -80,8 +81,8 @@ def test_a_material_given_whole_is_the_same_as_its_numbers():
 
 def test_a_camera_yet_to_be_calibrated_is_refused_until_it_is_found(scenes):
     with pytest.raises(InputError, match="desk: camera: expected a calibrated camera, got photos to calibrate it from"):
-        files.read_scene(scenes / "desk")
-    scene, photos = files.scene_and_photos(scenes / "desk")
+        read_scene(scenes / "desk")
+    scene, photos = scene_and_photos(scenes / "desk")
     assert (scene.camera, photos.board, len(scene.spheres) > 0) == (NOWHERE, "board.toml", True)
 
 
@@ -142,17 +143,17 @@ def test_objects_go_by_their_names_else_by_kind_number_and_colour_and_a_name_dec
     for folder, written in (("named", text), ("plain", text.replace('name = "floor"\n', ""))):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "scene.toml").write_text(written, encoding="utf-8")
-    named, plain = (files.read_scene(tmp_path / folder) for folder in ("named", "plain"))
+    named, plain = (read_scene(tmp_path / folder) for folder in ("named", "plain"))
     balls = ("sphere 0 (red)", "sphere 1 (green)", "sphere 2 (blue)")
     assert named.names == (*balls, "floor")
     assert plain.names == (*balls, "plane 0 (grey)")
     assert named.numbers == plain.numbers == ("sphere 0", "sphere 1", "sphere 2", "plane 0")
     assert scene_hash(tmp_path / "named") == scene_hash(tmp_path / "plain")
     assert not list(changes(plain, named))
-    again = files.to_record("scene", msgspec.json.decode(msgspec.json.encode(named)), Scene)
+    again = to_record("scene", msgspec.json.decode(msgspec.json.encode(named)), Scene)
     assert again.names == named.names
     (tmp_path / "named" / "scene.toml").write_text(
         text.replace("radius", 'name = "floor"\nradius', 1), encoding="utf-8"
     )
     with pytest.raises(InputError, match=r"planes\[0\]\.name: expected a name that no other object has, got 'floor'"):
-        files.read_scene(tmp_path / "named")
+        read_scene(tmp_path / "named")

@@ -2,13 +2,13 @@
 
 import msgspec
 
-from raytwin import files
 from raytwin.scene import Sphere
 from raytwin.scene.scene_changes import changes, summary
+from raytwin.scene.scene_files import read_scene
 
 
 def test_each_changed_value_is_named_by_its_key(scenes):
-    old = files.read_scene(scenes / "single")
+    old = read_scene(scenes / "single")
     assert not list(changes(old, old))
     new = msgspec.structs.replace(
         old,

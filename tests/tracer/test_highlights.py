@@ -10,10 +10,11 @@ from scene_of import changed, scene_of
 from scipy import integrate
 from truths import camera_above, glare
 
-from raytwin import files, speed
-from raytwin.arrays import power
+from raytwin import fast
+from raytwin.fast import ENGINES
 from raytwin.scene import Lambert, Phong, Rectangle, Scene, Sky, Sun
-from raytwin.speed import ENGINES
+from raytwin.scene.scene_files import read_scene
+from raytwin.tracer.arrays import power
 from raytwin.tracer.hit import Hit, Specular
 from raytwin.tracer.shading import highlight, reflectance
 
@@ -58,7 +59,7 @@ def test_light_may_go_either_way(rng):
 def test_on_a_sheet_under_the_sun_every_engine_shows_the_formula(engine):
     material = Phong((0.3, 0.2, 0.1), (0.4, 0.3, 0.2), 9.0)
     scene = sheet(material, SUN, Sky((0.1, 0.1, 0.1)))
-    image = speed.trace(scene, "shadow", engine)
+    image = fast.trace(scene, "shadow", engine)
     v, u = (np.mgrid[:8, :8] - 3.5) / 400
     to_eye = np.stack([-u, v, np.ones((8, 8))], axis=-1)
     to_eye /= np.linalg.norm(to_eye, axis=-1, keepdims=True)
@@ -71,7 +72,7 @@ def test_a_sharp_highlight_is_as_exact_as_a_dull_one_on_every_engine(engine, exp
     """A power of r·v in float32 is off by 5e-5 of the peak at 300 and by 4e-4 at 5000."""
     scene, expected = glare(exponent)
     most = 1e-12 if ENGINES[engine].bits == 64 else 5e-6
-    np.testing.assert_allclose(speed.trace(scene, "lambert", engine).mean[..., 0] / expected.max(),
+    np.testing.assert_allclose(fast.trace(scene, "lambert", engine).mean[..., 0] / expected.max(),
                                expected / expected.max(), rtol=0, atol=max(most, 6e-8))  # fmt: skip
 
 
@@ -89,7 +90,7 @@ def test_under_an_even_sky_a_sheet_shows_what_quadrature_says():
     """By random walks: 4.5 standard errors; seen straight from above the cheap rungs are right, too."""
     material = Phong((0.3, 0.2, 0.1), (0.4, 0.3, 0.2), 9.0)
     scene = sheet(material, Sky((1.0, 1.0, 1.0)))
-    image = speed.walk(scene, "sky", "numpy32", samples=256, seed=1)
+    image = fast.walk(scene, "sky", "numpy32", samples=256, seed=1)
     error = float(np.sqrt(image.variance[..., 0].sum(dtype=float))) / 64
     expected = sent_back(material, np.array((0.0, 0.0, 1.0)))
     assert expected == pytest.approx(0.7, abs=1e-6)
@@ -97,23 +98,23 @@ def test_under_an_even_sky_a_sheet_shows_what_quadrature_says():
     assert float(image.mean[..., 0].mean()) == pytest.approx(
         expected, abs=4.5 * error + 1e-4
     )  # the picture is 1 degree
-    assert speed.trace(scene, "lambert").mean[..., 0] == pytest.approx(0.7, abs=1e-6)
+    assert fast.trace(scene, "lambert").mean[..., 0] == pytest.approx(0.7, abs=1e-6)
 
 
 def test_every_engine_follows_the_plain_tracers_paths_from_highlight_to_highlight(scenes, engine):
-    scene = files.read_scene(scenes / "gloss")
+    scene = read_scene(scenes / "gloss")
     scene = scene.with_camera(scene.camera.resized(24, 18))
-    found, plain = speed.walk(scene, "path", engine, samples=3, depth=4), plain_paths(scene, 4, 3)
+    found, plain = fast.walk(scene, "path", engine, samples=3, depth=4), plain_paths(scene, 4, 3)
     close = 1e-6 if ENGINES[engine].bits == 64 else 2e-4
     assert np.quantile(abs(found.mean - plain.mean), 0.99) < close * plain.mean.max()
 
 
 def test_parts_of_the_light_on_highlights_under_a_map_add_up_to_the_whole(scenes):
-    shiny, lit = (files.read_scene(scenes / name) for name in ("gloss", "studio"))
+    shiny, lit = (read_scene(scenes / name) for name in ("gloss", "studio"))
     scene = changed(shiny, lights=(shiny.sun, lit.environment))
     scene = scene.with_camera(scene.camera.resized(32, 24))
-    parts = speed.light_parts(scene, "numpy32", samples=4, seed=3)
-    whole = speed.walk(scene, "path", "numpy32", samples=4, seed=3)
+    parts = fast.light_parts(scene, "numpy32", samples=4, seed=3)
+    whole = fast.walk(scene, "path", "numpy32", samples=4, seed=3)
     np.testing.assert_allclose(sum(part.mean for part in parts.values()), whole.mean, rtol=0, atol=1e-5)
 
 
@@ -125,8 +126,8 @@ def test_a_highlight_of_nothing_is_lamberts_law(overlap):
     )
     dull = changed(scene, objects=objects)
     for rung in ("lambert", "shadow"):
-        np.testing.assert_allclose(speed.trace(dull, rung).mean, speed.trace(scene, rung).mean, rtol=1e-6)
-    walks = [speed.walk(s, "path", samples=2, seed=5).mean for s in (dull, scene)]
+        np.testing.assert_allclose(fast.trace(dull, rung).mean, fast.trace(scene, rung).mean, rtol=1e-6)
+    walks = [fast.walk(s, "path", samples=2, seed=5).mean for s in (dull, scene)]
     np.testing.assert_allclose(*walks, rtol=1e-5, atol=1e-7)
 
 

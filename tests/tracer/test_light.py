@@ -7,11 +7,11 @@ import pytest
 from scene_of import changed, scene_of
 from truths import camera_above
 
-from raytwin.arrays import cross
-from raytwin.lights import lighting
+from raytwin.fast import trace
 from raytwin.scene import Lambert, Rectangle, Scene, Sky, Sphere, Sun
-from raytwin.speed import trace
 from raytwin.tracer import STAGES, Hit, PlainWorld, back_project, first_hit, intersect_rectangle, lambert, sun_visible
+from raytwin.tracer.arrays import cross
+from raytwin.tracer.lights import lighting
 from raytwin.tracer.pixel_to_ray import to_board
 
 

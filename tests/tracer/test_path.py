@@ -13,7 +13,7 @@ from engines import plain_paths
 from scene_of import changed, scene_of
 from truths import in_wedge, view_of, wedge
 
-from raytwin import speed
+from raytwin import fast
 from raytwin.scene import Lambert, Scene, Sky, Sphere, Sun
 from raytwin.tracer import STAGES, PlainWorld, first_hit, next_hit, sample_cosine_hemisphere
 
@@ -46,7 +46,7 @@ def test_the_plain_walk_finds_what_a_wedge_sends_back_at_every_depth(bounces, su
 
 
 def test_each_bounce_adds_its_term_and_the_last_all_that_follow():
-    parts = speed.light_parts(corner(), "numpy64", samples=16, seed=5, depth=9)
+    parts = fast.light_parts(corner(), "numpy64", samples=16, seed=5, depth=9)
     terms = [in_wedge(90, 0.5, 0.5, n) for n in (0, 1, 2, 7)]
     assert_mean(parts["occlusion"].mean, [sky * (terms[0] - 0.5) for sky in SKY])
     for name, (before, after) in zip(("bounce 1", "bounce 2", "bounce 3+"), pairwise(terms), strict=True):

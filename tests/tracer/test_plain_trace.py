@@ -6,14 +6,15 @@ import pytest
 from engines import SHIPPED, TRIED
 from scene_of import changed
 
-from raytwin import speed, tracer
+from raytwin import fast as fast_package
+from raytwin import tracer
 from raytwin.errors import InputError
+from raytwin.fast.boxes import TRIMS
+from raytwin.fast.engine import from_numpy, to_numpy
+from raytwin.fast.frame import EyeScene
 from raytwin.rungs import RUNGS
 from raytwin.scene import to_camera_frame
 from raytwin.scene.lens import without_ray
-from raytwin.speed.boxes import TRIMS
-from raytwin.speed.engine import from_numpy, to_numpy
-from raytwin.speed.frame import EyeScene
 
 FLOAT32_AGREES = 1e-5
 
@@ -23,7 +24,7 @@ def test_in_float64_the_fast_way_gives_the_plain_ones_pixels(shipped, trim):
     """Each scene with each kind of boxes; rungs in turn."""
     rung = list(tracer.RADIANCE)[(SHIPPED.index(shipped.name) + list(TRIMS).index(trim)) % 3]
     small = shipped.with_camera(shipped.camera.resized(160, 120))
-    plain, fast = tracer.trace(small, rung), speed.trace(small, rung, "numpy64", trim=trim)
+    plain, fast = tracer.trace(small, rung), fast_package.trace(small, rung, "numpy64", trim=trim)
     # The paper's boxes cut a sphere that reaches behind the camera: there they may only lose.
     kept = fast.surface.mask if trim == "corners" else np.ones((120, 160), bool)
     assert kept.mean() > 0.1
@@ -36,8 +37,8 @@ def test_every_engine_gives_the_plain_ones_pixels_with_every_solver(shipped, eng
     """Each scene and each engine with each solver, in a Latin square."""
     solver = list(tracer.SOLVERS)[(SHIPPED.index(shipped.name) + TRIED.index(engine)) % len(tracer.SOLVERS)]
     small = shipped.with_camera(shipped.camera.resized(160, 120))
-    stages = speed.with_solver(tracer.STAGES, solver)
-    plain, fast = tracer.trace(small, "shadow", stages), speed.trace(small, "shadow", engine, solver)
+    stages = fast_package.with_solver(tracer.STAGES, solver)
+    plain, fast = tracer.trace(small, "shadow", stages), fast_package.trace(small, "shadow", engine, solver)
     if solver == "robust":
         np.testing.assert_array_equal(fast.surface.ids, plain.surface.ids)
         assert np.quantile(np.abs(fast.surface.depth - plain.surface.depth), 0.999) <= FLOAT32_AGREES
@@ -53,22 +54,25 @@ def test_a_replaced_stage_replaces_it_in_the_plain_tracer_and_in_every_engine(ov
         return albedo / np.pi * irradiance * visible * n_l + albedo * sky
 
     faulty, overlap = tracer.STAGES._replace(lambert=without_clamp), overlap.with_camera(overlap.camera.resized(80, 60))
-    plain, fast = tracer.trace(overlap, "lambert", faulty), speed.trace(overlap, "lambert", engine, stages=faulty)
+    plain, fast = (
+        tracer.trace(overlap, "lambert", faulty),
+        fast_package.trace(overlap, "lambert", engine, stages=faulty),
+    )
     assert plain.mean.min() < -0.1
     assert (tracer.trace(overlap, "lambert").mean >= 0).all()
     assert np.quantile(np.abs(fast.mean - plain.mean), 0.999) <= FLOAT32_AGREES
 
 
 def test_a_replaced_lens_is_not_undone_behind_the_stages_back(scenes, engine):
-    from raytwin.files import read_scene
+    from raytwin.scene.scene_files import read_scene
 
     written = read_scene(scenes / "distorted")
     scene = written.with_camera(written.camera.resized(160, 120))
     straight = scene.with_camera(msgspec.structs.replace(scene.camera, dist=()))
     faulty = tracer.STAGES._replace(undistort=lambda xd, yd, dist: (xd, yd))
-    fast = speed.trace(scene, "surface", engine, trim="none", stages=faulty)
-    np.testing.assert_array_equal(fast.surface.ids, speed.trace(straight, "surface", engine).surface.ids)
-    assert (fast.surface.ids != speed.trace(scene, "surface", engine).surface.ids).mean() > 0.01
+    fast = fast_package.trace(scene, "surface", engine, trim="none", stages=faulty)
+    np.testing.assert_array_equal(fast.surface.ids, fast_package.trace(straight, "surface", engine).surface.ids)
+    assert (fast.surface.ids != fast_package.trace(scene, "surface", engine).surface.ids).mean() > 0.01
 
 
 @pytest.mark.filterwarnings("ignore::raytwin.scene.lens.Folds")
@@ -78,7 +82,7 @@ def test_past_where_a_lens_folds_over_both_are_black_and_meet_nothing(single, en
     (sphere,) = single.objects
     folding = changed(single, camera=camera, objects=(msgspec.structs.replace(sphere, radius=0.2),))
     lost = without_ray(camera)
-    plain, fast = tracer.trace(folding), speed.trace(folding, engine=engine)
+    plain, fast = tracer.trace(folding), fast_package.trace(folding, engine=engine)
     assert 0.2 < lost.mean() < 0.5
     for image in (plain, fast):
         assert not image.mean[lost].any()
@@ -87,21 +91,21 @@ def test_past_where_a_lens_folds_over_both_are_black_and_meet_nothing(single, en
         assert (image.mean[~lost].min(axis=-1) > 0.05).all()
     np.testing.assert_allclose(fast.mean, plain.mean, rtol=0, atol=FLOAT32_AGREES)
     v, u = np.mgrid[:240, :320].astype(float)
-    points = speed.trace_points(folding, u.ravel(), v.ravel(), "shadow", engine)
+    points = fast_package.trace_points(folding, u.ravel(), v.ravel(), "shadow", engine)
     assert ((points.ids == -1) == lost.ravel()).all()
     assert not points.lit[lost.ravel()].any()
     held = np.full((240, 320, 3), 7, np.float32)  # a photo that is drawn into keeps what it shows there
-    speed.draw(folding, held, engine=engine)
+    fast_package.draw(folding, held, engine=engine)
     assert (held[lost] == 7).all()
     assert (held[~lost] != 7).all()
-    for way in speed.WAYS:
-        guessed, _ = speed.speculate(folding, 4, engine=engine, way=way)
+    for way in fast_package.WAYS:
+        guessed, _ = fast_package.speculate(folding, 4, engine=engine, way=way)
         assert not guessed[lost].any()
 
 
 def test_a_lens_that_folds_over_most_of_the_frame_is_refused_by_both(single):
     folding = single.with_camera(msgspec.structs.replace(single.camera, dist=(-2.5,)))
-    for trace in (tracer.trace, speed.trace):
+    for trace in (tracer.trace, fast_package.trace):
         with pytest.raises(InputError, match="two directions share it"):
             trace(folding)
 
@@ -114,7 +118,7 @@ def test_the_tracer_climbs_the_first_rungs_of_the_ladder(single):
 
 def test_a_bounced_ray_can_ask_what_it_meets_and_whether_its_way_is_free(overlap, engine):
     # From what the eye sees along its normal, with all objects: the tiles' lists are not valid for such rays.
-    how = speed.ENGINES[engine]
+    how = fast_package.ENGINES[engine]
     local = to_camera_frame(overlap)
     view, plain = EyeScene(overlap, how), tracer.PlainWorld(local.objects, tracer.STAGES)
     u, v = (a.ravel() for a in np.meshgrid(np.arange(0.0, 640, 16), np.arange(0.0, 480, 16)))

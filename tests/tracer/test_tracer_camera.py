@@ -7,11 +7,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from raytwin.files import read_scene
+from raytwin.fast.boxes import field_of_view
+from raytwin.fast.newton_steps import newton_steps
 from raytwin.scene import Camera
 from raytwin.scene.lens import distort, inverse
-from raytwin.speed.boxes import field_of_view
-from raytwin.speed.newton_steps import newton_steps
+from raytwin.scene.scene_files import read_scene
 from raytwin.tracer import back_project, undistort
 from raytwin.tracer.pixel_to_ray import to_board
 

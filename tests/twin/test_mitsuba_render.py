@@ -12,11 +12,12 @@ import pytest
 from counting import lines
 from mitsuba_windows import with_window
 
-from raytwin import files, twin
+from raytwin import twin
 from raytwin.compare import compare
 from raytwin.errors import InputError
-from raytwin.image import Image
+from raytwin.images.image import Image
 from raytwin.scene import MitsubaScene
+from raytwin.scene.mitsuba_file import read_mitsuba, with_film
 from raytwin.twin import mitsuba_render
 
 BALL = """<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="6"/></integrator>
@@ -36,7 +37,7 @@ GREY = 0.212671 * RGB[0] + 0.715160 * RGB[1] + 0.072169 * RGB[2]
 
 def scene_of(folder: Path, text: str) -> MitsubaScene:
     (folder / "scene.xml").write_text(text)
-    return files.read_mitsuba(folder)
+    return read_mitsuba(folder)
 
 
 def test_a_ball_under_an_even_sky_has_its_albedo_times_the_sky_and_is_where_it_is(tmp_path):
@@ -82,7 +83,7 @@ def test_an_integrator_that_renders_no_colours_is_refused(tmp_path):
 
 def test_a_film_with_a_window_shows_the_same_at_every_size(tmp_path):
     window = with_window(scene_of(tmp_path, BALL), 6, 4, 7, 5)
-    larger = files.with_film(window, 21, 15)
+    larger = with_film(window, 21, 15)
     assert (window.image_size, larger.image_size) == ((7, 5), (21, 15))
     ids, more = (twin.render_mitsuba(scene, 1).surface.ids for scene in (window, larger))
     assert set(np.unique(ids)) == {-1, 0}
@@ -97,9 +98,10 @@ def test_plugins_of_the_current_folder_stand_in_for_none_of_mitsubas_own(tmp_pat
             (tmp_path / "plugins" / file).write_text("what would be run")
     (tmp_path / "scene.xml").write_text(BALL)
     script = """if True:
-        from raytwin import files, twin
+        from raytwin import twin
+        from raytwin.scene.mitsuba_file import read_mitsuba
         print(twin.activate().variant)
-        twin.render_mitsuba(files.read_mitsuba("scene.xml"), 1)
+        twin.render_mitsuba(read_mitsuba("scene.xml"), 1)
         import mitsuba
         mitsuba.load_dict({"type": "scene", "ball": {"type": "sphere"}})
         """

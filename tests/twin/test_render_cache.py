@@ -7,7 +7,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from raytwin.image import Image, Surface
+from raytwin.images.image import Image, Surface
 from raytwin.twin import render_cache
 from raytwin.twin.render_cache import load, path_of, store
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scene_of import scene_of
 
-from raytwin import speed
+from raytwin import fast
 from raytwin.compare import compare
-from raytwin.image import Image
+from raytwin.images.image import Image
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.twin import render, settle
 
@@ -63,7 +63,7 @@ def weekend(radius: float, size=(160, 120)) -> Scene:
 
 def errors(scene: Scene) -> tuple[int, int, Image, Image]:
     """Pixels that see another object than in float64, and those whose light at `shadow` is off by 1e-4; both images."""
-    exact, found = speed.trace(scene, "shadow", "numpy64"), render(scene, "shadow", cache=False)
+    exact, found = fast.trace(scene, "shadow", "numpy64"), render(scene, "shadow", cache=False)
     off = (abs(found.mean - exact.mean) > 1e-4).any(axis=-1)
     return int((found.surface.ids != exact.surface.ids).sum()), int(off.sum()), exact, found
 
@@ -114,7 +114,7 @@ def test_light_is_followed_from_far_spheres_as_from_near_ones():
     for rung, radii in (("sky", 129.0), ("path", 1e5)):
         scene = far_away(radii, size=(24, 18))
         ours = render(scene, rung, samples=1024, seed=1, cache=False)
-        theirs = speed.walk(scene, rung, "numpy64", sampling="center", samples=64, seed=2)
+        theirs = fast.walk(scene, rung, "numpy64", sampling="center", samples=64, seed=2)
         error = (ours.mean.astype(float) - theirs.mean).mean(axis=(0, 1))
         sigma = np.sqrt((ours.variance.astype(float) + theirs.variance).sum(axis=(0, 1))) / (24 * 18)
         found.append(abs(error / sigma).max())
@@ -145,7 +145,7 @@ def test_only_what_is_extreme_is_said_to_be_in_single_precision():
 
 def test_a_kilometre_of_ground_passes_and_is_said():
     scene = weekend(1e3)
-    exact, found = speed.trace(scene, "shadow", "numpy64"), render(scene, "shadow", cache=False)
+    exact, found = fast.trace(scene, "shadow", "numpy64"), render(scene, "shadow", cache=False)
     test, granted, said = settle(exact, found, scene)
     assert compare(test, found, half_steps=(granted, None)).verdict == "pass"
     assert "object 0" in said[-1]

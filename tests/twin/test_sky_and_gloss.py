@@ -12,9 +12,10 @@ import pytest
 from scene_of import changed
 from truths import glare
 
-from raytwin import files, speed
-from raytwin.lights.environment_map import environment_map
+from raytwin import fast
 from raytwin.scene import Environment, Phong, Scene, Sphere
+from raytwin.scene.scene_files import read_scene
+from raytwin.tracer.lights.environment_map import environment_map
 from raytwin.twin import phong, render
 from raytwin.twin.levels import open_sky
 from raytwin.twin.twin_scene import _envmap
@@ -79,7 +80,7 @@ def test_a_map_of_one_radiance_lights_every_normal_alike_however_wide_it_is(comp
 def test_the_map_of_the_scene_studio_is_its_formula_and_its_harmonics_have_the_closed_form_of_the_comment(scenes):
     made: dict = {}
     exec((scenes / "studio" / "sky.py").read_text().split("if __name__")[0], made)
-    found = files.read_scene(scenes / "studio").environment
+    found = read_scene(scenes / "studio").environment
     np.testing.assert_array_equal(found.radiance, made["make"]())
     a, b, c = made["GRADIENT"]
     for n in np.array(((0, 0, 1), (0.6, 0, 0.8), (0, -0.8, -0.6))):
@@ -140,7 +141,7 @@ def tiles(values: np.ndarray) -> np.ndarray:
 
 def scene_of(scenes, name: str, lit: Environment) -> Scene:
     """`both`: balls that shine on a ground too large for Mitsuba, under a map."""
-    scene = files.read_scene(scenes / (name if name != "both" else "weekend"))
+    scene = read_scene(scenes / (name if name != "both" else "weekend"))
     if name == "both":
         objects = tuple(
             msgspec.structs.replace(thing, albedo=Phong((0.4, 0.3, 0.2), (0.3, 0.4, 0.2), 5.0 + 3 * i))
@@ -154,7 +155,7 @@ def scene_of(scenes, name: str, lit: Environment) -> Scene:
 def test_tracer_and_twin_agree_without_noise_on_the_rungs_of_a_formula(compiled, scenes, name, spotted):
     scene = scene_of(scenes, name, spotted)
     for rung in ("lambert", "shadow"):
-        mine, other = (make(scene, rung).mean for make in (speed.trace, lambda s, r: render(s, r, cache=False)))
+        mine, other = (make(scene, rung).mean for make in (fast.trace, lambda s, r: render(s, r, cache=False)))
         scale = np.quantile(other, 0.99)
         assert np.quantile(abs(mine - other), 0.999) < 1.5e-5 * scale
         assert abs(mine - other).max() < 3e-4 * scale
@@ -165,7 +166,7 @@ def test_tracer_and_twin_agree_without_noise_on_the_rungs_of_a_formula(compiled,
 )
 def test_tracer_and_twin_see_the_same_light_in_every_tile(scenes, name, depth, sampling, spotted):
     scene = scene_of(scenes, name, spotted)
-    mine = speed.walk(scene, "path", "drjit32", sampling=sampling, samples=512, seed=4, depth=depth, surface=False)
+    mine = fast.walk(scene, "path", "drjit32", sampling=sampling, samples=512, seed=4, depth=depth, surface=False)
     other = render(scene, "path", sampling=sampling, samples=256, seed=6, max_depth=depth, cache=False)
     error = np.sqrt(tiles(mine.variance) + tiles(other.variance)) + 1e-5 * tiles(other.mean)
     assert abs((tiles(mine.mean) - tiles(other.mean)) / error).max() < 3.5

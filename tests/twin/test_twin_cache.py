@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scene_of import changed
 
-from raytwin import files
+from raytwin.scene.scene_files import read_scene
 from raytwin.twin import activate, provenance, render
 
 render_module = __import__("sys").modules["raytwin.twin.rendering"]
@@ -17,7 +17,7 @@ def scene(scenes, tmp_path, monkeypatch):
     activate()
     monkeypatch.setenv("RAYTWIN_CACHE", str(tmp_path))
     monkeypatch.setattr("raytwin.twin.render_cache.WORTH_KEEPING", 0.0)
-    found = files.read_scene(scenes / "overlap")
+    found = read_scene(scenes / "overlap")
     return found.with_camera(found.camera.resized(32, 24))
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scene_of import changed, scene_of
 
-from raytwin import files
 from raytwin.scene import Sphere
 from raytwin.scene.lens import without_ray
+from raytwin.scene.scene_files import read_scene
 from raytwin.twin import render
 from raytwin.twin.rays import directions, lens_of
 
@@ -15,7 +15,7 @@ LENSES = [(), (-0.22, 0.045), (0.1, -0.05, 0.002, -0.003), (-0.22, 0.045, 0.0012
 
 @pytest.mark.parametrize("dist", LENSES)
 def test_opencv_projects_every_ray_back_to_its_pixel(scenes, dist):
-    camera = msgspec.structs.replace(files.read_scene(scenes / "distorted").camera, dist=dist)
+    camera = msgspec.structs.replace(read_scene(scenes / "distorted").camera, dist=dist)
     u, v = (a.ravel() for a in np.meshgrid(np.linspace(-0.5, 799.5, 40), np.linspace(-0.5, 599.5, 30)))
     d = np.stack(directions(np, lens_of(camera), u, v), axis=1)
     np.testing.assert_allclose(np.linalg.norm(d, axis=1), 1, rtol=1e-14)
@@ -24,7 +24,7 @@ def test_opencv_projects_every_ray_back_to_its_pixel(scenes, dist):
 
 
 def test_small_spheres_stand_where_opencv_projects_them(scenes, compiled):
-    camera = files.read_scene(scenes / "distorted").camera
+    camera = read_scene(scenes / "distorted").camera
     x, y = np.meshgrid(np.linspace(-0.22, 0.22, 5), np.linspace(-0.16, 0.16, 4))
     centers = np.stack([x.ravel(), y.ravel(), 0.05 * np.sin(20 * x.ravel())], axis=1)
     scene = scene_of("dots", camera, tuple(Sphere(tuple(c), 0.003) for c in centers.tolist()))
@@ -43,7 +43,7 @@ def test_small_spheres_stand_where_opencv_projects_them(scenes, compiled):
 @pytest.mark.filterwarnings("ignore::raytwin.scene.lens.Folds")
 @pytest.mark.parametrize("rung", ["shadow", "path"])
 def test_past_where_a_lens_folds_over_the_twin_is_black_and_meets_nothing(scenes, compiled, rung):
-    scene = files.read_scene(scenes / "single")
+    scene = read_scene(scenes / "single")
     camera = msgspec.structs.replace(scene.camera, dist=(-1.3,)).resized(80, 60)
     sphere = msgspec.structs.replace(scene.objects[0], radius=0.2)
     made = render(changed(scene, camera=camera, objects=(sphere,)), rung, samples=4, cache=False)
@@ -57,7 +57,7 @@ def test_past_where_a_lens_folds_over_the_twin_is_black_and_meets_nothing(scenes
 
 
 def test_a_rotated_camera_reports_normals_in_the_boards_frame(scenes, compiled):
-    scene = files.read_scene(scenes / "overlap")
+    scene = read_scene(scenes / "overlap")
     scene = scene.with_camera(scene.camera.resized(160, 120))
     surface = render(scene, "surface").surface
     floor = surface.ids == 3

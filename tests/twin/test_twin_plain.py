@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from raytwin import files, twin
+from raytwin import twin
 from raytwin.compare import METRICS
 from raytwin.errors import MachineError
+from raytwin.scene.scene_files import read_scene
 
 
 @pytest.fixture(autouse=True)
@@ -17,7 +18,7 @@ def llvm():
 
 
 def scene_of(scenes, name: str):
-    scene = files.read_scene(scenes / name)
+    scene = read_scene(scenes / name)
     return scene.with_camera(scene.camera.resized(64, 48))
 
 

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from scene_of import changed, scene_of
 
-from raytwin import files
 from raytwin.errors import InputError
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene.scene_files import read_scene
 from raytwin.twin import render
 from raytwin.twin.opencv_sensor import sensor_at
 from raytwin.twin.twin_scene import load, place_of, translate
@@ -31,7 +31,7 @@ def from_center(camera: Camera) -> np.ndarray:
 
 @pytest.fixture
 def single(scenes) -> Scene:
-    return files.read_scene(scenes / "single")
+    return read_scene(scenes / "single")
 
 
 # ---------------------------------------------------------------------------------------------- closed forms
@@ -148,7 +148,7 @@ def test_an_empty_scene_is_all_sky(compiled):
 
 
 def test_what_lies_behind_the_camera_is_not_seen(scenes, compiled):
-    scene = files.read_scene(scenes / "grazing")
+    scene = read_scene(scenes / "grazing")
     ids = render(scene.with_camera(scene.camera.resized(160, 120)), "surface").surface.ids
     assert set(np.unique(ids)) == {-1, 0, 1, 2, 4, 5}
 
@@ -190,7 +190,7 @@ def test_a_texture_one_pixel_wide_is_that_pixel_across(texture):
 
 
 def test_variance_by_batches_predicts_the_spread_between_seeds(scenes, compiled):
-    scene = files.read_scene(scenes / "overlap")
+    scene = read_scene(scenes / "overlap")
     scene = scene.with_camera(scene.camera.resized(40, 30))
     for rung, sampling, samples, within in (("path", "center", 16, 0.15), ("lambert", "area", 64, 0.25)):
         options = {"sampling": sampling, "samples": samples, "batches": 16, "cache": False}
@@ -206,7 +206,7 @@ def test_variance_by_batches_predicts_the_spread_between_seeds(scenes, compiled)
 
 
 def test_more_samples_than_one_launch_holds_are_added_up(scenes, compiled, monkeypatch):
-    scene = files.read_scene(scenes / "overlap")
+    scene = read_scene(scenes / "overlap")
     scene = scene.with_camera(scene.camera.resized(40, 30))
     whole = render(scene, "path", samples=48, batches=4, cache=False)
     monkeypatch.setattr("raytwin.twin.levels.LANES", 500)
@@ -260,7 +260,7 @@ def test_the_light_is_that_of_mitsubas_own_camera_film_and_integrator(scenes, co
     """In `scalar_rgb`, which computes spheres in float64. Each channel's mean: within 4 standard errors."""
     import mitsuba as mi
 
-    scene = files.read_scene(scenes / "overlap")
+    scene = read_scene(scenes / "overlap")
     scene = scene.with_camera(scene.camera.resized(48, 36))
     ours = render(scene, rung, sampling="area", samples=256, cache=False)
     try:
@@ -276,7 +276,7 @@ def test_the_light_is_that_of_mitsubas_own_camera_film_and_integrator(scenes, co
 
 
 def test_every_rung_renders_in_both_samplings_in_float32(scenes, compiled):
-    scene = files.read_scene(scenes / "distorted")
+    scene = read_scene(scenes / "distorted")
     scene = scene.with_camera(scene.camera.resized(32, 24))
     for rung in RUNGS:
         for sampling in ("center", "area"):
@@ -288,7 +288,7 @@ def test_every_rung_renders_in_both_samplings_in_float32(scenes, compiled):
 
 
 def test_a_sun_of_one_colour_is_followed_from_surface_to_surface_in_that_colour(scenes):
-    scene = files.read_scene(scenes / "overlap")
+    scene = read_scene(scenes / "overlap")
     scene = scene.with_camera(scene.camera.resized(32, 24))
     red = changed(scene, lights=(Sun(scene.sun.to_light, (3.0, 0.0, 0.0)), Sky((0.0, 0.0, 0.0))))
     direct, whole = (render(red, rung, samples=16, cache=False).mean.sum(axis=(0, 1)) for rung in ("shadow", "path"))

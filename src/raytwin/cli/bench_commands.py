@@ -25,9 +25,9 @@ def scene_command(
     The folder gets bench.html, bench.json and charts. Exit code 1: a --subject fails; 2: none fails, but one is
     undecided or could not be measured.
     """
-    from raytwin.bench import bench_scenes, write_bench
-    from raytwin.contract.subject import find_subject
-    from raytwin.report import bench_page
+    from raytwin.show import bench_page
+    from raytwin.study.bench import bench_scenes, write_bench
+    from raytwin.teach.contract.subject import find_subject
 
     check_one_of("--rung", rung, RUNGS)
     check_outputs(folders=(out or Path("out"),), files=(json,))
@@ -55,7 +55,7 @@ def scene_command(
 
 def list_command(methods: str = "*") -> None:
     """List all methods."""
-    from raytwin.bench import choose
+    from raytwin.study.bench import choose
 
     for method in choose(split(methods)):
         say(f"{method.name:<28} {method.family}")
@@ -69,9 +69,9 @@ def stability_command(
 
     The folder gets atlas.html, atlas.json and charts.
     """
-    from raytwin import atlas as stability
-    from raytwin import files
-    from raytwin.report import atlas_page
+    from raytwin.scene.toml_json import write_json
+    from raytwin.show import atlas_page
+    from raytwin.study import atlas as stability
 
     if listed:
         for row in stability.EXPERIMENTS.values():
@@ -84,7 +84,7 @@ def stability_command(
         with progress.stage("page"):
             atlas_page.write_atlas(found, folder)
     if json:
-        files.write_json(json, found)
+        write_json(json, found)
     say_wrapped(atlas_page.atlas_summary(found))
     say(f"report: {folder / 'atlas.html'}")
 

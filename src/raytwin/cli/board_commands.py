@@ -14,8 +14,8 @@ def board_command(
 
     The PDF has the exact size and a bar to measure. Lengths need units: 30mm, 3cm, 0.8in.
     """
-    from raytwin.calib import boards
-    from raytwin.calib.boards import lengths, sheet
+    from raytwin.photos import boards
+    from raytwin.photos.boards import lengths, sheet
 
     for option, count, least in (("--columns", columns, 1), ("--rows", rows, 1), ("--first-id", first_id, 0)):
         if count < least:

@@ -10,8 +10,8 @@ from raytwin.cli.option_values import check_outputs
 from raytwin.cli.progress_bar import print_seconds, show_progress
 from raytwin.cli.terminal import say, say_wrapped, worst_code
 from raytwin.errors import InputError
-from raytwin.workflows.diff_settings import DiffSettings
-from raytwin.workflows.settings import CompareSettings
+from raytwin.study.diff_settings import DiffSettings
+from raytwin.study.settings import CompareSettings
 
 
 def compare_command(
@@ -26,8 +26,8 @@ def compare_command(
     check_outputs(folders=(out or Path("out"),), files=(json,))
     with show_progress() as progress:
         with progress.stage("imports"):
-            from raytwin.report import report_folder, terminal_text
-            from raytwin.workflows.compare_scene import compare_scene
+            from raytwin.show import report_folder, terminal_text
+            from raytwin.study.compare_scene import compare_scene
         result = compare_scene(scene, settings, progress=progress)
         folder = out or Path("out") / result.scene.name
         report_folder.write_all(result, folder, json, progress=progress)
@@ -43,10 +43,10 @@ def diff_command(
     out: Path | None = None,
 ) -> None:  # fmt: skip
     """Compare any two images: verdict, metrics, heat map."""
-    from raytwin import files
-    from raytwin.report import terminal_text
-    from raytwin.report.junit import Case, write_junit
-    from raytwin.workflows import diff_files
+    from raytwin.scene.toml_json import write_json
+    from raytwin.show import terminal_text
+    from raytwin.show.junit import Case, write_junit
+    from raytwin.study import diff_files
 
     check_outputs(folders=(out,), files=(json, junit))
     settings = replace(settings, variances=(variance_a, variance_b), samples=(samples_a, samples_b))
@@ -64,11 +64,11 @@ def diff_command(
         raise
     text = terminal_text.diff_summary(found)
     if json:
-        files.write_json(json, found.numbers())
+        write_json(json, found.numbers())
     if junit:
         write_junit([Case(name, "raytwin.diff", found.report, text)], junit)
     if out:
-        from raytwin.report import report_folder
+        from raytwin.show import report_folder
 
         with show_progress() as progress:
             report_folder.write_diff(found, out, progress)
@@ -82,10 +82,10 @@ def diff_folders(
     a: Path, b: Path, settings: DiffSettings, json: Path | None, junit: Path | None, out: Path | None
 ) -> NoReturn:
     """Each image of A against that of the same name in B: a line each, one index, one JSON, one JUnit."""
-    from raytwin import files
-    from raytwin.report import check_page
-    from raytwin.report.junit import Case, write_junit
-    from raytwin.workflows import diff_files
+    from raytwin.scene.toml_json import write_json
+    from raytwin.show import check_page
+    from raytwin.show.junit import Case, write_junit
+    from raytwin.study import diff_files
 
     cases: list[Any] = []
     pairs: dict[str, Any] = {}
@@ -116,7 +116,7 @@ def diff_folders(
     worst = worst_code(codes)
     verdict = {0: "pass", 1: "fail", 2: "undecided"}[worst]
     if json:
-        files.write_json(json, {"verdict": verdict, "pairs": pairs})
+        write_json(json, {"verdict": verdict, "pairs": pairs})
     if junit:
         write_junit(cases, junit)
     if out:

@@ -35,7 +35,7 @@ def _extras() -> Iterator[tuple[str, str]]:
 
 
 def _sandbox() -> Iterator[tuple[str, str]]:
-    from raytwin.sandbox import sandbox
+    from raytwin.teach.sandbox import sandbox
 
     try:
         locks = sandbox.probe()

@@ -13,8 +13,8 @@ from raytwin.cli.terminal import say
 from raytwin.errors import InputError, check_one_of
 
 if TYPE_CHECKING:
-    from raytwin.grade.result import Result
-    from raytwin.grade.rubric import Rubric
+    from raytwin.teach.grade.result import Result
+    from raytwin.teach.grade.rubric import Rubric
 
 
 FEW = 20
@@ -36,11 +36,11 @@ def class_command(
 
     Run it again to continue an interrupted run.
     """
-    from raytwin.grade.class_run import jobs_of, run, with_class
-    from raytwin.grade.rubric import read_rubric
     from raytwin.parallel import parse_workers
-    from raytwin.report import autograder_sites as sites
-    from raytwin.report import class_page as pages
+    from raytwin.show import autograder_sites as sites
+    from raytwin.show import class_page as pages
+    from raytwin.teach.grade.class_run import jobs_of, run, with_class
+    from raytwin.teach.grade.rubric import read_rubric
 
     check_outputs(folders=(out,), files=(gradescope, junit))
     workers = parse_workers(jobs, dask)
@@ -78,15 +78,15 @@ def class_command(
 
 
 def _say_what_the_sandbox_lacks() -> None:
-    from raytwin.sandbox import sandbox
+    from raytwin.teach.sandbox import sandbox
 
     if lacking := sandbox.lacking(sandbox.probe()):
         say(f"sandbox: {'; '.join(lacking)} (raytwin doctor says why)")
 
 
 def _line(result: "Result", rubric: "Rubric") -> str:
-    from raytwin.report.class_page import in_short
-    from raytwin.report.student_page import of_points
+    from raytwin.show.class_page import in_short
+    from raytwin.show.student_page import of_points
 
     said = in_short(result) or "all right"
     short = said if len(said) <= 100 else f"{said[:99]}…"
@@ -100,10 +100,10 @@ def starter_command(
 
     The file has six empty functions that check themselves, and an example.
     """
-    from raytwin import files
-    from raytwin.contract.stage_table import CONTRACT, LESSONS
-    from raytwin.contract.starter import starter
-    from raytwin.grade.rubric import READY
+    from raytwin.safe_write import write_text
+    from raytwin.teach.contract.stage_table import CONTRACT, LESSONS
+    from raytwin.teach.contract.starter import starter
+    from raytwin.teach.grade.rubric import READY
 
     for name in stage or ():
         check_one_of("--stage", name, LESSONS)
@@ -111,7 +111,7 @@ def starter_command(
     check_outputs(files=(out,))
     if out.is_file() and not force:
         raise InputError(out, "exists. --force overwrites it.")
-    files.write_text(out, READY.read_text(encoding="utf-8") if rubric else starter(out.name, stage or tuple(CONTRACT)))
+    write_text(out, READY.read_text(encoding="utf-8") if rubric else starter(out.name, stage or tuple(CONTRACT)))
     if rubric:
         say(f"{out}: change it, then raytwin grade SUBMISSIONS --rubric {out}")
         return
@@ -120,7 +120,7 @@ def starter_command(
 
 def zip_command(rubric: Path, out: Path = Path("autograder.zip"), wheel: Path | None = None) -> None:
     """Make the autograder zip for Gradescope."""
-    from raytwin.grade.gradescope import write_zip
+    from raytwin.teach.grade.gradescope import write_zip
 
     check_outputs(files=(out,))
     names = write_zip(rubric, out, wheel)
@@ -132,7 +132,7 @@ def walk_command(notebook: bool = False, out: Path = Path(), solved: bool = Fals
 
     Each has a function to fill in, a check in words, and the picture so far.
     """
-    from raytwin.tutorial.written import write_walk
+    from raytwin.teach.walk.written import write_walk
 
     check_outputs(folders=(out,))
     path = write_walk(out, notebook, solved)

@@ -11,7 +11,7 @@ from raytwin.cli.option_values import check_outputs
 from raytwin.cli.options import Size
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say, say_wrapped
-from raytwin.workflows.settings import CompareSettings
+from raytwin.study.settings import CompareSettings
 
 
 def levels_command(
@@ -27,15 +27,15 @@ def levels_command(
     check_outputs(folders=(out or Path("out"),), files=(json,))
     with show_progress() as progress:
         with progress.stage("imports"):
-            from raytwin import files
-            from raytwin.analysis.levels import levels
-            from raytwin.report import levels_page
+            from raytwin.scene.toml_json import write_json
+            from raytwin.show import levels_page
+            from raytwin.study.levels import levels
         made = levels(scene, tolerance, metric, photo=photo, size=size, light=light, progress=progress)
         folder = out or Path("out") / f"{made.found.scene}-levels"
         with progress.stage("page"):
             levels_page.write_levels(made, folder)
     if json:
-        files.write_json(json, made.found)
+        write_json(json, made.found)
     say_wrapped(levels_page.levels_summary(made.found))
     say(f"report: {folder / 'levels.html'}")
     raise typer.Exit(0 if made.found.choice or tolerance is None else 2)
@@ -49,8 +49,10 @@ def shrink_command(
     It fails as on this scene, and is written for a bug report. Each step keeps the kind of failure. Exit code 2 means
     that it does not fail.
     """
-    from raytwin import files
-    from raytwin.workflows.shrink import shrink
+    from raytwin.safe_write import write_text
+    from raytwin.scene.scene_files import write_scene
+    from raytwin.scene.toml_json import write_json
+    from raytwin.study.shrink import shrink
 
     check_outputs(folders=(out or Path("out"),), files=(json,))
     with show_progress() as progress:
@@ -62,10 +64,10 @@ def shrink_command(
     subject = f"--subject {shlex.quote(str(settings.subject))} --rung {found.rung}{samples}"
     shown = f"raytwin compare {shlex.quote(str(file))} {subject}"
     said = (f"{name}, reduced by raytwin shrink.", *found.sentences)
-    files.write_scene(file, small, "\n".join((*said, "bug.md has the command that reproduces it.")))
-    files.write_text(folder / "bug.md", "\n\n".join((*said, f"To reproduce: `{shown}`\n")))
+    write_scene(file, small, "\n".join((*said, "bug.md has the command that reproduces it.")))
+    write_text(folder / "bug.md", "\n\n".join((*said, f"To reproduce: `{shown}`\n")))
     if json:
-        files.write_json(json, found.numbers() | {"scene": str(file), "command": shown})
+        write_json(json, found.numbers() | {"scene": str(file), "command": shown})
     for line in (*found.sentences, f"To reproduce: {shown}"):
         say(line)
     count = [len(scene.objects) for scene in (found.before, small)]
@@ -90,12 +92,12 @@ def explore_command(
 
     with show_progress() as progress:
         with progress.stage("imports"):
-            from raytwin import files
-            from raytwin.calib.find_camera import find_camera
-            from raytwin.contract.subject import find_subject
-            from raytwin.live import Server, opening_page
-            from raytwin.live.progressive import Session
-            from raytwin.live.view_state import from_link
+            from raytwin.photos.find_camera import find_camera
+            from raytwin.scene_folders import find_scene
+            from raytwin.show.live import Server, opening_page
+            from raytwin.show.live.progressive import Session
+            from raytwin.show.live.view_state import from_link
+            from raytwin.teach.contract.subject import find_subject
         base, *_ = find_camera(scene, photo, progress)
         camera = base.camera
         scale = min(1, WIDEST / camera.width)
@@ -103,7 +105,7 @@ def explore_command(
         session = Session(
             base.with_camera(camera),
             find_subject(subject, "shadow") if subject else None,
-            files.find_scene(scene).parent,
+            find_scene(scene).parent,
         )
         server = Server(session, port, from_link(view) if view else None)
     say(f"{base.name} at {server.address}")

@@ -69,7 +69,7 @@ def parse_places(text: str, option: str) -> tuple[float, ...]:
     with_unit = [part[-1:].isalpha() and part.lower() not in ("nan", "inf", "-inf") for part in parts]
     if not any(with_unit):
         return parse_numbers(text, option)
-    from raytwin.calib.boards.lengths import parse_length  # OpenCV comes with it
+    from raytwin.photos.boards.lengths import parse_length  # OpenCV comes with it
 
     return tuple(
         (-1 if part.startswith("-") else 1) * parse_length(part.removeprefix("-"), option, zero=True)

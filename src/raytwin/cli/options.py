@@ -14,7 +14,7 @@ from raytwin.cli.examples import EXAMPLES
 from raytwin.cli.option_values import parse_size
 from raytwin.cli.terminal import say
 from raytwin.rungs import SAMPLINGS
-from raytwin.workflows.settings import CompareSettings
+from raytwin.study.settings import CompareSettings
 
 Size = tuple[int, int] | None
 """Width and height in pixels, as `--size` gives them."""
@@ -36,7 +36,7 @@ def _known_scenes(paths: list[Path]) -> list[Path]:
 def _allow(names: list[str] | None) -> list[str] | None:
     """Put the names where every reader of a Mitsuba file sees them, and every process that is started."""
     if names:
-        from raytwin.files import ALLOW, allowed
+        from raytwin.scene.mitsuba_file import ALLOW, allowed
 
         os.environ[ALLOW] = os.pathsep.join((*allowed(), *names))
     return names

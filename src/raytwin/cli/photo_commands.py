@@ -11,7 +11,7 @@ from raytwin.cli.options import Size, register
 from raytwin.cli.progress_bar import print_seconds, show_progress
 from raytwin.cli.terminal import say, say_wrapped
 from raytwin.errors import InputError, check_one_of
-from raytwin.workflows.settings import AugmentSettings
+from raytwin.study.settings import AugmentSettings
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -24,16 +24,17 @@ def calibrate_command(
 
     Prints K, distortion and a pose per photo, with their uncertainty, and warns of doubtful results.
     """
-    from raytwin import files
-    from raytwin.calib import boards
-    from raytwin.calib import photos as taken
-    from raytwin.report import calibration_page, terminal_text
+    from raytwin.images.photo_files import list_photos
+    from raytwin.photos import boards
+    from raytwin.photos import camera as taken
+    from raytwin.scene.toml_json import write_json
+    from raytwin.show import calibration_page, terminal_text
 
     check_outputs(files=(json, out))
     if board and len(board) > 1:
         raise InputError("`photo calibrate --board`", "more than once was removed in 0.2.0. Use one board per call.")
     definition = boards.read_board(board[0] if board else _board_beside(photos))
-    paths = [path for named in photos for path in files.list_photos(named)]
+    paths = [path for named in photos for path in list_photos(named)]
     with show_progress() as progress:
         check_one_of("--photo", photo or paths[0].name, (p.name for p in paths))
         calibration = taken.calibrate(paths, definition, model=model, progress=progress)
@@ -42,7 +43,7 @@ def calibrate_command(
                 _write_camera(out, calibration, paths, photo)
                 calibration_page.write_calibration(calibration, out.with_suffix(".html"), out.name)
     if json:
-        files.write_json(json, calibration.numbers())
+        write_json(json, calibration.numbers())
     say_wrapped(terminal_text.calibration_summary(calibration))
     print_seconds(progress, verbose)
 
@@ -59,7 +60,7 @@ def _board_beside(photos: list[Path]) -> Path:
 
 def _write_camera(out: Path, calibration, paths: list[Path], photo: str | None) -> None:
     """camera.toml with the pose of `photo`, the first one's by default."""
-    from raytwin.calib import photos as taken
+    from raytwin.photos import camera as taken
 
     shown = [view.photo for view in calibration.views]
     name, board = photo or shown[0], calibration.basis.board
@@ -79,17 +80,18 @@ def light_command(
     A mirror ball or a pin beside the board shows them; each number comes with its uncertainty. The page beside the
     light shows the board's axes, by which --ball and --stand are given, where the photos are refused, too.
     """
-    from raytwin import files
-    from raytwin.calib.lighting.light_file import write_light
-    from raytwin.report import light_page
-    from raytwin.workflows.estimate_light import LightRefused, estimate_light
+    from raytwin.images.photo_files import list_photos, readable_photos
+    from raytwin.photos.lighting.estimate_light import LightRefused, estimate_light
+    from raytwin.photos.lighting.light_file import write_light
+    from raytwin.scene.toml_json import write_json
+    from raytwin.show import light_page
 
     if out.suffix.lower() != ".toml":
         raise InputError(out, "a name that ends in .toml", out.suffix or "no ending")
     check_outputs(files=(out, out.with_suffix(".exr"), out.with_suffix(".html"), json))
     balls = [parse_ball(text, "--ball") for text in ball or ()]
     upright = parse_stand(stand, "--stand") if stand else None
-    taken, unread = files.readable_photos(path for named in photos for path in files.list_photos(named))
+    taken, unread = readable_photos(path for named in photos for path in list_photos(named))
     board = board or _board_beside(photos)
     with show_progress() as progress:
         try:
@@ -102,7 +104,7 @@ def light_command(
     assert found.light is not None  # what shows no light was refused
     write_light(out, found.light, found.paper, f"The light of {len(taken)} photos: {found.trials[found.taken].name}.")
     if json:
-        files.write_json(json, found.numbers())
+        write_json(json, found.numbers())
     for photo, why in unread.items():
         say_wrapped(f"{photo} was left out: {why}")
     say(light_page.light_summary(found))
@@ -117,8 +119,8 @@ def simulate_command(
     with_objects: bool = False, verbose: bool = False,
 ) -> None:  # fmt: skip
     """Render photos of a board with Mitsuba, and the true camera."""
-    from raytwin.calib.boards import lengths
-    from raytwin.workflows.photograph import photograph_board
+    from raytwin.photos.boards import lengths
+    from raytwin.study.photograph import photograph_board
 
     check_outputs(folders=(out,))
     # A number without a unit is in millimetres.
@@ -147,16 +149,17 @@ def draw_command(
     verbose: bool = False,
 ) -> None:  # fmt: skip
     """Draw a scene's objects and their shadows into photos."""
-    from raytwin import files
-    from raytwin.report import terminal_text
-    from raytwin.workflows.augment_photos import augment_photos
+    from raytwin.images.photo_files import list_photos, readable_photos
+    from raytwin.scene.toml_json import write_json
+    from raytwin.show import terminal_text
+    from raytwin.study.augment_photos import augment_photos
 
     check_outputs(folders=(out,), files=(json,))
-    taken, unread = files.readable_photos(path for named in photos for path in files.list_photos(named))
+    taken, unread = readable_photos(path for named in photos for path in list_photos(named))
     with show_progress() as progress:
         rows = augment_photos(taken, scene, out, settings, progress=progress)
     if json:
-        files.write_json(json, {"photos": rows})
+        write_json(json, {"photos": rows})
     for photo, why in unread.items():
         say_wrapped(f"{photo} was left out: {why}")
     say(terminal_text.augment_summary(rows))

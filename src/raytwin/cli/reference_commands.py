@@ -12,7 +12,7 @@ from raytwin.cli.options import register
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say, worst_code
 from raytwin.errors import InputError, check_one_of
-from raytwin.workflows.settings import ReferenceSettings
+from raytwin.study.settings import ReferenceSettings
 
 if TYPE_CHECKING:
     from raytwin.scene import MitsubaScene, Scene
@@ -34,8 +34,8 @@ def make_command(
 
     Run it again to continue an interrupted run.
     """
-    from raytwin import references
-    from raytwin.workflows import make_reference
+    from raytwin.renderers import references
+    from raytwin.study import make_reference
 
     check_outputs(folders=(folder,))
     refused = []
@@ -64,8 +64,8 @@ def check_command(
     damaged.
     """
     from raytwin.compare import Judging
-    from raytwin.workflows import make_reference
-    from raytwin.workflows.rounds import parse_budget
+    from raytwin.study import make_reference
+    from raytwin.study.rounds import parse_budget
 
     judging = Judging(detectable_bias=detectable_bias, detectable_tile_bias=detectable_tile_bias)
     folder, checked, most = _source(folder), [], parse_budget(budget)
@@ -88,7 +88,7 @@ def show_command(
     scenes: list[Path] | None = None, rung: list[str] | None = None, folder: Path | None = None, whole: bool = False
 ) -> None:
     """Print what made each reference, and how noisy it is. Exit with 2 if one is damaged."""
-    from raytwin import references
+    from raytwin.renderers import references
     from raytwin.rungs import RUNGS
 
     folder = _source(folder)
@@ -124,14 +124,14 @@ def show_command(
 
 def _cases(scenes: list[Path] | None, rungs: list[str] | None, placed: bool = True) -> "Iterator[Case]":
     """(scene's path, rung, scene) of every reference that is asked for; `placed`: with its camera found."""
-    from raytwin import files
     from raytwin.rungs import RUNGS
     from raytwin.scene import MitsubaScene
-    from raytwin.workflows import make_reference
+    from raytwin.scene_folders import all_scenes, find_scene
+    from raytwin.study import make_reference
 
     for rung in rungs or ():
         check_one_of("--rung", rung, RUNGS)
-    chosen = [files.find_scene(s) for s in scenes or ()] or files.all_scenes()
+    chosen = [find_scene(s) for s in scenes or ()] or all_scenes()
     for scene in chosen:
         with show_progress() as progress:
             found = make_reference.find_scene(scene, progress) if placed else make_reference.read_scene(scene)
@@ -142,17 +142,18 @@ def _cases(scenes: list[Path] | None, rungs: list[str] | None, placed: bool = Tr
 
 def _name(scene: Path) -> str:
     """The name of the scene's references, also where the scene itself is gone."""
-    from raytwin import files
+    from raytwin.scene.mitsuba_file import is_mitsuba, read_mitsuba
+    from raytwin.scene.scene_files import read_scene
 
     if scene.is_file():
-        return (files.read_mitsuba if files.is_mitsuba(scene) else files.read_scene)(scene).name
+        return (read_mitsuba if is_mitsuba(scene) else read_scene)(scene).name
     return scene.resolve().name
 
 
 def _source(folder: Path | None) -> Path:
-    from raytwin import files
+    from raytwin import scene_folders
 
-    return folder or (REFERENCES if REFERENCES.is_dir() else files.REFERENCES)
+    return folder or (REFERENCES if REFERENCES.is_dir() else scene_folders.REFERENCES)
 
 
 def _terminal() -> bool:

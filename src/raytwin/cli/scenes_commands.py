@@ -18,17 +18,17 @@ SEEN = 0.01
 
 def list_command() -> None:
     """List the built-in scenes, and those in a folder scenes/ here."""
-    from raytwin import files
+    from raytwin.scene_folders import scenes
 
-    for row in files.scenes():
+    for row in scenes():
         say(f"{row['name']:<12} {row['shows']}")
 
 
 def copy_command(scene: Path, out: Path | None = None) -> None:
     """Copy a scene's folder with its photos, as a start for your own."""
-    from raytwin import files
+    from raytwin.scene_folders import copy_scene, find_scene
 
-    say(files.copy_scene(scene, out or Path(files.find_scene(scene).parent.name)))
+    say(copy_scene(scene, out or Path(find_scene(scene).parent.name)))
 
 
 def export_command(
@@ -39,10 +39,12 @@ def export_command(
 
     Camera, lens, objects and lights are resolved; lengths are metres.
     """
-    from raytwin import files
     from raytwin.errors import check_one_of
     from raytwin.renderers.scene_exchange import as_arrays, as_json
     from raytwin.rungs import RUNGS
+    from raytwin.safe_write import write_text
+    from raytwin.scene.scene_files import scene_and_photos
+    from raytwin.scene.toml_json import json_text
     from raytwin.twin.mitsuba_xml import mitsuba_xml as as_xml
     from raytwin.twin.mitsuba_xml import moved_by
     from raytwin.twin.rounding import extreme_spheres
@@ -50,9 +52,9 @@ def export_command(
     if json == mitsuba_xml:
         raise InputError("--json, --mitsuba-xml", "one of them", "both" if json else "neither")
     check_outputs(files=(out,))
-    made, asked = files.scene_and_photos(scene)
+    made, asked = scene_and_photos(scene)
     if asked is not None or photo is not None:  # what a calibration needs is not in the light install
-        from raytwin.calib.find_camera import find_camera
+        from raytwin.photos.find_camera import find_camera
 
         with show_progress() as progress:
             made = find_camera(scene, photo, progress)[0]
@@ -60,7 +62,7 @@ def export_command(
         made = made.with_(size=size)
     if json:
         check_one_of("--rung", rung or "shadow", RUNGS)
-        text = files.json_text(as_json(as_arrays(made, rung or "shadow")))
+        text = json_text(as_json(as_arrays(made, rung or "shadow")))
     else:
         text = as_xml(made, rung or "path")
         if (moved := moved_by(made)) > SEEN:
@@ -74,7 +76,7 @@ def export_command(
     if out is None:
         typer.echo(text, nl=False)
     else:
-        files.write_text(out, text)
+        write_text(out, text)
 
 
 register(app, {"list": list_command, "copy": copy_command, "export": export_command}, within="scenes")

@@ -6,7 +6,7 @@ import numpy as np
 
 from raytwin.compare.blocks import Pixels
 from raytwin.compare.finding import Finding, Place, at, plural
-from raytwin.image import Image
+from raytwin.images.image import Image
 from raytwin.judging import Judging
 
 EIGHT_BITS = 0.5001 / 255

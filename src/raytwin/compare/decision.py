@@ -56,7 +56,7 @@ from raytwin.compare.noise import (
 )
 from raytwin.compare.scale import Bound
 from raytwin.compare.significance import as_skewed, less_skewed, quantile, sidak, two_sided, welch
-from raytwin.image import Image
+from raytwin.images.image import Image
 
 Sums = dict[str, Float64[np.ndarray, "..."]]
 Size = tuple[int, ...]

@@ -8,7 +8,7 @@ from raytwin.array_types import Bool, Float32
 from raytwin.compare.comparison import Geometry
 from raytwin.compare.finding import Finding, Place, at, plural
 from raytwin.compare.metrics import all_finite, nth_largest
-from raytwin.image import BACKGROUND, Image, Surface
+from raytwin.images.image import BACKGROUND, Image, Surface
 from raytwin.scene import Tolerance
 
 DEPTH_REL = 1e-4

@@ -5,7 +5,7 @@ import numpy as np
 from raytwin.array_types import Float32
 from raytwin.compare.blocks import strips
 from raytwin.errors import InputError
-from raytwin.image import Image
+from raytwin.images.image import Image
 
 # Linear Rec. 709, dark end to pale centre; ends chosen dark enough to differ by lightness as well as by hue.
 _NEGATIVE = np.array([[1.0, 1.0, 1.0], [0.25, 0.55, 0.95], [0.01, 0.06, 0.45]], np.float32)

@@ -8,7 +8,7 @@ import numpy as np
 from raytwin.compare.blocks import Pixels, to_pixels
 from raytwin.compare.finding import Finding, Place, at, plural
 from raytwin.compare.noise import FIREFLY, block_means, estimated, residual
-from raytwin.image import Image
+from raytwin.images.image import Image
 
 NOISE_BELOW = 8.0
 """Standard deviations below 0 that noise may take a value: the statistics judge it further."""

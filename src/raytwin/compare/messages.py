@@ -6,7 +6,7 @@ from raytwin.compare.decision import POWER, Decision, Family, Worst
 from raytwin.compare.exact import NoiseFree
 from raytwin.compare.finding import CHANNELS, Finding, Place, at, notes, plural
 from raytwin.compare.significance import quantile
-from raytwin.image import Image
+from raytwin.images.image import Image
 
 HARDLY_LIT = 1e4
 """Times too bright; beyond this the reference is nearly black, and the absolute error is written instead."""

@@ -16,7 +16,7 @@ from raytwin.compare.blocks import (
     to_pixels,
     unblock,
 )
-from raytwin.image import Image
+from raytwin.images.image import Image
 
 FIREFLY = 25.0
 """A firefly's variance over that of its block: five times the standard deviation."""

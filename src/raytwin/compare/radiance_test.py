@@ -18,7 +18,7 @@ from raytwin.compare.scale import Bound
 from raytwin.compare.shift import Shift, shift_findings
 from raytwin.compare.significance import sidak
 from raytwin.compare.untold import ESTIMATED, GIVE, UNEXPLAINED, borne_out, dense, unexplained
-from raytwin.image import Image
+from raytwin.images.image import Image
 from raytwin.judging import Judging
 
 TINY, ZERO = np.float32(1e-30), np.zeros(3)

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 
 from raytwin.array_types import Float
-from raytwin.image import Image
+from raytwin.images.image import Image
 from raytwin.scene import Tolerance
 
 BRIGHT = 0.99

@@ -27,9 +27,9 @@ from raytwin.compare.finding import notes
 from raytwin.compare.messages import percent, what_could_be_seen
 from raytwin.compare.verdict import compare
 from raytwin.errors import InputError
-from raytwin.image import Image
-from raytwin.image_input import LoadedImage, as_image
-from raytwin.image_pool import ImagePool
+from raytwin.images.image import Image
+from raytwin.images.image_input import LoadedImage, as_image
+from raytwin.images.image_pool import ImagePool
 from raytwin.judging import Judging
 
 FIRST, PER_OCTAVE = 4, 4

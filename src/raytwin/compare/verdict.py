@@ -19,7 +19,7 @@ from raytwin.compare.metrics import measure
 from raytwin.compare.radiance_test import RadianceTest
 from raytwin.compare.scale import Bound, scale_of, unit_of
 from raytwin.compare.shift import find_shift, shift_finding
-from raytwin.image import Image
+from raytwin.images.image import Image
 from raytwin.judging import Judging
 
 SURE_SHIFT = 0.5

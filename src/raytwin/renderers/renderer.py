@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from raytwin.image import Image
+from raytwin.images.image import Image
 from raytwin.scene import Scene
 
 Call = Callable[[int], Image]

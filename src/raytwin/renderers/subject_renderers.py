@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from raytwin import twin
-from raytwin.image import Image, Surface
+from raytwin.fast import ENGINES, background, draw, speculate, walk
+from raytwin.images.image import Image, Surface
 from raytwin.renderers.python_loop import loop
 from raytwin.renderers.renderer import Call, Renderer
 from raytwin.scene import Scene
-from raytwin.speed import ENGINES, background, draw, speculate, walk
 from raytwin.tracer import STAGES, Stages
 
 
@@ -167,7 +167,7 @@ class SmoothedSpeculation(Speculated):
         return f"{super().name}-nlm"
 
     def prepare(self, scene: Scene) -> Call:
-        from raytwin.calib.denoise import non_local_means  # with OpenCV
+        from raytwin.photos.denoise import non_local_means  # with OpenCV
 
         guess = super().prepare(scene)
         return lambda seed: Image(non_local_means(guess(seed).mean))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from raytwin import twin
-from raytwin.image import Image
+from raytwin.images.image import Image
 from raytwin.renderers.renderer import Call, Renderer
 from raytwin.rungs import RUNGS
 from raytwin.scene import MitsubaScene, Scene

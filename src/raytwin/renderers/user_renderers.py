@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.image import Image
-from raytwin.image_input import as_image
+from raytwin.images.image import Image
+from raytwin.images.image_input import as_image
 from raytwin.renderers.renderer import Call, Renderer
 from raytwin.renderers.scene_exchange import as_arrays, as_file
 from raytwin.scene import MitsubaScene, Scene

@@ -1,4 +1,7 @@
-"""Where light comes from. To add a light, write its record, give Scene a field for it, and see `raytwin.lights`."""
+"""Where light comes from.
+
+To add a light, write its record, give Scene a field for it, and see `raytwin.tracer.lights`.
+"""
 
 import math
 from functools import lru_cache

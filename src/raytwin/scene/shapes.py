@@ -1,7 +1,7 @@
 """What rays meet. To add a shape, write its record with the answers that these two give, and add it to the union.
 
-Rays meet it by `tracer.world.intersect`, kernels look it up in `speed.fast_world.SHAPES`, boxes are round it in
-`speed.boxes`, and Mitsuba's is made in `twin.twin_scene`.
+Rays meet it by `tracer.world.intersect`, kernels look it up in `fast.fast_world.SHAPES`, boxes are round it in
+`fast.boxes`, and Mitsuba's is made in `twin.twin_scene`.
 """
 
 import math

@@ -3,8 +3,8 @@
     pixel -> back_project -> ray -> World.closest_hit (sphere, rectangle) -> hit -> RADIANCE, or a path -> radiance
 
 Read it in this order: render_image, pixel_to_ray, hit (the records), world, sphere, rectangle, shading; then path,
-which follows light from one surface to the next. The arithmetic is `raytwin.arrays`, the light `raytwin.lights`;
-`raytwin.speed` gives the same pixels, fast.
+which follows light from one surface to the next. The arithmetic is `arrays`, the light
+`lights`. `raytwin.fast` gives the same pixels, fast.
 """
 
 from raytwin.tracer.hit import Hit, Stages, World

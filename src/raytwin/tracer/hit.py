@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from raytwin.arrays import Vec
+from raytwin.tracer.arrays import Vec
 
 
 class Stages(NamedTuple):
@@ -59,7 +59,7 @@ NO_SPECULAR = Specular((0.0, 0.0, 0.0), 1.0)
 
 @runtime_checkable
 class World(Protocol):
-    """What rays are tested against. `PlainWorld` tests every object; `raytwin.speed` gives the same answers, fast."""
+    """What rays are tested against. `PlainWorld` tests every object; `raytwin.fast` gives the same answers, fast."""
 
     @property
     def stages(self) -> Stages: ...

@@ -13,9 +13,9 @@ from collections.abc import Callable
 from math import pi
 from typing import Any
 
-from raytwin.arrays import Vec, cos, cosine, dot, repeat, select, sin, sqrt, unit_again
-from raytwin.lights import Lighting
+from raytwin.tracer.arrays import Vec, cos, cosine, dot, repeat, select, sin, sqrt, unit_again
 from raytwin.tracer.hit import Hit, Specular, World
+from raytwin.tracer.lights import Lighting
 from raytwin.tracer.shading import reflectance
 from raytwin.tracer.world import next_hit
 

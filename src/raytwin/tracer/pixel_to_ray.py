@@ -6,9 +6,9 @@ Normalised coordinates (x, y) are the point where the ray meets the plane z = 1 
 from collections.abc import Callable
 from typing import Any
 
-from raytwin.arrays import Vec, rotate, sqrt
 from raytwin.scene import Camera
 from raytwin.scene.lens import STEPS
+from raytwin.tracer.arrays import Vec, rotate, sqrt
 
 
 def undistort(xd: Any, yd: Any, dist: Any, steps: int = STEPS) -> tuple[Any, Any]:

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from raytwin.arrays import INFINITY, Vec, cross, dot, select
 from raytwin.scene import Rectangle
+from raytwin.tracer.arrays import INFINITY, Vec, cross, dot, select
 
 
 def intersect_rectangle(origin: Vec, d: Vec, rectangle: Rectangle) -> Any:

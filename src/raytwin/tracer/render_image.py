@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.arrays import Vec
 from raytwin.errors import InputError
-from raytwin.image import BACKGROUND, Image, Surface
-from raytwin.lights import Lighting, lighting
+from raytwin.images.image import BACKGROUND, Image, Surface
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, to_camera_frame
 from raytwin.scene.lens import check_lens, without_ray
+from raytwin.tracer.arrays import Vec
 from raytwin.tracer.hit import Stages
+from raytwin.tracer.lights import Lighting, lighting
 from raytwin.tracer.path import Draw, radiance_along_path
 from raytwin.tracer.pixel_to_ray import back_project, to_board, undistort
 from raytwin.tracer.rectangle import intersect_rectangle
@@ -29,7 +29,7 @@ def trace(scene: Scene, rung: str = "shadow", stages: Stages = STAGES) -> Image:
 
     `rung`: surface, lambert or shadow. `stages`: the tracer's functions, of which one may be replaced.
 
-    `raytwin.speed.trace` gives the same pixels faster. Pixels to which the lens assigns no ray are black. Raises
+    `raytwin.fast.trace` gives the same pixels faster. Pixels to which the lens assigns no ray are black. Raises
     InputError for an unknown rung, or for a lens that can be inverted on less than half of the frame.
     """
     if rung not in RADIANCE:
@@ -49,8 +49,8 @@ def trace(scene: Scene, rung: str = "shadow", stages: Stages = STAGES) -> Image:
 def trace_paths(scene: Scene, draws: Sequence[Draw], depth: int = 8, stages: Stages = STAGES) -> Image:
     """Return the mean radiance over each pixel's area by paths of up to `depth` - 1 surfaces; float64, no shortcut.
 
-    One path per pixel for each of `draws`, whose numbers are (H, W). `raytwin.speed.walk` gives the same, fast, and its
-    variance, with the numbers of `raytwin.speed.sampling`.
+    One path per pixel for each of `draws`, whose numbers are (H, W). `raytwin.fast.walk` gives the same, fast, and its
+    variance, with the numbers of `raytwin.fast.sampling`.
     """
     u, v, light, world = _set_up(scene, stages)
     total = np.zeros((*u.shape, 3))

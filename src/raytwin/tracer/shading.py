@@ -4,10 +4,10 @@ from collections.abc import Callable
 from math import pi
 from typing import Any
 
-from raytwin.arrays import Vec, cosine, dot, maximum, power, select
-from raytwin.lights import Lighting
 from raytwin.scene import Camera
+from raytwin.tracer.arrays import Vec, cosine, dot, maximum, power, select
 from raytwin.tracer.hit import Hit, World
+from raytwin.tracer.lights import Lighting
 from raytwin.tracer.pixel_to_ray import to_board
 
 

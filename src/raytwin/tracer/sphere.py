@@ -11,8 +11,8 @@ straight-line code, cost it 6 to 13 %).
 from collections.abc import Callable
 from typing import Any
 
-from raytwin.arrays import INFINITY, Vec, dot, length, maximum, select, sqrt, where_any
 from raytwin.scene import Sphere
+from raytwin.tracer.arrays import INFINITY, Vec, dot, length, maximum, select, sqrt, where_any
 
 Solved = tuple[Any, Callable[[], tuple[Any, Any]]]
 """The discriminant, and the function that finds (near, far)."""

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytwin.arrays import INFINITY, Vec, dot, integers, select
 from raytwin.scene import Phong, Shape, Sphere
+from raytwin.tracer.arrays import INFINITY, Vec, dot, integers, select
 from raytwin.tracer.hit import NO_SPECULAR, Facts, Hit, Specular, Stages, World
 
 

@@ -21,9 +21,10 @@ from typing import Any
 
 import msgspec
 
-from raytwin import files
 from raytwin.errors import InputError, MachineError, missing_package
+from raytwin.images.cache import cache_folder, installed
 from raytwin.removed import SCALAR
+from raytwin.scene.toml_json import write_json
 
 LLVM, CUDA = VARIANTS = ("llvm_ad_rgb", "cuda_ad_rgb")
 OWN_CHOICE = "Dr.Jit's own choice"
@@ -120,7 +121,7 @@ def choose(forced: str | None = None) -> Backend:
     if find_spec("mitsuba") is None:  # nothing to try, and nothing to remember: it may be installed tomorrow
         return Backend(forced, None, None, (), 0.0, versions())
     candidates = [CUDA] if forced == CUDA else llvm_candidates()
-    memory = files.cache_folder() / f"backend-{_machine(candidates)}.json"
+    memory = cache_folder() / f"backend-{_machine(candidates)}.json"
     with contextlib.suppress(OSError, msgspec.MsgspecError):
         known = msgspec.json.decode(memory.read_bytes(), type=Backend)
         if known.variant in VARIANTS and known.libllvm in (None, *candidates):
@@ -136,7 +137,7 @@ def choose(forced: str | None = None) -> Backend:
     backend = Backend(*found, tuple(tried), time.perf_counter() - start, versions())
     if backend.variant:  # else the next process asks again: a probe may just have met a busy machine
         with contextlib.suppress(InputError):  # a cache that cannot be written costs a probe next time, nothing else
-            files.write_json(memory, backend)
+            write_json(memory, backend)
     return backend
 
 
@@ -212,7 +213,7 @@ def _users_llvm() -> str | None:
 
 def versions() -> dict[str, str]:
     """Python's version and those of the packages that decide what a render looks like."""
-    return files.installed(PACKAGES)
+    return installed(PACKAGES)
 
 
 def made_with(twin: str, variant: str | None) -> dict[str, str]:
@@ -246,7 +247,7 @@ def doctor() -> list[tuple[str, str]]:
     rows = [*versions().items()]
     rows.append(("processor", next((s.split(":")[1].strip() for s in _processor().splitlines() if "model" in s), "?")))
     rows.append(("cores", str(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count())))
-    rows.append(("cache", str(files.cache_folder())))
+    rows.append(("cache", str(cache_folder())))
     settings = ("RAYTWIN_VARIANT", "RAYTWIN_NO_LLVM", "DRJIT_LIBLLVM_PATH")
     rows += [(name, os.environ[name]) for name in settings if os.environ.get(name) not in (None, "", _set_here)]
     try:

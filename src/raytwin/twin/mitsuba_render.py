@@ -7,10 +7,10 @@ from xml.etree.ElementTree import fromstring, tostring
 
 import numpy as np
 
-from raytwin import files
 from raytwin.errors import InputError
-from raytwin.image import BACKGROUND, Image, Surface
+from raytwin.images.image import BACKGROUND, Image, Surface
 from raytwin.progress import Progress, silent
+from raytwin.scene.mitsuba_file import as_loaded
 from raytwin.scene.mitsuba_scene import MitsubaScene
 from raytwin.twin import render_cache
 from raytwin.twin.backend import activate, made_with
@@ -73,7 +73,7 @@ def _loaded(scene: MitsubaScene) -> Any:
     """Mitsuba's scene, without `optimize`, which would merge shapes and let light leak (see twin_scene.load)."""
     import mitsuba as mi
 
-    root = files.as_loaded(scene)
+    root = as_loaded(scene)
     try:
         return mi.load_string(tostring(root, "unicode"), optimize=False)
     except Exception as error:  # RuntimeError, or whatever a plugin of Python's raises

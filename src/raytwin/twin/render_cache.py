@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from raytwin import files
 from raytwin.errors import InputError
-from raytwin.image import Image, Surface
+from raytwin.images.cache import cache_folder
+from raytwin.images.image import Image, Surface
+from raytwin.safe_write import replacing
 
 LIMIT = 2 << 30
 """Bytes: beyond these the renders that were used longest ago are deleted."""
@@ -63,13 +64,13 @@ def store(key: str, image: Image) -> None:
     if not _is_plain(path):
         return
     with contextlib.suppress(InputError, OSError):
-        with files.replacing(path) as temporary:
+        with replacing(path) as temporary:
             np.savez(temporary, allow_pickle=False, **arrays, seal=np.frombuffer(_seal(key, arrays), np.uint8))
         _drop_oldest(path.parent)
 
 
 def path_of(key: str) -> Path:
-    return files.cache_folder() / "renders" / f"{key}.npz"
+    return cache_folder() / "renders" / f"{key}.npz"
 
 
 def _drop_oldest(folder: Path) -> None:

@@ -7,13 +7,14 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from raytwin import files
 from raytwin.errors import InputError
-from raytwin.image import Image, Surface
+from raytwin.images.image import Image, Surface
 from raytwin.progress import Progress, silent
 from raytwin.rungs import MOST_SAMPLES, RUNGS, SAMPLINGS, Rung
 from raytwin.scene import Scene, to_camera_frame
 from raytwin.scene.lens import without_ray
+from raytwin.scene.scene_files import check_camera
+from raytwin.scene.toml_json import plain
 from raytwin.twin import render_cache
 from raytwin.twin.backend import activate, made_with
 from raytwin.twin.rays import lens_of
@@ -134,7 +135,7 @@ def _plan(
     for where, name, known in (("rung", rung, tuple(RUNGS)), ("sampling", sampling, SAMPLINGS)):
         if name not in known:
             raise InputError(where, " or ".join(known), name)
-    files.check_camera(scene.camera, "camera.")
+    check_camera(scene.camera, "camera.")
     lens_of(scene.camera)  # raises where the distortion cannot be undone
     if not 1 <= samples <= MOST_SAMPLES:
         raise InputError("samples", f"a whole number from 1 to {MOST_SAMPLES}", samples)
@@ -153,7 +154,7 @@ def _plan(
 
 def _about(scene: Scene, plan: _Plan, textures: Mapping[int, np.ndarray], variant: str | None) -> dict[str, str]:
     seen = (scene.camera, scene.spheres, scene.planes, scene.sun, scene.sky)
-    content = hashlib.sha256(msgspec.json.encode(seen, enc_hook=files.plain))
+    content = hashlib.sha256(msgspec.json.encode(seen, enc_hook=plain))
     for i, texture in textures.items():
         content.update(f"{i} {texture.shape}".encode() + texture.tobytes())
     about = made_with(TWIN, variant) | {"scene": content.hexdigest()}

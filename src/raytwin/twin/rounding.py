@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from raytwin.image import Image, Surface
+from raytwin.images.image import Image, Surface
 from raytwin.scene import Phong, Rectangle, Scene, Shape, Sphere, Sun
 from raytwin.twin.rays import directions, lens_of
 from raytwin.twin.twin_scene import SHADOW_OFFSET, SPHERE_OFFSET, place_of

@@ -1,9 +1,0 @@
-"""Every method's seconds beside its error: RENDERERS, one run over them, and the frontier.
-
-RENDERERS -> references -> first calls -> rounds in random order -> Measurement -> frontier, fits -> report
-"""
-
-from raytwin.bench.bench_record import Bench, Measurement, write_bench
-from raytwin.bench.bench_run import bench, bench_scenes
-from raytwin.bench.frontier import fit_power, on_frontier, staircase
-from raytwin.renderers.renderer_table import RENDERERS, choose

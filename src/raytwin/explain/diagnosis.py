@@ -1,0 +1,276 @@
+"""Which mistake explains these pictures? Cheap questions first, then each fault's prediction beside what was handed in.
+
+A fault is believed for what it predicts: its picture of every scene is compared with the one that was submitted, the
+scenes that are correct included. Where one explains only a part, it is said that something else is wrong, too. Where
+none does, it is said where the pictures are wrong. `search` tries them.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from raytwin.compare.finding import Finding
+from raytwin.explain.catalogue import ACNE, FACTS, FAULTS
+from raytwin.explain.changes import ORDER, OUTPUT, Fault
+from raytwin.explain.curve import curve_cause
+from raytwin.explain.distances import depth_cause
+from raytwin.explain.evidence import NOTHING_LEFT, are_alike, fit_of, is_firm, is_likelier
+from raytwin.explain.explanation import Cause, Certainty, Explanation
+from raytwin.explain.light_decomposition import split
+from raytwin.explain.localize import border_alone, points_of_misses, whereabouts
+from raytwin.explain.noisy_values import noisy_cause
+from raytwin.explain.parametric_faults import FAMILIES, ParametricFault, radii_of
+from raytwin.explain.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, mixed, sample_pixels
+from raytwin.explain.predict import RIGHT, Pipeline
+from raytwin.explain.premultiplied import alpha_cause
+from raytwin.explain.search import STOPPED, Hypothesis, Search, StoppedEarly
+from raytwin.explain.tolerance_mask import doubtful
+from raytwin.images.image import Image
+from raytwin.images.stored_precision import Rounding
+from raytwin.rungs import RUNGS
+from raytwin.scene import Scene
+
+EXPLAINED = 0.9
+"""Share of the squared error below which no cause is named, unless it explains a part."""
+EXACT = 0.9999
+"""Share of the squared error that a cause explains exactly: below it, a curve through all values is told instead."""
+MATCHED = 0.5
+"""Share of the wrong pixels that it has to hit: its values must not only come near."""
+PART, SPARED = 0.4, 0.99
+"""Shares of the wrong pixels that a cause has to hit, and of the correct ones it has to spare, to explain a part."""
+FEW = 6
+"""Wrong pixels below which nothing is named: rounding on outlines."""
+ALTERNATIVES = 3
+"""Causes that explain it as well, at most so many of which are told."""
+RARE = 3e-3
+"""Share of a picture's pixels: up to here, only single faults without fitted numbers are tried."""
+SPECKLED = 0.1
+"""What `mixed` says from which on chance is asked: acne of seven tracers in five scenes has .11 to .26, and 981
+of 1006 pictures with faults of shapes and light have less."""
+MOST = 25_000
+"""Pixels of a picture that are looked at in the end."""
+DOUBTED = 0.1
+"""Share of the pixels: if more stay wrong, differences between correct tracers do not explain it."""
+BRIGHT = 1e6
+"""What is stored as white may be anything up to this."""
+
+PLAIN = tuple(
+    fault for fault in FAULTS
+    if fault.name == "swapped-axes" or (
+        fault.stage == OUTPUT and all(name in ("hand_in", "pixel") for name, _ in fault.ways[0]))
+)  # fmt: skip
+"""Faults that are predicted without a scene: of a picture's values and of their order."""
+PLAIN_FAMILIES = tuple(family for family in FAMILIES if family.name in ("image-scaled", "offset", "power"))
+
+
+def explain(
+    test: Image,
+    reference: Image,
+    scene: Scene | None = None,
+    rung: str = "shadow",
+    rounding: Rounding = Rounding(),  # noqa: B008 (frozen)
+    sampled: Sampled | None = None,
+    of_reference: Rounding = Rounding(),  # noqa: B008 (frozen)
+) -> tuple[Finding, ...]:
+    """Why an image is not its reference: of a known scene any fault, else what a writer does wrong.
+
+    Of an unknown scene only a cause that explains it is told. `rounding`, `of_reference`: what the formats of test and
+    reference round off. `sampled`: the parts of light that chance finds, for the factors of light that are told where
+    no cause explains it.
+    """
+    shown, right = test.mean, reference.mean
+    if shown.shape != right.shape or shown.ndim != 3 or shown.dtype.kind != "f":
+        return ()
+    if not (np.isfinite(shown).all() and np.isfinite(right).all()):
+        return ()
+    words = depth_cause(test.surface, reference.surface, scene) if scene else ""
+    noisy = test.variance is not None or reference.variance is not None
+    if noisy and not words:
+        both = (np.zeros(shown.shape) if x.variance is None else x.variance for x in (test, reference))
+        words = noisy_cause(shown, np.clip(right, 0, 1) if rounding.clipped else right, *both)
+    elif not words:
+        words = alpha_cause(test, reference, rounding, of_reference)
+    if words:
+        return (Finding("likely", words),)
+    view = _view(test, reference, scene, rung, rounding, of_reference, sampled)
+    made = diagnose([view]) if view.scene else diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES)
+    exact = made.certainty == "correct" or (made.cause is not None and made.explained > EXACT)
+    if not noisy and not exact and (words := curve_cause(view)):
+        return (Finding("likely", words),)
+    return made.findings if made.cause or view.scene else ()
+
+
+def _view(
+    test: Image, reference: Image, scene: Scene | None, rung: str, rounding: Rounding, of_reference: Rounding,
+    sampled: Sampled | None,
+) -> SubmittedImage:  # fmt: skip
+    """What `diagnose` takes: noise is slack, and a scene that no fault can be predicted in is unknown."""
+    shown, right = test.mean, reference.mean
+    slack = np.zeros(shown.shape) if rounding.half is None else rounding.half.astype(float)
+    variances = [image.variance for image in (test, reference) if image.variance is not None]
+    if variances:
+        slack = slack + 3 * np.sqrt(np.maximum(np.sum(variances, axis=0, dtype=float), 0))
+    bounds: tuple[np.ndarray, ...] = ()
+    if of_reference.half is not None:
+        above = np.where(of_reference.clipped & (right >= 1), BRIGHT, right + of_reference.half)
+        bounds = right - of_reference.half, above
+    clipped = rounding.clipped or of_reference.clipped
+    fits = scene and shown.shape == (scene.camera.height, scene.camera.width, 3)
+    # Faults are predicted under a constant sky, without highlights.
+    known = scene and fits and RUNGS[rung].lit and scene.objects and not (scene.glossy or scene.environment)
+    return SubmittedImage(
+        scene if known else None, shown, right, rung, half=slack, clipped=clipped, sampled=sampled, bounds=bounds
+    )
+
+
+def diagnose(
+    views: Sequence[SubmittedImage],
+    seed: int = 0,
+    faults: Sequence[Fault] = FAULTS,
+    families: Sequence[ParametricFault] = FAMILIES,
+) -> Explanation:
+    """The cause of what is wrong in the views of one submission.
+
+    Give the views that are correct too: a fault that would have spoiled them is none.
+    """
+    samples = [sample_pixels(view, seed) for view in views]
+    where = whereabouts(samples, [s.errors(RIGHT) for s in samples])
+    count = sum(int(s.wrong.sum()) for s in samples)
+    if count == 0:
+        return Explanation("correct", where=where, explained=1.0)
+    if cause := _one_value(views):
+        return Explanation("proved", (cause,), (cause.sentence,), explained=1.0)
+    if count < FEW:
+        return Explanation("unknown", where=where)
+    if words := points_of_misses(samples):
+        text = f"rays that meet nothing have points, too ({words}): NaN is wanted there"
+        return Explanation("proved", (Cause("points-of-misses", ORDER, text),), (text,), where, 1.0)
+    if words := border_alone(samples):
+        text = f"{words} of the image are wrong, and nothing else: show all rows and columns, none is left out"
+        return Explanation("likely", (Cause("border-alone", OUTPUT, text),), (text,), explained=1.0)
+    samples = [s for s in samples if s.weight.size]
+    if (share := _acne(samples)) > 0:
+        cause = Cause(ACNE.name, ACNE.stage, ACNE.sentence)
+        return Explanation("likely", (cause,), (cause.sentence,), where, share)
+    scenes = {s.view.scene for s in samples}
+    if families is FAMILIES and len(scenes) == 1 and (scene := samples[0].view.scene):
+        families = (*FAMILIES, *radii_of(scene))
+    thorough = max(float((s.weight * s.wrong).sum()) for s in samples) > RARE
+    try:
+        search = Search(samples)
+        return _said(search.causes(faults, families if thorough else ()), search, where)
+    except StoppedEarly:
+        stopped = f"the search stopped early, after {STOPPED:.0f} s: not all known mistakes were tried"
+        return Explanation("unknown", sentences=(stopped,), where=where)
+
+
+def _one_value(views: Sequence[SubmittedImage]) -> Cause | None:
+    """What is told where every channel of every pixel has one value: 0, or one that is not the sky's."""
+    values = {float(x) for view in views for x in (np.min(view.shown), np.max(view.shown))}
+    value = values.pop()
+    if value == 0 and not values and not any(view.points for view in views):
+        return Cause("empty", OUTPUT, "the image is black everywhere")
+    skies = [x for view in views if view.scene for x in view.scene.sky_radiance]
+    if values or not np.isfinite(value) or value == 0 or any(abs(value - x) <= 1e-6 * abs(value) for x in skies):
+        return None
+    if any(view.right is not None and np.ptp(view.right) <= 1e-6 * value for view in views):
+        return None
+    text = f"every pixel has the same value, {value:.4g}: nothing of the scene is in the picture"
+    return Cause("one-value", OUTPUT, text)
+
+
+def _acne(samples: Sequence[PixelSample]) -> float:
+    """The share of the squared error that acne explains, which leaves to chance whether a pixel is lit; 0 for none."""
+    spoilt = [s for s in samples if s.wrong.any()]
+    speckled = np.average([mixed(s.frame.wrong) for s in spoilt], weights=[s.wrong.sum() for s in spoilt])
+    if speckled < SPECKLED or not is_firm(samples):
+        return 0.0
+    hit, kept, before, after = [], [], 0.0, 0.0
+    for s in samples:
+        made = np.stack([s.predict(way) for way in ACNE.ways])
+        off = np.stack([s.off(one) for one in made])
+        nearest = off.min(axis=0)
+        hit.append((nearest <= np.minimum(4 * s.tau, s.errors(RIGHT) / 2))[s.wrong])
+        kept.append((nearest <= 4 * s.tau)[~s.wrong])
+        before += s.squared(s.predict(RIGHT))
+        after += s.squared(np.take_along_axis(made, off.argmin(axis=0)[None, :, None], 0)[0])
+    spared = np.concatenate(kept)
+    if np.concatenate(hit).mean() < EXPLAINED or (spared.size and spared.mean() < SPARED):
+        return 0.0
+    return 1 - float(after / max(before, 1e-300))
+
+
+def _said(found: list[Hypothesis], search: Search, where: str) -> Explanation:
+    """The best of the hypotheses if it explains enough; else where the pictures are wrong, and what comes near."""
+    samples = search.samples
+    if not found:
+        return Explanation("unknown", where=where)
+    best = _rather_than_a_fact(found, samples)
+    fit = fit_of(samples, best.steps)
+    near = fit.explained >= EXPLAINED and best.cost <= 0.6 * search.unexplained and fit.hit >= MATCHED
+    if not (near or (fit.hit >= PART and fit.kept > SPARED)):
+        return _unknown(found, samples, where)
+    if not is_likelier(samples, best.steps):
+        return Explanation("unknown", where=where)
+    others = () if best.cause.name in FACTS else _as_good(best, found, samples)
+    count, left = left_over([s.everywhere(_most(s)) for s in samples], best.steps)
+    # Each scene confirms what the others select: one alone proves nothing.
+    confirmed = fit.least > NOTHING_LEFT and sum(bool(s.wrong.any()) for s in samples) > 1
+    whole = count < FEW and fit.is_good and (fit.exact or not best.cause.numbers)
+    certainty: Certainty = "proved" if confirmed and whole and not others else "likely"
+    said = [best.cause.sentence, *(f"or, with the same effect here: {other.sentence}" for other in others)]
+    if count >= FEW or fit.hit < EXPLAINED:
+        said.append(f"something else is wrong, too: {left}".rstrip(": "))
+    return Explanation(certainty, (best.cause, *others), tuple(said), where, fit.explained)
+
+
+def _unknown(found: list[Hypothesis], samples: list[PixelSample], where: str) -> Explanation:
+    """Where the pictures are wrong; the factors of the parts of light, where these explain it; what comes nearest."""
+    nearest = min(found, key=lambda g: g.cost)
+    share = max(fit_of(samples, nearest.steps).explained, 0.0)
+    lit = [(s, s.view.scene) for s in samples if s.view.scene and s.view.scene.objects and not s.view.points]
+    parts = "; ".join(f"{scene.name}: {words}" for s, scene in lit if (words := split(s).words))
+    where = f"{where}; as if {parts}" if parts else where
+    closest = f"closest to it, but not all of it: {nearest.cause.sentence}"
+    return Explanation("unknown", sentences=(closest,) if share >= MATCHED else (), where=where, explained=share)
+
+
+def _rather_than_a_fact(found: list[Hypothesis], samples: list[PixelSample]) -> Hypothesis:
+    """The best guess; not one that says only what is seen where another one leaves nothing, and that does."""
+    best = found[0]
+    if best.cause.name in FACTS and not fit_of(samples, best.steps).exact:
+        return next((g for g in found[1:] if fit_of(samples, g.steps).exact), best)
+    return best
+
+
+def _as_good(best: Hypothesis, found: Sequence[Hypothesis], samples: list[PixelSample]) -> tuple[Cause, ...]:
+    """The causes that explain the pictures as well as the best one."""
+    own = [s.predict(best.steps) for s in samples]
+    others: dict[str, Cause] = {}
+    for guess in found:
+        if guess.cause.name == best.cause.name or guess.cause.numbers != best.cause.numbers:
+            continue
+        if guess.cost < 1.25 * best.cost or all(
+            are_alike(s, a, s.predict(guess.steps)) for s, a in zip(samples, own, strict=True)
+        ):
+            others.setdefault(guess.cause.name, guess.cause)
+    return tuple(others.values())[:ALTERNATIVES]
+
+
+def left_over(samples: Sequence[PixelSample], steps: Pipeline) -> tuple[int, str]:
+    """Pixels that stay wrong though no tracer with these steps shows them so: how many, and where."""
+    errors, count = [], 0
+    for s in samples:
+        e = s.errors(steps)
+        off = e > 4 * s.tau
+        if off.any() and off.sum() <= DOUBTED * off.size:
+            off[off] = ~doubtful(s.only(off).predict, s.scale, steps)
+        errors.append(np.where(off, e, 0.0))
+        count += int(off.sum())
+    return count, whereabouts(samples, errors).split("; ")[0] if count else ""
+
+
+def _most(sample: PixelSample) -> int:
+    """Pixels that are looked at in the end: fewer where a scene has many objects."""
+    objects = len(sample.view.scene.objects) if sample.view.scene else 0
+    return min(MOST, max(MET // max(objects, 1), 1))

@@ -1,0 +1,313 @@
+"""A submitted picture beside the correct one, at chosen pixels: where it is wrong, how well a change explains it."""
+
+import functools
+import math
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import msgspec
+import numpy as np
+from scipy import ndimage
+
+from raytwin.explain.predict import RIGHT, Array, Pipeline, Predictor, UnknownScene, output, steps_of
+from raytwin.images.image import Image
+from raytwin.rungs import RUNGS
+from raytwin.scene import Scene
+from raytwin.scene.lens import without_ray
+from raytwin.tracer import RADIANCE, trace
+
+WRONG, CORRECT, EDGES = 700, 500, 250
+"""Pixels that are looked at: of those that are wrong, those that are correct, and those of them beside an outline."""
+MET = 500_000
+"""Most pixels times objects; a scene with more objects is sampled at fewer pixels."""
+CLOSE = 3e-4
+"""Share of the scale: the largest error of a prediction that counts as a match."""
+GRID = 100_000
+"""Pixels: of larger pictures, only every k-th pixel of every k-th row is sampled."""
+SPOT = 4
+"""Pixels of the largest spot that counts as a speckle."""
+DIGITS = 3e-6
+"""Share of the scale that float32 rounds off."""
+BESIDE = (np.arange(5) == 2) | (np.arange(5) == 2)[:, None]
+"""Pixels within two of another, along rows and columns: an outline lies beside it where they show several objects."""
+
+Sampled = Callable[[int], Mapping[str, tuple[Array, Array]]]
+"""k -> parts of the light (h, w, 3) at every k-th pixel, each twice, from independent samples."""
+
+
+@dataclass(frozen=True, eq=False)
+class SubmittedImage:
+    """A submission's picture of one scene; of None, where nobody knows which.
+
+    `shown` (H, W, 3): linear radiance, or with `points` where each pixel's ray first meets a sphere, NaN for none.
+    `right`: what it should be; the tracer's own picture where none is given. `half` (H, W, 3): what its format may have
+    rounded off; `clipped`: it holds nothing above 1. `bounds`: between which two pictures what is stored as `right` may
+    lie. `sampled`: of the scene's light what chance finds. `composed`: made of the submission's functions, where the
+    camera's pose and the order along a ray are ours.
+    """
+
+    scene: Scene | None
+    shown: Array
+    right: Array | None = None
+    rung: str = "shadow"
+    points: bool = False
+    half: Array | None = None
+    clipped: bool = False
+    sampled: Sampled | None = None
+    composed: bool = False
+    bounds: tuple[Array, ...] = ()
+
+    def stored(self, values: Array) -> Array:
+        """What its format holds of these values."""
+        return np.clip(values, 0, 1) if self.clipped else values
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A view at every `step`-th pixel, in float64. (H, W): `edge`, beside an outline; `wrong`; `rays`, that have one.
+
+    `right`, `slack` (H, W, 3): the correct picture, and what rounding may do; `scale`: of the values; `tau`: an error
+    of this size is one.
+    """
+
+    view: SubmittedImage
+    step: int
+    right: Array
+    slack: Array
+    edge: Array
+    rays: Array
+    scale: float
+    tau: float = 0.0
+    wrong: Array = field(default_factory=lambda: np.zeros(0))
+
+
+@dataclass(eq=False)
+class PixelSample:
+    """A frame at N chosen pixels, weighted so that they stand for all.
+
+    `more`: the correct picture has light that sun, shadow and open sky do not make. `moved`: that light, by where rays
+    go; `made`: the last predictions.
+    """
+
+    frame: Frame
+    index: Array
+    weight: Array
+    more: bool = False
+    moved: dict[Pipeline, Array] = field(default_factory=dict, init=False)
+    made: list[tuple[Pipeline, Array]] = field(default_factory=list, init=False)
+
+    def __post_init__(self) -> None:
+        frame = self.frame
+        self.view, self.scale, self.tau, self.step = frame.view, frame.scale, frame.tau, frame.step
+        self.shown, self.right, self.slack = (self.at(x) for x in (self.view.shown, frame.right, frame.slack))
+        self.wrong, self.edge = self.at(frame.wrong), self.at(frame.edge)
+        v, u = (self.step * x.astype(float) for x in np.divmod(self.index, frame.edge.shape[1]))
+        brightest = 1.0 if self.view.points else float(np.nanmax(frame.right, initial=0.0))
+        self.bench: Predictor | UnknownScene
+        if self.view.scene is None:
+            low_and_high = (np.asarray(x, float) for x in self.view.bounds)
+            self.bench = UnknownScene((frame.right, *low_and_high), u, v, brightest)
+        else:
+            shadows = self.view.points or RUNGS[self.view.rung].shadows
+            self.bench = Predictor(self.view.scene, u, v, shadows, brightest)
+
+    def at(self, picture: Array) -> Array:
+        """The values (N, ...) of a picture (H, W, ...) of the frame."""
+        return picture.reshape(-1, *picture.shape[2:])[self.index]
+
+    def predict(self, pipeline: Pipeline) -> Array:
+        """(N, 3): what would be shown; NaN where slips do not go with what else is changed."""
+        for key, made in self.made:
+            if key is pipeline:
+                return made
+        try:
+            with np.errstate(all="ignore"), warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                made = self._predict(pipeline)
+        except Exception:  # a slip may ask for what is not there
+            if not pipeline:
+                raise
+            made = np.full(self.shown.shape, np.nan)
+        self.made[:] = [*self.made[-3:], (pipeline, made)]
+        return made
+
+    def _predict(self, pipeline: Pipeline) -> Array:
+        if isinstance(self.bench, UnknownScene):
+            made, *bounds = (self._stored(pipeline, light) for light in self.bench.radiances(pipeline))
+            ends = [made, *bounds]
+            return np.clip(self.shown, np.min(ends, axis=0), np.max(ends, axis=0)) if bounds else made
+        if self.view.composed:
+            pipeline = tuple(step for step in pipeline if not _is_ours(*step))
+        if self.view.points:
+            return self.bench.points(pipeline)
+        light = self.bench.radiance(pipeline)
+        return self._stored(pipeline, light + self._beyond(pipeline, self.bench) if self.more else light)
+
+    def _stored(self, pipeline: Pipeline, light: Array) -> Array:
+        made = self.view.stored(output(pipeline, light, self.bench.brightest))
+        if made.shape != self.shown.shape:
+            raise ValueError(made.shape)
+        return made
+
+    def _beyond(self, pipeline: Pipeline, bench: Predictor) -> Array:
+        """Light of the correct picture that sun, shadow and open sky do not make, where the tracer looks."""
+        places = steps_of(pipeline, "pixel")
+        if places not in self.moved:
+            height, width = self.frame.edge.shape
+            u, v = (np.rint(x / self.step).astype(int) for x in bench.place(places))
+            there = self.frame.right[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)]
+            self.moved[places] = there - bench.radiance(places)
+        return self.moved[places]
+
+    def errors(self, steps: Pipeline) -> Array:
+        """(N,): the largest error of any channel, beyond what rounding may do."""
+        return self.off(self.predict(steps))
+
+    def off(self, made: Array) -> Array:
+        """The same of a prediction (N, 3)."""
+        return np.minimum(_error(self.shown, made, self.slack, self.view.points), 100 * self.scale)
+
+    def cost(self, e: Array) -> float:
+        """Σ w log(1 + (e/τ)²): minus the log likelihood of errors (N,) that are mostly small, and sometimes any."""
+        return float((self.weight * np.log1p(np.square(e / self.tau))).sum())
+
+    def squared(self, made: Array) -> float:
+        """The mean squared error of a prediction (N, 3), in units of the scale."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            e = np.nan_to_num(self.shown - made, nan=self.scale, posinf=self.scale, neginf=-self.scale)
+        if self.view.points:
+            e = np.where(np.isnan(self.shown) & np.isnan(made), 0.0, e)
+        e = np.maximum(np.abs(e) - self.slack, 0)
+        return float((self.weight * np.square(np.minimum(e / self.scale, 10)).sum(axis=-1)).sum())
+
+    def everywhere(self, most: int) -> "PixelSample":
+        """The same at all of its pixels; at every k-th, where those are more than `most`."""
+        index = np.flatnonzero(self.frame.rays)
+        index = index[:: max(1, -(-index.size // most))]
+        return replace(self, index=index, weight=np.full(index.size, 1 / max(index.size, 1)))
+
+    def only(self, part: Any) -> "PixelSample":
+        """The same at some of its pixels: a slice, or (N,) bool."""
+        weight = self.weight[part]
+        return replace(self, index=self.index[part], weight=weight / max(weight.sum(), 1e-300))
+
+
+def _is_ours(name: str, what: Any) -> bool:
+    """Whether a step is where a composed tracer has its own: the camera's pose, and which hit is seen first."""
+    return name in ("to_board", "nearest") or (name == "met" and isinstance(what, tuple) and "nearest(" in what[0][0])
+
+
+def _error(shown: Array, made: Array, slack: Array, points: bool) -> Array:
+    """The largest error of any channel (...,) beyond the slack; infinite for NaN, but for points that both lack."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        e = np.abs(shown - made) - slack
+    if points:
+        e = np.where(np.isnan(shown) & np.isnan(made), 0.0, e)
+    return np.maximum(np.where(np.isnan(e), np.inf, e), 0).max(axis=-1)
+
+
+def mixed(wrong: Array) -> float:
+    """Of the pixels (H, W) beside one of the other sort, wrong or correct, the share in spots of at most SPOT pixels.
+
+    About .2 where chance decides, whether few pixels are wrong or most, and near 0 for regions, however large.
+    """
+    spots, beside = np.zeros(wrong.shape, bool), np.zeros(wrong.shape, bool)
+    for one in (wrong, ~wrong):
+        labels = ndimage.label(one)[0]
+        spots |= one & (np.bincount(labels.ravel()) <= SPOT)[labels]
+        beside |= one & ndimage.binary_dilation(~one)
+    return float((spots & beside).sum() / max(beside.sum(), 1))
+
+
+@functools.lru_cache(maxsize=16)
+def traced_once(scene: Scene, rung: str) -> Image:
+    """Return the tracer's picture, computed once for all that are compared with it."""
+    return trace(scene, rung)
+
+
+def _frame(view: SubmittedImage) -> Frame:
+    """Every step-th pixel of the view, with what is correct there."""
+    shown, none = np.asarray(view.shown, float), np.zeros(view.shown.shape[:2], bool)
+    slack = np.zeros(shown.shape) if view.half is None else view.half
+    if view.scene is None:
+        assert view.right is not None
+        return Frame(replace(view, shown=shown), 1, np.asarray(view.right, float), slack, none, ~none, 1.0)
+    camera, scene = view.scene.camera, view.scene
+    if view.points:
+        scene = msgspec.structs.replace(scene, planes=())
+    step = math.ceil(math.sqrt(camera.width * camera.height / GRID))
+    cut = slice(None, None, step), slice(None, None, step)
+    thin = scene.with_camera(camera.every(step))
+    traced = traced_once(thin, view.rung if view.rung in RADIANCE and RUNGS[view.rung].lit else "lambert")
+    assert traced.surface is not None
+    ids = traced.surface.ids
+    if view.right is not None:
+        right = np.asarray(view.right, float)[cut]
+    elif view.points:
+        v, u = np.indices(ids.shape, float).reshape(2, -1)
+        right = Predictor(thin, u, v).points(RIGHT).reshape(*ids.shape, 3)
+    else:
+        right = traced.mean.astype(float)
+    most, least = ndimage.maximum_filter, ndimage.minimum_filter
+    edge = most(ids, footprint=BESIDE, mode="nearest") != least(ids, footprint=BESIDE, mode="nearest")
+    lost = without_ray(camera)
+    rays = ~none[cut] if lost is None else ~lost[cut]
+    made = replace(view, scene=scene, shown=shown[cut])
+    return Frame(made, step, view.stored(right), slack[cut], edge, rays, 1.0)
+
+
+def sample_pixels(view: SubmittedImage, seed: int = 0) -> PixelSample:
+    """Choose pixels: all kinds of wrong ones, and correct ones that a wrong cause would spoil."""
+    frame = _frame(view)
+    view, scale = frame.view, _scale(frame)
+    low, high = map(view.stored, view.bounds or (frame.right, frame.right))
+    with np.errstate(invalid="ignore"):
+        correct = np.clip(view.shown, low, high)
+    e = _error(view.shown, correct, frame.slack, view.points) * frame.rays
+    tau = CLOSE * scale
+    large = e[e > tau]
+    if large.size < 1e-4 * e.size:  # errors are small ones: look closer
+        large = e[e > DIGITS * scale]
+    typical = float(np.median(large)) if large.size else 0.0
+    tau = float(np.clip(0.03 * typical, DIGITS * scale, tau))
+    if view.scene is not None and RUNGS[view.rung].noisy:
+        tau = max(tau, 0.3 * typical)
+    wrong, edge, rays = e > tau, frame.edge, frame.rays
+    rng = np.random.default_rng(seed)
+    objects = len(view.scene.objects) if view.scene else 0
+    fewer = max(1, (WRONG + CORRECT + EDGES) * objects // MET)
+    chosen, weights = [], []
+    for mask, most in ((wrong, WRONG), (~wrong & ~edge & rays, CORRECT), (~wrong & edge & rays, EDGES)):
+        there = np.flatnonzero(mask)
+        if there.size:
+            n = min(max(most // fewer, 1), there.size)
+            # One of each of n runs: spread over the picture, without a grid's beat.
+            at = (np.arange(n) + rng.random(n)) * there.size // n
+            chosen.append(there[at.astype(int)])
+            weights.append(np.full(n, there.size / n))
+    index, weight = np.concatenate(chosen), np.concatenate(weights)
+    order = rng.permutation(index.size)
+    sample = PixelSample(replace(frame, scale=scale, tau=tau, wrong=wrong), index[order], weight[order] / weight.sum())
+    return replace(sample, more=_has_more(sample))
+
+
+def _has_more(sample: PixelSample) -> bool:
+    """Whether the correct picture has light that the textbook's tracer does not make."""
+    view = sample.view
+    if view.points or not isinstance(sample.bench, Predictor):
+        return False
+    beyond = np.abs(view.stored(sample.bench.radiance()) - sample.right).max(axis=-1) > 0.01 * sample.scale
+    return RUNGS[view.rung].noisy or float((sample.weight * beyond).sum()) > 0.02
+
+
+def _scale(frame: Frame) -> float:
+    """The size of the values: of radiance nearly the largest, of points the distance from the eye."""
+    right = frame.right
+    if frame.view.points:
+        assert frame.view.scene is not None
+        found = np.linalg.norm(right - np.array(frame.view.scene.camera.eye), axis=-1)
+        return float(np.nanmedian(found)) if np.isfinite(found).any() else 1.0
+    positive = frame.view.stored(right[np.isfinite(right) & (right > 0)])
+    return float(np.quantile(positive, 0.99)) if positive.size else 1.0

@@ -1,0 +1,155 @@
+"""Which pixels can see an object: a box that never cuts a visible pixel, lens distortion included.
+
+A sphere's outline under a pinhole is a conic, with the dual r² I - c cᵀ in normalised coordinates (c: its centre in the
+camera frame; Hartley and Zisserman, ch. 8). Its vertical tangent lines are the planes through the eye and the camera's
+y axis that touch the sphere; seen along y the sphere is a circle, and the two lines stand at the angles
+atan2(c_x, c_z) ± asin(r / √(c_x² + c_z²)). Angles, unlike the roots of the conic, stay right for a sphere that reaches
+the camera's plane (a hyperbola) or lies behind it (nothing). The horizontal tangents follow from y and z.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from math import ceil, floor, inf, pi
+
+import numpy as np
+
+from raytwin.array_types import Int
+from raytwin.fast.newton_steps import newton_steps
+from raytwin.scene import Camera, Shape, Sphere
+from raytwin.scene.lens import LEAST, determinant, distort, undone
+from raytwin.tracer.pixel_to_ray import undistort
+
+Box = tuple[int, int, int, int]
+"""x0, y0, x1, y1 in pixels: x0 <= u < x1 and y0 <= v < y1."""
+
+EMPTY: Box = (0, 0, 0, 0)
+SIDE = np.linspace(0.0, 1.0, 65)
+
+
+def trim_boxes(things: Sequence[Shape], camera: Camera) -> Int[np.ndarray, "n 4"]:
+    """(n, 4) ints: for each object the pixels whose centre's ray can meet it; EMPTY where there are none.
+
+    Exact for a pinhole to one pixel, a little larger with a lens: the object's rectangle of normalised coordinates is
+    cut to what the frame can see, and its sides are bent by the distortion. Where the distortion folds within that
+    field of view, if only in a corner that the frame leaves out, the whole frame is returned.
+    """
+    low, high = _extents(things, camera)
+    field = field_of_view(camera)
+    frame = np.array((camera.width, camera.height))
+    empty = np.asarray(~(low < high).all(axis=1))
+    if field is None:
+        return np.where(empty[:, None], 0, np.concatenate([0 * frame, frame]))
+    near, far = np.array(field).reshape(2, 2).T
+    low, high = np.maximum(low, near), np.minimum(high, far)
+    empty |= (low > high).any(axis=1)
+    low, high = np.where(empty[:, None], near, low), np.where(empty[:, None], far, high)
+    (ax, ay), (bx, by) = low.T[..., None], high.T[..., None]
+    along = SIDE if any(camera.dist) else SIDE[[0, -1]]  # without a lens the sides stay straight
+    xs, ys = ax + (bx - ax) * along, ay + (by - ay) * along
+    x = np.stack([xs, xs, ax + 0 * ys, bx + 0 * ys], axis=1)  # (n, sides, places)
+    y = np.stack([ay + 0 * xs, by + 0 * xs, ys, ys], axis=1)
+    at = np.stack(_to_pixels(x, y, camera))
+    # Between two samples a curve leaves its chord by at most an eighth of its second difference; take all of it.
+    # Rounding outwards then leaves room for float32, whose outline may reach a centre that the exact one just misses.
+    margin = np.abs(np.diff(at, 2, axis=-1)).max(axis=(-1, -2), initial=0)
+    first = np.maximum(np.floor(at.min(axis=(-1, -2)) - margin), 0).T.astype(int)
+    last = np.minimum(np.ceil(at.max(axis=(-1, -2)) + margin).T.astype(int) + 1, frame)
+    empty |= (first >= last).any(axis=1)
+    return np.where(empty[:, None], 0, np.concatenate([first, last], axis=1))
+
+
+def trim_box(thing: Shape, camera: Camera) -> Box:
+    """The box of one object, see `trim_boxes`."""
+    return tuple(trim_boxes([thing], camera)[0].tolist())
+
+
+@lru_cache(maxsize=64)
+def field_of_view(camera: Camera) -> tuple[float, float, float, float] | None:
+    """(x_min, x_max, y_min, y_max) of normalised coordinates that the frame sees; None where the lens folds there."""
+    w, h = camera.width - 0.5, camera.height - 0.5
+    us, vs = -0.5 + (w + 0.5) * SIDE, -0.5 + (h + 0.5) * SIDE
+    u = np.concatenate([us, us, -0.5 + 0 * vs, w + 0 * vs])
+    v = np.concatenate([-0.5 + 0 * us, h + 0 * us, vs, vs])
+    xd, yd = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
+    if undone(camera.K, camera.dist, camera.image_size).fault:
+        return None
+    x, y = undistort(xd, yd, camera.coefficients, newton_steps(camera))
+    pad_x, pad_y = 0.01 * np.ptp(x), 0.01 * np.ptp(y)
+    field = float(x.min() - pad_x), float(x.max() + pad_x), float(y.min() - pad_y), float(y.max() + pad_y)
+    # What lies between the sides of a rectangle comes out between its bent sides if nothing folds within.
+    across, down = (field[a] + (field[a + 1] - field[a]) * SIDE for a in (0, 2))
+    return field if determinant(across, down[:, None], camera.coefficients).min() >= LEAST else None
+
+
+def _extents(things: Sequence[Shape], camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """The least and the greatest normalised (x, y) (n, 2) of each object; nothing to be seen: (inf, -inf)."""
+    low, high = np.full((2, len(things), 2), [[[np.inf]], [[-np.inf]]])
+    spheres = [i for i, thing in enumerate(things) if isinstance(thing, Sphere)]
+    center, radius = (np.array([getattr(things[i], name) for i in spheres]) for name in ("center", "radius"))
+    low[spheres], high[spheres] = _ball_extents(center.reshape(-1, 3), radius, camera)
+    for i in {*range(len(things))}.difference(spheres):
+        if extent := _plane_extent(things[i], camera):
+            low[i], high[i] = np.transpose(extent)
+    return low, high
+
+
+def _ball_extents(center: np.ndarray, radius: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    x, y, z = np.asarray(camera.R_cam_board) @ center.T + np.asarray(camera.t_cam_board)[:, None]
+    sides = [_tangents(a, z, radius) for a in (x, y)]
+    return np.stack([low for low, _ in sides], axis=1), np.stack([high for _, high in sides], axis=1)
+
+
+def _tangents(a: np.ndarray, z: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Slopes of the tangents from the origin to the circle round (a, z), cut to z > 0; (inf, -inf): all lies behind."""
+    distance = np.hypot(a, z)
+    around = distance <= r
+    middle, half = np.arctan2(a, z), np.arcsin(np.minimum(r / np.where(around, r, distance), 1))
+    low, high = middle - half, middle + half
+    start = np.where(around | (low <= -pi / 2), -np.inf, np.tan(low))
+    end = np.where(around | (high >= pi / 2), np.inf, np.tan(high))
+    behind = ~around & ((low >= pi / 2) | (high <= -pi / 2))
+    return np.where(behind, np.inf, start), np.where(behind, -np.inf, end)
+
+
+def _plane_extent(plane: Shape, camera: Camera) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    x, y, z = _corners(plane, camera)
+    if z.max() <= 0:
+        return None
+    if z.min() <= 1e-9 * abs(z).max():
+        return (-inf, inf), (-inf, inf)
+    return (float((x / z).min()), float((x / z).max())), (float((y / z).min()), float((y / z).max()))
+
+
+def _corners(thing: Shape, camera: Camera) -> np.ndarray:
+    """(3, n): in the camera's frame."""
+    corners = np.array(thing.center) + thing.corners()
+    return np.asarray(np.asarray(camera.R_cam_board) @ corners.T + np.asarray(camera.t_cam_board)[:, None])
+
+
+def corner_box(thing: Shape, camera: Camera) -> Box:
+    """The paper's box: around the pixels of the eight corners of the cube around the sphere.
+
+    For comparison with `trim_box`. It wastes pixels, and cuts visible ones where a corner lies behind the eye
+    (it is projected through the eye, to the wrong side) or where distortion bends the outline past the corners.
+    """
+    with np.errstate(all="ignore"):
+        x, y, z = _corners(thing, camera)
+        u, v = _to_pixels(x / z, y / z, camera)
+    if not np.isfinite(u + v).all():
+        return (0, 0, camera.width, camera.height)
+    x0, x1 = max(floor(u.min()), 0), min(ceil(u.max()) + 1, camera.width)
+    y0, y1 = max(floor(v.min()), 0), min(ceil(v.max()) + 1, camera.height)
+    return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else EMPTY
+
+
+def _to_pixels(x: np.ndarray, y: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    xd, yd = distort(x, y, camera.coefficients)
+    return camera.fx * xd + camera.cx, camera.fy * yd + camera.cy
+
+
+TRIMS: dict[str, Callable[[Sequence[Shape], Camera], np.ndarray]] = {
+    "none": lambda things, camera: np.tile((0, 0, *camera.image_size), (len(things), 1)),
+    "corners": lambda things, camera: np.array([corner_box(t, camera) for t in things], int).reshape(-1, 4),
+    "conic": trim_boxes,
+}
+"""name -> (objects, camera) -> boxes (n, 4)."""

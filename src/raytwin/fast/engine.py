@@ -1,0 +1,215 @@
+"""What computes: NumPy or Dr.Jit, in which precision; and how pixels and scenes get into its arrays and back."""
+
+import os
+import sys
+from collections.abc import Callable
+from copy import copy
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from raytwin.errors import MachineError
+from raytwin.tracer.arrays import library
+
+
+class Engine(NamedTuple):
+    """What computes: a `package` of arrays, and the `precision` of its floats."""
+
+    package: str
+    precision: str
+
+    @property
+    def title(self) -> str:
+        """The package as people call it."""
+        return "drjit" if self.package == "llvm" else self.package
+
+    @property
+    def bits(self) -> int:
+        return np.dtype(self.precision).itemsize * 8
+
+    @property
+    def is_numpy(self) -> bool:
+        return self.package == "numpy"
+
+    @property
+    def float_type(self) -> Any:
+        """The array type of one float per pixel. Raises MachineError where the machine lacks the backend."""
+        if self.is_numpy:
+            return np.dtype(self.precision).type
+        # Dr.Jit takes whatever libLLVM it finds when it is imported, and a wrong one aborts the process at a kernel.
+        if self.package == "llvm" and "drjit" not in sys.modules and not os.environ.get("DRJIT_LIBLLVM_PATH"):
+            needed = "a libLLVM that was seen to work: call raytwin.twin.activate() first, or set DRJIT_LIBLLVM_PATH"
+            raise MachineError("engine", needed, "none that was tried")
+        import drjit
+
+        backend = {"llvm": drjit.JitBackend.LLVM, "cuda": drjit.JitBackend.CUDA}[self.package]
+        if not drjit.has_backend(backend):
+            raise MachineError("engine", f"a machine with {self.package} for Dr.Jit", "none (see `raytwin doctor`)")
+        arrays = drjit.llvm if self.package == "llvm" else drjit.cuda
+        return arrays.Float if self.precision == "float32" else arrays.Float64
+
+
+ENGINES = {
+    "numpy64": Engine("numpy", "float64"),
+    "numpy32": Engine("numpy", "float32"),
+    "drjit32": Engine("llvm", "float32"),
+    "drjit64": Engine("llvm", "float64"),
+    "cuda32": Engine("cuda", "float32"),
+    "cuda64": Engine("cuda", "float64"),
+}
+"""To add an engine, add a row: its array type must overload the usual operators."""
+
+
+def pixel_grid(engine: Engine, box: tuple[int, int, int, int]) -> tuple[Any, Any]:
+    """The centres (u, v) of the box's pixels, x0 <= u < x1, y0 <= v < y1: NumPy's row and column, which broadcast."""
+    x0, y0, x1, y1 = box
+    kind = engine.float_type
+    return np.arange(x0, x1, dtype=kind)[None, :], np.arange(y0, y1, dtype=kind)[:, None]
+
+
+def constant(engine: Engine, value: int) -> Any:
+    """An integer that all rays share; on Dr.Jit as data, so that another value needs no other kernel."""
+    if engine.is_numpy:
+        return value
+    import drjit
+
+    return drjit.opaque(drjit.uint32_array_t(engine.float_type), value)
+
+
+def pixel_numbers(engine: Engine, place: Any, width: int) -> Any:
+    """Which pixel of the frame each is, counted row by row, from what `store` takes."""
+    if not engine.is_numpy:
+        return place
+    rows, columns = place
+    return np.arange(rows.start, rows.stop)[:, None] * width + np.arange(columns.start, columns.stop)[None, :]
+
+
+def tile_grid(
+    engine: Engine, tiles: np.ndarray, side: int, columns: int, size: tuple[int, int]
+) -> tuple[Any, Any, Any, Any]:
+    """Dr.Jit's whole numbers (u, v, place, number) for all pixels of the tiles: `number` of the tile among `tiles`.
+
+    `place` counts the frame's pixels. A tile is `side` x `side` pixels; `columns` of them are a row of tiles. Beyond
+    the frame the last pixel is repeated.
+    """
+    import drjit
+
+    kind = drjit.uint32_array_t(engine.float_type)
+    # Opaque: sizes and places are then data, and frames of all sizes share one compiled kernel.
+    w, h = (drjit.opaque(kind, n) for n in size)
+    index = drjit.arange(kind, len(tiles) * side * side)
+    number, inner = index // (side * side), index % (side * side)
+    # One look-up for both corners: it costs more than taking them apart.
+    corner = drjit.gather(kind, kind((tiles % columns | tiles // columns << 16).astype(np.uint32)), number)
+    left, top = (corner & 0xFFFF) * side, (corner >> 16) * side
+    u, v = drjit.minimum(left + inner % side, w - 1), drjit.minimum(top + inner // side, h - 1)
+    return u, v, v * w + u, number
+
+
+def to_engine(value: Any, engine: Engine) -> Any:
+    """A record with its floats as the engine's: on Dr.Jit as data, so that a kernel outlives a change of scene."""
+    if isinstance(value, msgspec.Struct):
+        record = copy(value)  # copied, not constructed: a record's own checks are for plain numbers
+        for name in value.__struct_fields__:
+            msgspec.structs.force_setattr(record, name, to_engine(getattr(value, name), engine))
+        return record
+    if isinstance(value, tuple):
+        lifted = [to_engine(v, engine) for v in value]
+        return type(value)(*lifted) if hasattr(value, "_fields") else tuple(lifted)
+    if isinstance(value, np.ndarray):
+        return from_numpy(engine, value)
+    if not isinstance(value, float):
+        return value
+    if engine.is_numpy:
+        return float(value)  # not NumPy's scalar, for `sqrt`'s reason
+    kind = engine.float_type  # which looks before Dr.Jit is imported
+    import drjit
+
+    return drjit.opaque(kind, float(value))
+
+
+def canvas(engine: Engine, out: np.ndarray) -> list[Any]:
+    """What `store` writes the channels of `out`, (H, W) or (H, W, n), through; contiguous on Dr.Jit."""
+    layers = out.reshape(*out.shape[:2], -1)
+    if engine.is_numpy:
+        return [layers[..., c] for c in range(layers.shape[-1])]
+    import drjit
+
+    if not out.flags.c_contiguous:
+        raise ValueError("canvas: a contiguous array is needed")
+    kind = engine.float_type
+    target: Any = drjit.int32_array_t(kind) if out.dtype == np.int32 else drjit.float32_array_t(kind)
+    # On the CPU each target is the array's own memory, not a copy; one per channel, since a second scatter into a
+    # target would first compute the pending one, in a kernel of its own.
+    if engine.package == "cuda":
+        return [target(out.reshape(-1))] * layers.shape[-1]
+    return [target(out.reshape(-1)) for _ in range(layers.shape[-1])]
+
+
+def store(engine: Engine, targets: list[Any], place: Any, values: tuple[Any, ...], where: Any) -> None:
+    """Write values[c] to channel c where `where` is true; `place`: NumPy's slices, or Dr.Jit's numbers of the pixels.
+
+    On Dr.Jit this only queues the writing; `flush` does all of it in one kernel.
+    """
+    for c, (target, value) in enumerate(zip(targets, values, strict=True)):
+        if engine.is_numpy:
+            np.copyto(target[place], value, where=where, casting="unsafe")
+        else:
+            import drjit
+
+            drjit.scatter(target, type(target)(value), place * len(values) + c, active=where)
+
+
+def only_where(engine: Engine, mask: Any, body: Callable[[], None]) -> None:
+    """Do the `body`, which stores where the mask is true: on Dr.Jit all other rays cost nothing."""
+    if engine.is_numpy:
+        body()
+    else:
+        import drjit
+
+        drjit.if_stmt((), mask, body, lambda: None)
+
+
+def flush(engine: Engine, queued: list[tuple[np.ndarray, list[Any]]]) -> None:
+    """Do the writing that `store` has queued, for each array with its canvas."""
+    if engine.is_numpy:
+        return
+    import drjit
+
+    drjit.eval([targets for _, targets in queued])
+    drjit.sync_thread()
+    if engine.package == "cuda":
+        for out, targets in queued:
+            np.copyto(out.reshape(-1), targets[0].numpy())
+
+
+def evaluate(engine: Engine, values: Any) -> None:
+    """Compute the values, however nested, in one kernel; NumPy has computed them already."""
+    if not engine.is_numpy:
+        import drjit
+
+        drjit.eval(values)
+
+
+def from_numpy(engine: Engine, values: np.ndarray, whole: bool = False) -> Any:
+    """Numbers (m,) as the engine's floats, or `whole` ones as its integers."""
+    kind = engine.float_type
+    if engine.is_numpy:
+        return values.astype(int if whole else kind)
+    import drjit
+
+    return drjit.int32_array_t(kind)(values.astype(np.int32)) if whole else kind(values.astype(engine.precision))
+
+
+def to_numpy(values: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """The engine's numbers, or one number for all, as a NumPy array of `shape`."""
+    return np.broadcast_to(values if library(values) is np else values.numpy(), shape)
+
+
+def gather(numbers: Any, places: Any, where: Any = True) -> Any:
+    """numbers[places]; anything where `where` is false."""
+    if isinstance(numbers, np.ndarray):
+        return np.take(numbers, places)
+    xp = library(numbers)
+    return xp.gather(type(numbers), numbers, xp.uint32_array_t(type(places))(places), active=where)

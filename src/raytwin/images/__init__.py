@@ -1,0 +1,1 @@
+"""`Image(mean, variance, samples)`, its files, and the only place where sRGB exists."""

@@ -1,0 +1,221 @@
+"""Draw a scene's objects into a photo: covered pixels replaced, and the light changed on what the photo shows.
+
+Differential rendering (Debevec, "Rendering Synthetic Objects into Real Scenes", SIGGRAPH 1998): a photographed surface
+keeps its pixels, times the light L that the path tracer finds there with the objects over that without them:
+
+    out = photo · L_with / L_without        and value of radiance 1 · L_with where an object covers the pixel
+
+Both follow the same random rays, so that the ratio is 1 to rounding wherever none of them meets an object. Only the
+pixels about the objects and their shadows are worked on. What the photo shows (`in_photo`) enters the ratio by its
+shape, and the drawn objects' light by its albedo: a board's is the mean of what is `printed` on it.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import msgspec
+import numpy as np
+
+from raytwin.errors import InputError
+from raytwin.fast import background, draw, trace, trim_box, walk
+from raytwin.images.image import Surface
+from raytwin.images.photo_files import from_bytes, to_bytes
+from raytwin.photos.boards.board import PAPER, Board, draw_board
+from raytwin.scene import Camera, Rectangle, Scene, Shape
+
+REGIONS = ("spheres", "shadows", "board", "rest")
+DEPTH = 4
+"""Surfaces of a light path, as Mitsuba counts: sun, ground, ball, ground, eye has three."""
+
+PATHS, MOST_PATHS = 1 << 20, 4
+"""Light paths in all; at least one and at most four per pixel."""
+
+BLUR = 20.0
+"""Side in pixels of the square over which the light of one path per pixel is averaged within an object, all but the
+sun's own: sky and bounced light vary slowly. Of more paths it is less, by the root of their number."""
+
+SKY_REACH = 1 / 400
+"""Share of the sky whose loss changes no 8-bit pixel, half of it where the lost part is twice as bright as the rest."""
+
+STRIP = 1 << 18
+"""Pixels worked on at a time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Augmented:
+    """`pixels` (H, W, 3) uint8 sRGB; `coverage` (H, W) by drawn objects; `ratio` (H, W, 3) that scaled the photo."""
+
+    pixels: np.ndarray
+    coverage: np.ndarray
+    ratio: np.ndarray
+
+
+def augment(
+    photo: np.ndarray,
+    scene: Scene,
+    *,
+    engine: str = "numpy32",
+    subsamples: int = 3,
+    shadows: bool = True,
+    exposure: float | np.ndarray = 1.0,
+    space: np.ndarray | None = None,
+) -> Augmented:
+    """Return `photo`, uint8 sRGB (H, W, 3) taken by `scene.camera`, with the scene's objects drawn in.
+
+    Each pixel is the mean of `subsamples`² places. `exposure` is the photo's linear value of radiance 1, or three of
+    them, or those of each pixel (H, W, 3), which has the lens's falloff in it. Objects that the photo already shows
+    (`in_photo`) are not drawn. `space` (3, 3): the photo's linear RGB to Rec. 709, see `colour`. Without `shadows` the
+    photo is taken to show the objects already. `engine`: a row of ENGINES, as for `compare_scene`. Raises InputError
+    for a photo of another size than the camera's.
+    """
+    h, w = photo.shape[:2]
+    if scene.camera.image_size != (w, h):
+        raise InputError("photo", f"{scene.camera.width} x {scene.camera.height} pixels, as the camera's", f"{w} x {h}")
+    space = np.eye(3) if space is None else space
+    value_of_one = np.broadcast_to(np.asarray(exposure, np.float32), (h, w, 3))
+    out, coverage, ratio = photo.copy(), np.zeros((h, w), np.float32), np.ones((h, w, 3), np.float32)
+    x0, y0, x1, y1 = _touched(scene, shadows)
+    rows = max(1, STRIP // max(x1 - x0, 1))
+    paths = min(max(PATHS // max((x1 - x0) * (y1 - y0), 1), 1), MOST_PATHS)
+    for top in range(y0, y1, rows):
+        box = x0, top, x1, min(top + rows, y1)
+        part = slice(top, box[3]), slice(x0, x1)
+        drawn, coverage[part], ratio[part] = _light(scene, box, engine, subsamples, paths, shadows)
+        light = from_bytes(photo[part]) @ space.T.astype(np.float32)
+        light = light * ratio[part] * (1 - coverage[part][..., None]) + value_of_one[part] * drawn
+        out[part] = to_bytes(light @ np.linalg.inv(space).T.astype(np.float32))
+    return Augmented(out, coverage, ratio)
+
+
+def printed(scene: Scene, board: Board) -> Scene:
+    """Return the scene whose photographed board has the mean albedo of its print: that of paper and tags together.
+
+    The board is what lies in its plane, holds its middle, and is at most twice as long and as wide.
+    """
+    sheet, (x0, x1, y0, y1) = draw_board(board, 500.0)
+    share, middle = float(sheet.mean()) / PAPER, np.array([(x0 + x1) / 2, (y0 + y1) / 2, 0.0])
+
+    def inked(thing: Shape) -> Shape:
+        half = np.array(thing.extent(np.eye(3)))
+        holds = np.abs(middle - thing.center) <= half + 1e-3
+        if not (thing.in_photo and holds.all() and (half <= (x1 - x0, y1 - y0, 1e-3)).all()):
+            return thing
+        r, g, b = (share * a for a in thing.albedo)
+        return msgspec.structs.replace(thing, albedo=(r, g, b))
+
+    return scene.with_(objects=tuple(inked(thing) for thing in scene.objects))
+
+
+def regions_of(result: Augmented, scene: Scene) -> dict[str, np.ndarray]:
+    """name -> (H, W) bool, disjoint and together the whole photo: a row of REGIONS each.
+
+    `board`: the visible part of the first photographed plane that is neither in `spheres` nor in `shadows`.
+    """
+    surface = Surface.empty(*scene.camera.image_size)
+    draw(scene, background(scene), "surface", "numpy32", surface=surface)
+    spheres = result.coverage > 0
+    shadows = ~spheres & (result.ratio < 0.9).any(axis=-1)
+    boards = [i for i, thing in enumerate(scene.objects) if thing.in_photo][:1]
+    board = ~spheres & ~shadows & np.isin(surface.ids, boards)
+    return {"spheres": spheres, "shadows": shadows, "board": board, "rest": ~(spheres | shadows | board)}
+
+
+def errors_by_region(result: Augmented, truth: np.ndarray, scene: Scene) -> list[dict]:
+    """Per region: its share of the pixels, and mean, rms and 95 % quantile of the error against `truth`.
+
+    In linear light, 1 is white; `mean` is signed (augmented minus true), and `codes` is the mean absolute error in
+    8-bit sRGB steps.
+    """
+    if truth.shape != result.pixels.shape:
+        raise InputError("truth", f"pixels {result.pixels.shape}", truth.shape)
+    error = from_bytes(result.pixels) - from_bytes(truth)
+    codes = np.abs(result.pixels.astype(np.int16) - truth).mean(axis=-1)
+    measures: dict[str, tuple[np.ndarray, Callable[[np.ndarray], Any]]] = {
+        "mean": (error, np.mean),
+        "rms": (error, lambda e: np.sqrt((e**2).mean())),
+        "p95": (error, lambda e: np.quantile(np.abs(e), 0.95)),
+        "codes": (codes, np.mean),
+    }
+    return [
+        {"region": name, "share": float(mask.mean())}
+        | {key: float(of(values[mask])) if mask.any() else None for key, (values, of) in measures.items()}
+        for name, mask in (*regions_of(result, scene).items(), ("all", np.ones(truth.shape[:2], bool)))
+    ]
+
+
+def _light(
+    scene: Scene, box: tuple[int, int, int, int], engine: str, n: int, paths: int, shadows: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of the pixels x0, y0, x1, y1 the light of drawn objects (h, w, 3), their coverage (h, w), and the photo's ratio
+    (h, w, 3), each over `n`² places per pixel."""
+    x0, y0, x1, y1 = box
+    w, h, first = x1 - x0, y1 - y0, (1 / n - 1) / 2
+    pixels = scene.camera.grid(x0, y0, 1, (w, h))
+    places = scene.camera.grid(x0 + first, y0 + first, 1 / n, (n * w, n * h))
+    side = (max(1, round(BLUR / math.sqrt(paths))),) * 2
+    ours = np.array([*(not thing.in_photo for thing in scene.objects), False])  # the last: the background's, of id -1
+
+    def sunlit(of: Scene, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+        image = trace(of.with_(camera=camera, sky=None), "shadow", engine)
+        assert image.surface is not None
+        return image.mean, image.surface.ids
+
+    def pooled(values: np.ndarray) -> np.ndarray:
+        return cv2.resize(np.float32(values), (w, h), interpolation=cv2.INTER_AREA).reshape(h, w, -1)
+
+    def lit(of: Scene, sun: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The light of what is drawn, and of what the photo shows."""
+        here = of.with_(camera=pixels)
+        whole = walk(here, "path", engine, sampling="center", samples=paths, seed=y0, depth=DEPTH, surface=False)
+        soft = whole.mean - sunlit(of, pixels)[0]
+        found = [over := pooled(np.where(drawn[..., None], sun, 0)), pooled(sun) - over]
+        for k in np.unique(centre[centre >= 0]):
+            seen = (centre == k).astype(np.float32)
+            total, weight = cv2.blur(soft * seen[..., None], side), np.maximum(cv2.blur(seen, side), 1e-6)
+            found[0 if ours[k] else 1] += pooled(ids == k) * total / weight[..., None]
+        return found[0], found[1]
+
+    (sun, ids), centre = sunlit(scene, places), sunlit(scene, pixels)[1]
+    drawn = ours[ids]
+    (over, after), ratio = lit(scene, sun), np.ones((h, w, 3), np.float32)
+    if shadows and (after > 0).any():
+        bare = scene.with_(objects=[thing for thing in scene.objects if thing.in_photo])
+        before = lit(bare, sunlit(bare, places)[0])[1]
+        ratio = np.divide(after, before, out=ratio, where=before > 0)
+    return over, pooled(drawn)[..., 0], ratio
+
+
+def _touched(scene: Scene, shadows: bool) -> tuple[int, int, int, int]:
+    """x0, y0, x1, y1: the pixels that an object may cover, or its shadow on a photographed plane may reach."""
+    drawn = [thing for thing in scene.objects if not thing.in_photo]
+    planes = [plane for plane in scene.planes if shadows and plane.in_photo]
+    things = [*drawn, *(part for thing in drawn for plane in planes for part in _reach(thing, plane, scene))]
+    boxes = np.array([trim_box(part, scene.camera) for part in things] or [(0, 0, 0, 0)])
+    boxes = boxes[boxes[:, 0] < boxes[:, 2]]
+    if not len(boxes):
+        return 0, 0, 0, 0
+    low, high = boxes[:, :2].min(axis=0) - 1, boxes[:, 2:].max(axis=0) + 1
+    return (*np.maximum(low, 0).tolist(), *np.minimum(high, scene.camera.image_size).tolist())
+
+
+def _reach(thing: Shape, plane: Rectangle, scene: Scene) -> list[Rectangle]:
+    """Return squares of the plane that contain the object's shadow from the sun and the area where it hides the sky.
+
+    It is taken for the sphere about it: one of radius r hides (r/d)² cos θ of the sky at distance d, θ off the normal.
+    """
+    c, o, r = np.array(thing.center), np.array(plane.center), math.hypot(*thing.sizes)
+    n = np.array(plane.normal) * (-1 if (c - o) @ plane.normal < 0 else 1)
+    height, to_light = (c - o) @ n, np.array(scene.sun.to_light)
+    parts = [(c - height * n, max((height * r * r / SKY_REACH) ** (1 / 3), r))]
+    if (slope := to_light @ n) > 1e-3:
+        parts.append((c - height / slope * to_light, 1.001 * r / slope))
+    elif slope > 0:
+        return [plane]
+    u, v = (np.array(half) / np.linalg.norm(half) for half in (plane.half_u, plane.half_v))
+    return [
+        msgspec.structs.replace(plane, center=tuple(p.tolist()), half_u=tuple(s * u), half_v=tuple(s * v))
+        for p, s in parts
+    ]

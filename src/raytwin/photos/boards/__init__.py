@@ -1,0 +1,15 @@
+"""What a board of AprilTags is: its tags' places in metres, and its printed sheet."""
+
+from raytwin.photos.boards.board import (
+    FAMILIES,
+    Board,
+    BoardTag,
+    Grid,
+    Offsets,
+    check_board,
+    check_offsets,
+    draw_board,
+    read_board,
+    refuse_heights,
+    write_board,
+)

@@ -1,0 +1,240 @@
+"""A board of AprilTags: which tag has its centre where, in metres, and what it looks like when printed.
+
+The board frame: X to the right, Y up, Z out of the printed face towards the viewer who sees the tags upright.
+"""
+
+import hashlib
+import os
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+import cv2
+import msgspec
+import numpy as np
+from scipy.interpolate import RBFInterpolator
+
+from raytwin.errors import InputError
+from raytwin.images.limits import MAX_PIXELS
+from raytwin.scene import Positive, Record, Vector
+from raytwin.scene.toml_json import plain, read_toml, to_record, write_toml
+
+FAMILIES = {
+    "tag36h11": cv2.aruco.DICT_APRILTAG_36h11,
+    "tag25h9": cv2.aruco.DICT_APRILTAG_25h9,
+    "tag16h5": cv2.aruco.DICT_APRILTAG_16h5,
+}
+"""The families that OpenCV can draw and pupil_apriltags can read; their ids are the same in both."""
+
+PAPER, INK = 0.85, 0.04
+"""Albedo of white paper and of printed black."""
+
+Count = Annotated[int, msgspec.Meta(ge=1, le=1000)]
+TagId = Annotated[int, msgspec.Meta(ge=0)]
+
+Offsets = tuple[Vector, ...]
+"""By how much each of a board's tags lies off its place on the flat sheet, metres, in the order of `Board.centers`."""
+
+
+class Grid(Record, frozen=True):
+    """Tag `first_id + row * columns + column` has its centre at (column, row) * pitch: row 0 is the lowest.
+
+    With `order = "down"` row 0 is the highest, and the other rows have y < 0. The origin is the centre of the first
+    tag; `pitch` is in metres.
+    """
+
+    columns: Count
+    rows: Count
+    pitch: Positive
+    first_id: TagId = 0
+    order: Literal["up", "down"] = "up"
+
+
+class BoardTag(Record, frozen=True):
+    id: TagId
+    center: tuple[float, float]
+
+
+class Board(Record, frozen=True):
+    """Tags of one family with black edges of `tag_edge` metres: either a `grid`, or a list of `tags`.
+
+    `border_bits`: how many cells wide the tags' black border is; Kalibr prints two. `offsets`: how the sheet is bent,
+    as a calibration finds it; flat without any.
+    """
+
+    family: str
+    tag_edge: Positive
+    grid: Grid | None = None
+    tags: tuple[BoardTag, ...] | None = None
+    border_bits: Literal[1, 2] = 1
+    offsets: Offsets | None = None
+
+    def centers(self) -> dict[int, tuple[float, float]]:
+        """id -> (x, y) of the tag's centre on the flat sheet, metres, board frame."""
+        if self.grid is None:
+            return {tag.id: tag.center for tag in self.tags or ()}
+        g = self.grid
+        rise = g.pitch if g.order == "up" else -g.pitch
+        return {
+            g.first_id + row * g.columns + column: (column * g.pitch, row * rise)
+            for row in range(g.rows)
+            for column in range(g.columns)
+        }
+
+    def points(self, ids) -> np.ndarray:
+        """(n, 3) float64: the centres of the tags `ids`, metres, board frame, where they lie on the bent sheet."""
+        centers = self.centers()
+        places = np.c_[np.array([*centers.values()]), np.zeros(len(centers))] + (self.offsets or 0.0)
+        row = {tag: i for i, tag in enumerate(centers)}
+        return places[[row[i] for i in ids]].reshape(-1, 3)
+
+    def rise(self, xy: np.ndarray) -> np.ndarray:
+        """(...): the sheet's height over the board's plane at xy (..., 2), metres: as smooth as the tags' allow."""
+        if self.offsets is None:
+            return np.zeros(xy.shape[:-1])
+        centers = np.array(list(self.centers().values()))
+        # Goes on beyond the outermost centres with the curvature that it has there.
+        sheet = RBFInterpolator(centers, np.array(self.offsets)[:, 2], kernel="quintic")
+        return np.asarray(sheet(xy.reshape(-1, 2))).reshape(xy.shape[:-1])
+
+    @property
+    def kind(self) -> str:
+        """What a detector must look for: `tag36h11`, or `tag36h11/2` for a border of two bits."""
+        return self.family if self.border_bits == 1 else f"{self.family}/{self.border_bits}"
+
+    @property
+    def digest(self) -> str:
+        """16 hex digits of what is printed: family, border, edge and centres (to 1 nm), not the sheet's shape.
+
+        A grid and the same tags as a list have the same digest; so do boards whose tags are listed in another order.
+        """
+        places = sorted((i, round(1e9 * x), round(1e9 * y)) for i, (x, y) in self.centers().items())
+        text = repr((self.kind, round(1e9 * self.tag_edge), places))
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def flat(self) -> "Board":
+        """The same board on a flat sheet."""
+        return self if self.offsets is None else msgspec.structs.replace(self, offsets=None)
+
+
+def read_board(path: str | os.PathLike) -> Board:
+    """Read a board's TOML file `path`: `family`, `tag_edge`, and either `[grid]` or `[[tags]]`, in metres.
+
+    See Board and Grid. Raises InputError that names the field that is wrong.
+    """
+    data = read_toml(path)
+    grid: Any = data.get("grid")
+    of_board = ("family", "tag_edge", "border_bits") if isinstance(grid, dict) else ()
+    above = [key for key in of_board if key in grid and key not in data]
+    for keys, where in (([key for key in Grid.__struct_fields__ if key in data], "below"), (above, "above")):
+        if keys:
+            raise InputError(path, f"{', '.join(keys)} {where} the line [grid]", "them elsewhere")
+    refuse_heights(data, path)
+    board = to_record(path, data, Board)
+    check_board(board, path)
+    return board
+
+
+def refuse_heights(table: Mapping[str, Any], where: object) -> None:
+    """Raise InputError for the polynomial that was the shape of a board before 0.2.0."""
+    if "heights" in table:
+        raise InputError(where, "offsets, as `raytwin photo calibrate -o` writes them now", "heights, removed in 0.2.0")
+
+
+def write_board(path: str | os.PathLike, board: Board, comment: str = "") -> None:
+    data = plain(board)
+    write_toml(path, {k: v for k, v in data.items() if v is not None}, comment)
+
+
+def check_board(board: Board, where: object = "board") -> None:
+    """Raise InputError unless the tags exist in their family, do not overlap, and span a plane."""
+    if board.family not in FAMILIES:
+        raise InputError(f"{where}: family", f"one of {', '.join(FAMILIES)}", repr(board.family))
+    if (board.grid is None) == (board.tags is None):
+        found = "both" if board.grid else "neither"
+        raise InputError(f"{where}: grid, tags", "either a grid or a list of tags", found)
+    size = family_size(board.family)
+    if board.grid is not None:
+        g = board.grid
+        if g.pitch <= board.tag_edge:
+            raise InputError(f"{where}: grid.pitch", f"metres > tag_edge ({board.tag_edge:g})", g.pitch)
+        if g.first_id + g.columns * g.rows > size:
+            last = g.first_id + g.columns * g.rows - 1
+            raise InputError(f"{where}: grid", f"ids up to {size - 1}, the last of {board.family}", f"ids up to {last}")
+    for i, tag in enumerate(board.tags or ()):
+        if tag.id >= size:
+            raise InputError(f"{where}: tags[{i}].id", f"at most {size - 1}, the last of {board.family}", tag.id)
+        first = next(j for j, other in enumerate(board.tags or ()) if other.id == tag.id)
+        if first != i:
+            raise InputError(f"{where}: tags[{i}].id", "an id of its own", f"{tag.id}, as tags[{first}] has")
+    ids, xy = list(board.centers()), np.array(list(board.centers().values())).reshape(-1, 2)
+    if not spans_a_plane(xy):
+        raise InputError(f"{where}: tags", "at least 4 tags, not in one line", f"{len(xy)} tags")
+    check_offsets(board.offsets, len(xy), where)
+    gap = np.abs(xy[:, None] - xy[None]).max(axis=-1) + np.diag(np.full(len(xy), np.inf))
+    if gap.min() <= board.tag_edge:
+        a, b = divmod(int(gap.argmin()), len(xy))
+        want = f"centres more than tag_edge ({board.tag_edge:g} m) apart"
+        raise InputError(f"{where}: tags", want, f"ids {ids[a]} and {ids[b]} closer")
+
+
+def check_offsets(offsets: Offsets | None, tags: int, where: object) -> None:
+    """Raise InputError unless there are as many offsets as tags, all finite."""
+    if offsets is not None and (len(offsets) != tags or not np.isfinite(offsets).all()):
+        raise InputError(f"{where}: offsets", f"three finite numbers for each of {tags} tags", f"{len(offsets)} rows")
+
+
+def spans_a_plane(xy: np.ndarray) -> bool:
+    """Whether (n, 2) points are at least four and not in one line: what a homography needs."""
+    if len(xy) < 4:
+        return False
+    width = np.linalg.svd(xy - xy.mean(axis=0), compute_uv=False)
+    return bool(width[1] > 1e-3 * width[0])
+
+
+def family_size(family: str) -> int:
+    """How many ids the family has."""
+    return len(cv2.aruco.getPredefinedDictionary(FAMILIES[family]).bytesList)
+
+
+def tag_cells(family: str, tag_id: int, border_bits: int = 1) -> np.ndarray:
+    """(n, n) float: 1 where the tag's cell is white; n counts the black border's cells on both sides."""
+    dictionary = cv2.aruco.getPredefinedDictionary(FAMILIES[family])
+    side = dictionary.markerSize + 2 * border_bits
+    cells = cv2.aruco.generateImageMarker(dictionary, tag_id, side, borderBits=border_bits)
+    # OpenCV stores the AprilTag families turned by half a turn against the AprilTag library's upright.
+    return np.rot90(cells, 2) / 255.0
+
+
+def draw_board(board: Board, pixels_per_metre: float) -> tuple[np.ndarray, tuple[float, float, float, float]]:
+    """The printed sheet as albedo (h, w) float32, row 0 on top, and its extent (x_min, x_max, y_min, y_max), metres.
+
+    Every pixel is the mean albedo over its area. White paper reaches half a tag's edge past the outermost tags, and at
+    most a pixel more: the extent is w and h pixels exactly.
+    """
+    centers = board.centers()
+    xy = np.array(list(centers.values()))
+    low, high = xy.min(axis=0) - board.tag_edge, xy.max(axis=0) + board.tag_edge
+    width, height = (int(n) for n in np.ceil((high - low) * pixels_per_metre - 1e-9))
+    if width * height > MAX_PIXELS:
+        raise InputError("pixels_per_metre", f"at most {MAX_PIXELS / 1e6:.0f} megapixels", f"{width} x {height}")
+    # The surplus of the rounding goes to both sides alike.
+    x_min, y_max = (low + high + np.array([-width, height]) / pixels_per_metre) / 2
+    sheet = np.full((height, width), PAPER, np.float32)
+    for tag_id, (x, y) in centers.items():
+        cells = INK + (PAPER - INK) * tag_cells(board.family, tag_id, board.border_bits)
+        left = (x - board.tag_edge / 2 - x_min) * pixels_per_metre
+        top = (y_max - y - board.tag_edge / 2) * pixels_per_metre
+        columns, across = _coverage(left, board.tag_edge * pixels_per_metre, len(cells))
+        rows, down = _coverage(top, board.tag_edge * pixels_per_metre, len(cells))
+        sheet[rows, columns] += (down @ (cells - PAPER) @ across.T).astype(np.float32)
+    x_max, y_min = x_min + width / pixels_per_metre, y_max - height / pixels_per_metre
+    return sheet, (float(x_min), float(x_max), float(y_min), float(y_max))
+
+
+def _coverage(start: float, length: float, cells: int) -> tuple[slice, np.ndarray]:
+    """How much of each pixel each of `cells` equal intervals of [start, start + length] covers: (pixels, cells)."""
+    edges = start + length * np.arange(cells + 1) / cells
+    first, last = int(np.floor(edges[0])), int(np.ceil(edges[-1]))
+    pixel = np.arange(first, last)[:, None]
+    overlap = np.minimum(pixel + 1, edges[1:]) - np.maximum(pixel, edges[:-1])
+    return slice(first, last), np.clip(overlap, 0, None)

@@ -1,0 +1,126 @@
+"""The result of a calibration: the camera with its uncertainty, the views, warnings, and the evidence behind it."""
+
+import os
+from typing import Any
+
+import msgspec
+
+from raytwin.errors import InputError
+from raytwin.photos.boards import Board, Offsets
+from raytwin.photos.camera.detection import Tag
+from raytwin.photos.camera.model import TrialRow
+from raytwin.scene import Matrix, Record, Vector
+
+
+class View(Record, frozen=True):
+    """The board in one photo: tags used, root mean squared distance, `p_cam = R_cam_board @ p_board + t_cam_board` (m).
+
+    `influence`: by how many of their standard deviations fx, fy, cx and cy move (rms) when the photo is left out.
+    """
+
+    photo: str
+    tags: int
+    rms_px: float
+    R_cam_board: Matrix
+    t_cam_board: Vector
+    influence: float = 0.0
+
+
+class FoundBoard(Record, frozen=True):
+    """The board as fitted: `offsets` is None where a flat one predicts as well. `bend_mm`: from the lowest tag's
+    height to the highest's, `bend_sigma_mm` one standard deviation of it."""
+
+    offsets: Offsets | None = None
+    bend_mm: float = 0.0
+    bend_sigma_mm: float = 0.0
+
+
+class CalibrationWarning(Record, frozen=True):
+    """What speaks against a calibration: `code` is stable, `text` is for people."""
+
+    code: str
+    text: str
+
+
+class Evidence(Record, frozen=True):
+    """What a calibration rests on, and what may be said from it; not part of its JSON.
+
+    `coverage`: the share of the frame's 10 x 10 cells with a tag's centre. `tilts`: the angle between the board's
+    normal and the line of sight, degrees, by view. `distance`: the board's middle from the camera, the median over the
+    views, metres. `covariance`: of (fx, fy, cx, cy, the model's coefficients, omega, tau), see `uncertainty`; pixels,
+    radians, metres; `noise_px`: one standard deviation of a tag's coordinate that goes with it. `trials`: what came of
+    each model, `taken` among them. `board`: with its shape. `seen`: the tags' centres, by view; `residuals`:
+    projected minus seen of each, pixels. `found`: by photo, all tags that were detected.
+    """
+
+    coverage: float
+    tilts: tuple[float, ...]
+    distance: float
+    covariance: tuple[tuple[float, ...], ...]
+    noise_px: float
+    trials: dict[str, TrialRow]
+    taken: str
+    board: Board
+    seen: tuple[tuple[float, float], ...]
+    residuals: tuple[tuple[float, float], ...]
+    found: dict[str, tuple[Tag, ...]]
+
+
+class Calibration(Record, frozen=True):
+    """The camera and how well it is known; its fields, but for `evidence`, are the keys of the JSON.
+
+    `K` in pixels (OpenCV's: (0, 0) is a pixel's centre); `dist` is a prefix of k1, k2, p1, p2, k3; `sigma` holds one
+    standard deviation of fx, fy, cx, cy and of each coefficient that was fitted; `rms_px` is over all tags used.
+    """
+
+    image_size: tuple[int, int]
+    model: str
+    K: Matrix
+    dist: tuple[float, ...]
+    sigma: dict[str, float]
+    rms_px: float
+    views: tuple[View, ...]
+    board: FoundBoard = FoundBoard()
+    warnings: tuple[CalibrationWarning, ...] = ()
+    evidence: Evidence | None = None
+
+    def numbers(self) -> dict[str, Any]:
+        """What the JSON holds; `boards` is a list, as it was when there could be several."""
+        fields = {k: v for k, v in msgspec.structs.asdict(self).items() if k not in ("evidence", "board")}
+        return fields | {"boards": [self.board]}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what the JSON holds as plain values."""
+        plain: dict[str, Any] = msgspec.to_builtins(self.numbers())
+        return plain
+
+    def table(self) -> list[dict[str, Any]]:
+        """Return a row per photo: what `pandas.DataFrame` takes."""
+        return [view.to_dict() for view in self.views]
+
+    def __repr__(self) -> str:
+        found = f"fx {self.K[0][0]:.6g}, fy {self.K[1][1]:.6g}, rms {self.rms_px:.3f} px"
+        return f"<raytwin.calibrate {len(self.views)} photos, model {self.model}, {found}>"
+
+    @property
+    def basis(self) -> Evidence:
+        """The evidence; InputError for a calibration that was read back, which has none any more."""
+        if self.evidence is None:
+            raise InputError("calibration", "one made here, with what it rests on", "one that was read back")
+        return self.evidence
+
+    def shaped(self, board: Board) -> Board:
+        """The board with the shape that was found for it; as it is if it is not the one calibrated from."""
+        known = self.evidence.board if self.evidence is not None else board
+        return known if known.flat() == board.flat() else board
+
+    def tags_of(self, photo: str | os.PathLike, board: Board) -> tuple[Tag, ...] | None:
+        """The tags that were found in a photo, so that it need not be searched again; None for any other photo."""
+        if self.evidence is None or self.evidence.board.kind != board.kind:
+            return None
+        return self.evidence.found.get(str(photo))
+
+
+def model_table(calibration: Calibration) -> list[TrialRow]:
+    """Why the model was taken, and the others were not; empty for a calibration that was read back."""
+    return [] if calibration.evidence is None else [*calibration.evidence.trials.values()]

@@ -1,0 +1,243 @@
+"""Where the camera stood: `p_cam = R_cam_board @ p_board + t_cam_board` from one photo of the board.
+
+Twice: by the homography, closed form but not the most likely pose, and from there by Levenberg-Marquardt on pixels.
+"""
+
+import contextlib
+import math
+import os
+from collections.abc import Sequence
+
+import cv2
+import msgspec
+import numpy as np
+from scipy.special import fdtrc
+
+from raytwin.errors import InputError
+from raytwin.photos.boards.board import Board, spans_a_plane
+from raytwin.photos.camera import lens_model
+from raytwin.photos.camera.bias import unbiased
+from raytwin.photos.camera.board_layout import check_layout
+from raytwin.photos.camera.detection import Tag, detect_photo
+from raytwin.photos.camera.fit import matched
+from raytwin.photos.camera.uncertainty import pose_deviation
+from raytwin.scene import Camera, Matrix, Record, Vector
+
+WRONGLY_RULED_OUT = 1e-3
+"""Probability that noise alone makes a second pose's error large enough for it to be ruled out wrongly."""
+
+SAME_POSE = 1.0
+"""Two poses less than this many degrees apart are one."""
+
+OUTLIER_SIGMAS, OUTLIER_PX = 15.0, 1.0
+"""A tag is rejected when it lies this many standard deviations off, and this many pixels.
+
+Fifteen, because a real print is never quite flat: its errors have heavier tails than the detector's noise.
+"""
+
+
+def ambiguous(ratio: float | None, tags: int) -> bool:
+    """Whether a pose with `ratio` times the error of the best cannot be ruled out, from this number of tags.
+
+    A tag gives two numbers, a pose takes six: with n tags the squared ratio of two independent errors follows
+    Fisher's F with (2 n - 6, 2 n - 6) degrees of freedom. The limit is 1.5² for 35 tags, 32² for four.
+    """
+    degrees = 2 * max(tags - 3, 1)
+    return ratio is not None and bool(fdtrc(degrees, degrees, ratio**2) > WRONGLY_RULED_OUT)
+
+
+MAX_OFF_FOCAL_LENGTHS = 0.004
+"""Before anything is fitted: a tag this far, in focal lengths, off the homography of the others is an outlier."""
+
+
+class Pose(Record, frozen=True):
+    """`p_cam = R_cam_board @ p_board + t_cam_board`, metres; `rms_px`: root mean squared distance of its tags."""
+
+    R_cam_board: Matrix
+    t_cam_board: Vector
+    rms_px: float
+
+    @property
+    def R(self) -> np.ndarray:
+        return np.array(self.R_cam_board)
+
+    @property
+    def t(self) -> np.ndarray:
+        return np.array(self.t_cam_board)
+
+
+class PoseReport(Record, frozen=True):
+    """Both poses of one photo, from `tags` tags, and how far they lie apart; `outliers`: ids of the tags left out.
+
+    `ambiguity`: the error of the second minimum that every planar pose has over that of the first, None where there is
+    one only. `sigma_degrees`, `sigma_metres`: one standard deviation of the refined pose, of the camera's turn and of
+    its place; None where the camera's own is not known.
+    """
+
+    photo: str
+    tags: int
+    homography: Pose
+    refined: Pose
+    rotation_degrees: float
+    translation_metres: float
+    ambiguity: float | None
+    outliers: tuple[int, ...] = ()
+    sigma_degrees: float | None = None
+    sigma_metres: float | None = None
+
+
+def homography_pose(K, dist: Sequence[float], tags: Sequence[Tag], board: Board) -> Pose:
+    """H ~ [r1 r2 t] from undistorted tag centres; scale so that |r1| |r2| = 1; nearest rotation by SVD.
+
+    The nearest rotation to [r1 r2 r1 × r2] = U S V^T in the Frobenius norm is U V^T. Zhang, A flexible new technique
+    for camera calibration (2000), section 3.1 and appendix C.
+    """
+    points, pixels = matched(tags, board.flat())
+    H = None
+    if spans_a_plane(points[:, :2]):
+        H, _ = cv2.findHomography(points[:, :2], lens_model.undistort(pixels, K, dist))
+    if H is None or not np.isfinite(H).all():
+        raise InputError("tags", "four or more, not in one line", f"ids {_list(t.id for t in tags)}")
+    H = H / math.sqrt(np.linalg.norm(H[:, 0]) * np.linalg.norm(H[:, 1]))
+    middle = np.array([*points[:, :2].mean(axis=0), 1.0])
+    H = H * np.sign(H[2] @ middle)  # H's sign is free: the board is in front of the camera
+    r1, r2, t = H.T
+    U, _, Vt = np.linalg.svd(np.stack([r1, r2, np.cross(r1, r2)], axis=1))
+    R = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
+    return _pose(R, t, points, pixels, K, dist)
+
+
+def refined_pose(
+    K, dist: Sequence[float], tags: Sequence[Tag], board: Board, start: Pose | None = None
+) -> tuple[Pose, float | None]:
+    """The pose of least squared pixel distance, and its ambiguity (see PoseReport).
+
+    Levenberg-Marquardt from `start` (the homography's pose), from both solutions that a plane has (Collins and Bartoli,
+    Infinitesimal plane-based pose estimation, 2014), and from SQPnP's (Terzakis and Lourakis, 2020).
+    """
+    points, pixels = matched(tags, board)
+    start = start or homography_pose(K, dist, tags, board)
+    K5, d5 = np.asarray(K, float), lens_model.five(dist)
+    starts = [(cv2.Rodrigues(start.R)[0], start.t.reshape(3, 1))]
+    # Few tags, three of them in a line, leave a homography undetermined, and with it IPPE; SQPnP needs none.
+    for flag in (cv2.SOLVEPNP_IPPE, cv2.SOLVEPNP_SQPNP):
+        with contextlib.suppress(cv2.error):  # SQPnP refuses tags that are a few pixels apart
+            found = cv2.solvePnPGeneric(matched(tags, board.flat())[0], pixels, K5, d5, flags=flag)
+            starts += list(zip(found[1], found[2], strict=True))
+    poses = [_pose(start.R, start.t, points, pixels, K, dist)]
+    for rvec, tvec in starts:
+        rvec, tvec = cv2.solvePnPRefineLM(points, pixels, K5, d5, rvec.copy(), tvec.copy())
+        if np.isfinite(rvec).all() and np.isfinite(tvec).all():
+            poses.append(_pose(cv2.Rodrigues(rvec)[0], tvec.ravel(), points, pixels, K, dist))
+    best = min(poses, key=lambda p: p.rms_px)
+    others = [p.rms_px for p in poses[1:] if rotation_degrees(p.R, best.R) > SAME_POSE]
+    return best, min(others) / max(best.rms_px, 1e-9) if others else None
+
+
+def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, photo: str = "photo") -> PoseReport:
+    """Both poses from the tags of one photo; tags that are not on the board are passed over."""
+    known = board.centers()
+    used = [t for t in tags if t.id in known]
+    check_tags([tags], board, photo)
+    if not spans_a_plane(board.points(t.id for t in used)[:, :2]):
+        raise InputError(photo, "at least 4 tags of the board, not in one line", f"ids {_list(t.id for t in used)}")
+    points, pixels = matched(used, board)
+    # Known distortion: what is left of a tag's distance from the homography is noise, or a mistake.
+    inside = consistent(points, lens_model.undistort(pixels, K, dist), MAX_OFF_FOCAL_LENGTHS)
+    kept, by = list(range(len(used))), None
+    for _ in range(3):
+        if spans_a_plane(points[inside, :2]):
+            kept = np.flatnonzero(inside).tolist()
+        closed = homography_pose(K, dist, [used[i] for i in kept], board)
+        by = by or closed
+        straight = unbiased(used, board, by.R, by.t, K, dist)
+        refined, ambiguity = refined_pose(K, dist, [straight[i] for i in kept], board, closed)
+        off = lens_model.project(points, refined.R, refined.t, K, dist) - matched(straight, board)[1]
+        by, error = refined, np.linalg.norm(off, axis=1)
+        inside = error <= outlier_limit(error)
+    return PoseReport(
+        photo,
+        len(kept),
+        closed,
+        refined,
+        rotation_degrees(closed.R, refined.R),
+        float(np.linalg.norm(closed.t - refined.t)),
+        ambiguity,
+        tuple(tag.id for i, tag in enumerate(used) if i not in kept),
+    )
+
+
+def pose_of_photo(calibration, photo: str | os.PathLike, board: Board) -> PoseReport:
+    """Both poses of a photo taken with the calibrated camera, the board in the shape that was found for it.
+
+    A photo that the calibration saw is not searched again.
+    """
+    tags = calibration.tags_of(photo, board)
+    tags = detect_photo(photo, board.kind) if tags is None else tags
+    shaped = calibration.shaped(board)
+    found = pose_of_tags(calibration.K, calibration.dist, tags, shaped, str(photo))
+    if calibration.evidence is None:
+        return found
+    used = [t.id for t in tags if t.id in board.centers() and t.id not in found.outliers]
+    degrees, metres = pose_deviation(calibration, shaped.points(used), found.refined.R, found.refined.t)
+    return msgspec.structs.replace(found, sigma_degrees=degrees, sigma_metres=metres)
+
+
+def camera_of_photo(calibration, photo: str | os.PathLike, board: Board) -> Camera:
+    """The calibrated camera where it stood when `photo` was taken: its refined pose."""
+    return camera_at(calibration, pose_of_photo(calibration, photo, board).refined)
+
+
+def camera_at(calibration, pose: Pose) -> Camera:
+    """The calibrated camera (anything with image_size, K and dist) at a pose."""
+    return Camera(calibration.image_size, calibration.K, pose.R_cam_board, pose.t_cam_board, calibration.dist)
+
+
+def consistent(points: np.ndarray, image: np.ndarray, threshold: float) -> np.ndarray:
+    """(n,) bool: which of the image points (n, 2) one homography of the board's points puts within `threshold`.
+
+    RANSAC, with OpenCV's own fixed seed; all True where there is no homography.
+    """
+    _, inside = cv2.findHomography(points[:, :2], image, cv2.RANSAC, threshold, maxIters=500)
+    return np.ones(len(points), bool) if inside is None else inside.ravel().astype(bool)
+
+
+def check_tags(views: Sequence[Sequence[Tag]], board: Board, where: str) -> None:
+    """Raise InputError unless some tag of some view is on the board, beside those that the board's file has there."""
+    shown = {t.id for tags in views for t in tags}
+    known = set(board.centers())
+    if shown and not shown & known:
+        raise InputError(where, f"tags of the board (ids {_list(known)})", f"other tags (ids {_list(shown)})")
+    check_layout(views, board, where)
+
+
+def outlier_limit(errors: np.ndarray) -> float:
+    """The pixel distance beyond which a tag is an outlier, given all distances: robust against half of them.
+
+    The median of the distances of a two-dimensional normal distribution is 1.1774 of its standard deviations.
+    """
+    return max(OUTLIER_PX, OUTLIER_SIGMAS * float(np.median(errors)) / 1.1774)
+
+
+def rotation_degrees(A: np.ndarray, B: np.ndarray) -> float:
+    """The angle of the rotation A B^T, degrees."""
+    return math.degrees(np.linalg.norm(cv2.Rodrigues(np.asarray(A, float) @ np.asarray(B, float).T)[0]))
+
+
+def rotation(R: np.ndarray) -> Matrix:
+    (a, b, c), (d, e, f), (g, h, i) = np.asarray(R, float).tolist()
+    return (a, b, c), (d, e, f), (g, h, i)
+
+
+def _pose(R: np.ndarray, t: np.ndarray, points: np.ndarray, pixels: np.ndarray, K, dist) -> Pose:
+    error = lens_model.project(points, R, t, K, dist) - pixels
+    rms = math.sqrt(float((error**2).sum(axis=1).mean()))
+    return Pose(rotation(R), tuple(np.asarray(t, float).tolist()), rms)
+
+
+def _list(ids) -> str:
+    """Ids as text, without a gap as 0..34."""
+    some = sorted(ids)
+    if len(some) > 1 and some[-1] - some[0] == len(some) - 1:
+        return f"{some[0]}..{some[-1]}"
+    return ", ".join([*map(str, some[:8]), "..."][: len(some)]) or "none"

@@ -1,0 +1,282 @@
+"""The synthetic photographer: walks around a board with a known camera, and writes down where it stood.
+
+Only the camera's side: where to stand, what lens and sensor make of the light, the files. The light itself comes from
+a `render` that the caller passes in.
+"""
+
+import math
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from raytwin.errors import InputError
+from raytwin.images.photo_files import to_bytes, write_picture
+from raytwin.photos.boards.board import Board, check_board, draw_board, write_board
+from raytwin.photos.camera import lens_model
+from raytwin.photos.camera.pose import rotation
+from raytwin.progress import Progress, silent
+from raytwin.scene import Camera, Matrix, PixelCount, Record, Rectangle, Vector
+from raytwin.scene.record_base import NonNegative
+from raytwin.scene.scene_files import check_camera
+from raytwin.scene.toml_json import plain, read_toml, to_record, write_toml
+
+Render = Callable[[Camera, np.ndarray, Rectangle], np.ndarray]
+"""render(camera, texture, sheet) -> linear radiance (H, W, 3), 1 is white.
+
+`texture` (h, w) float32 is the sheet's albedo, row 0 at the end of +half_v, column 0 at the end of -half_u.
+"""
+
+TILT_DEGREES = 50.0
+"""Degrees: the largest tilt of the board."""
+SMALLEST_TAG_PX = 24.0
+"""A tag's shortest side in a photo: three pixels a cell, what the detector reads surely."""
+
+QUALITY = 88
+"""JPEG quality of the photos, as cameras write them."""
+TRIES = 200
+"""Attempts to place the board in a frame, each less tilted and nearer to the middle."""
+MAX_TEXTURE = 16_000_000
+"""Pixels of the board's texture: bounds the memory."""
+
+
+class Truth(Record, frozen=True):
+    """The true camera, and for each photo its true (R_cam_board, t_cam_board): what calibration should find.
+
+    `bend_mm`: how far the sheet was bent. Its board frame is then the one that the flat sheet had.
+    """
+
+    image_size: tuple[PixelCount, PixelCount]
+    K: Matrix
+    dist: tuple[float, ...]
+    photos: dict[str, tuple[Matrix, Vector]]
+    bend_mm: NonNegative = 0.0
+
+
+def read_truth(path: str | os.PathLike) -> Truth:
+    """A truth.toml, as `photograph` writes it."""
+    truth = to_record(path, read_toml(path), Truth)
+    for name, (R, t) in truth.photos.items():
+        check_camera(Camera(truth.image_size, truth.K, R, t, truth.dist), f"{path}: photos.{name}.")
+    return truth
+
+
+def write_truth(path: str | os.PathLike, truth: Truth) -> None:
+    comment = (
+        "The camera that took these photos, without error. image_size and K in pixels; dist is a prefix of\n"
+        "k1, k2, p1, p2, k3; each photo is [R_cam_board, t_cam_board], p_cam = R_cam_board @ p_board + t_cam_board."
+    )
+    write_toml(path, plain(truth), comment)
+
+
+def photograph(
+    board: Board,
+    camera: Camera,
+    count: int,
+    out: str | os.PathLike,
+    render: Render,
+    *,
+    seed: int = 1,
+    bend: float = 0.0,
+    progress: Progress = silent,
+) -> Truth:
+    """`count` photos of the board by `camera` (its pose is not used), written to `out` with board.toml and truth.toml.
+
+    The truth is written last: where it is, the photos are whole. `bend`: the sheet is bent into a `Bow` of so many
+    metres.
+    """
+    check_board(board)
+    out = Path(out)
+    rng = np.random.default_rng(seed)
+    stands = poses(board, camera, count, rng)
+    # Two texels a pixel where the camera is nearest: the sheet is sharper than the photo.
+    points = board.points(board.centers())
+    nearest = min(float((points @ np.array(R[2]) + t[2]).min()) for R, t in stands)
+    density = 2 * max(camera.fx, camera.fy) / nearest
+    affordable = 1000.0 * math.sqrt(MAX_TEXTURE / draw_board(board, 1000.0)[0].size)
+    texture, extent = draw_board(board, min(density, affordable))
+    sheet = sheet_of(extent)
+    bow = bow_of(board, bend) if bend else None
+    truth = {}
+    progress("photograph", 0, count)
+    for i, (R, t) in enumerate(stands):
+        view = Camera(camera.image_size, camera.K, R, t, camera.dist)
+        name = f"photo_{i:02d}.jpg"
+        shown = texture if bow is None else bow.seen_from(texture, extent, np.array(view.eye))
+        write_picture(out / name, expose(render(view, shown, sheet), rng, view), quality=QUALITY)
+        truth[name] = (R, t)
+        progress("photograph", i + 1, count)
+    written = Truth(camera.image_size, camera.K, camera.dist, truth, 1e3 * bend)
+    write_board(out / "board.toml", board)
+    write_truth(out / "truth.toml", written)
+    return written
+
+
+BOW_DEGREES = 30.0
+"""The direction in which a bow's height changes, from the board's X."""
+
+NODES = 16
+"""How a bent sheet is seen is computed for one texel of this many."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bow:
+    """A sheet bent about one direction and not stretched: z = bend/2 (1 + cos(pi s / reach)), s along `across`, metres.
+
+    `bend` is the height from the middle to the outermost tags. No polynomial, so that it is no shape that a fit of
+    polynomials could find exactly. `s`, `arc`: a table of how long the sheet is from the middle to s.
+    """
+
+    bend: float
+    reach: float
+    middle: np.ndarray
+    across: np.ndarray
+    s: np.ndarray
+    arc: np.ndarray
+
+    def height(self, s: np.ndarray) -> np.ndarray:
+        return self.bend / 2 * (1 + np.cos(np.pi / self.reach * s))
+
+    def bent(self, flat: np.ndarray) -> np.ndarray:
+        """(n, 3): where the flat sheet's points (n, 2) are in space."""
+        along = (flat - self.middle) @ self.across
+        s = np.interp(along, self.arc, self.s)
+        return np.c_[flat + (s - along)[:, None] * self.across, self.height(s)]
+
+    def seen_from(self, texture: np.ndarray, extent: tuple[float, float, float, float], eye: np.ndarray) -> np.ndarray:
+        """What a flat sheet must show, for an eye at `eye`, to look like the bent one: its texture moved accordingly.
+
+        A ray from the eye meets the bent sheet at another place than the flat one: exact for where things are seen; the
+        light is the flat sheet's.
+        """
+        h, w = texture.shape
+        x0, x1, y0, y1 = extent
+        columns, rows = np.meshgrid(*((np.arange(n) + 0.5) / n for n in (-(-w // NODES), -(-h // NODES))))
+        flat = np.stack([x0 + columns * (x1 - x0), y1 - rows * (y1 - y0)], axis=-1)
+        met = flat
+        for _ in range(20):  # each time the error shrinks by the slope times the tangent of the view's tilt
+            z = self.height((met - self.middle) @ self.across)
+            met = flat + (eye[:2] - flat) * (z / eye[2])[..., None]
+        s = (met - self.middle) @ self.across
+        printed = met + (np.interp(s, self.s, self.arc) - s)[..., None] * self.across
+        moved = ((printed - flat) * [w / (x1 - x0), -h / (y1 - y0)]).astype(np.float32)
+        dx, dy = cv2.split(cv2.resize(moved, (w, h), interpolation=cv2.INTER_LINEAR))
+        dx += np.arange(w, dtype=np.float32)
+        dy += np.arange(h, dtype=np.float32)[:, None]
+        return cv2.remap(texture, dx, dy, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+
+
+def bow_of(board: Board, bend: float) -> Bow:
+    """The bow that lifts the board's middle by `bend` metres over its outermost tags."""
+    xy = np.array(list(board.centers().values()))
+    middle = (xy.min(axis=0) + xy.max(axis=0)) / 2
+    across = np.array([math.cos(math.radians(BOW_DEGREES)), math.sin(math.radians(BOW_DEGREES))])
+    reach = float(np.abs((xy - middle) @ across).max())
+    if bend > reach / 2:
+        raise InputError("bend", f"at most {1e3 * reach / 2:.0f} mm for this board", f"{1e3 * bend:g} mm")
+    s = np.linspace(-3, 3, 6001) * reach
+    slope = -bend / 2 * np.pi / reach * np.sin(np.pi / reach * s)
+    length = np.sqrt(1 + slope**2)
+    arc = np.concatenate([[0], np.cumsum((length[1:] + length[:-1]) / 2 * np.diff(s))])
+    return Bow(bend, reach, middle, across, s, arc - np.interp(0, s, arc))
+
+
+def sheet_of(extent: tuple[float, float, float, float]) -> Rectangle:
+    """The paper of draw_board's extent (x_min, x_max, y_min, y_max) as a rectangle at z = 0."""
+    x0, x1, y0, y1 = extent
+    return Rectangle(
+        ((x0 + x1) / 2, (y0 + y1) / 2, 0.0), ((x1 - x0) / 2, 0.0, 0.0), (0.0, (y1 - y0) / 2, 0.0), in_photo=True
+    )
+
+
+def poses(board: Board, camera: Camera, count: int, rng: np.random.Generator) -> list[tuple[Matrix, Vector]]:
+    """`count` (R_cam_board, t_cam_board) as a careful person would choose them.
+
+    Tilts are spread evenly over 0 to 50 degrees, towards every side; the board is put into the middle of the frame and
+    towards each corner and edge in turn, and comes as near as it can while all of its tags (off the middle, most of
+    them) are in the frame; the camera is rolled a little, and now and then by a quarter turn.
+    """
+    tilts = TILT_DEGREES * rng.permutation((np.arange(count) + rng.uniform(size=count)) / count)
+    places = [(0, 0), *[(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0)]]
+    turn = rng.uniform(0, 360)
+    found = []
+    for i in range(count):
+        place = np.array(places[i % len(places)])
+        for attempt in range(TRIES):
+            # The golden angle spreads the sides that the board leans to, however many photos there are.
+            azimuth = math.radians(turn + 137.508 * i + rng.normal(0, 15))
+            roll = math.radians(rng.normal(0, 10) + 90 * rng.choice([0, 0, 0, 0, 1, -1]))
+            tilt = math.radians(tilts[i]) * (1 - attempt / TRIES)
+            aim = place * rng.uniform(0.15, 0.26, 2) * (1 - attempt / TRIES)
+            lean, _ = cv2.Rodrigues(np.array([tilt * math.cos(azimuth), tilt * math.sin(azimuth), 0]))
+            R = cv2.Rodrigues(np.array([0, 0, roll]))[0] @ lean @ np.diag([1, -1, -1])
+            share, slack = 0.65 if place.any() else 1.0, rng.uniform(1.0, 1.2)
+            t = _stand(board, camera, R, aim, share, slack)
+            if t is not None:
+                found.append((rotation(R), tuple(t.tolist())))
+                break
+        else:
+            raise InputError(
+                "image_size", f"pixels enough for tags of {SMALLEST_TAG_PX:.0f} px", f"{camera.width} x {camera.height}"
+            )
+    return found
+
+
+def _stand(board: Board, camera: Camera, R: np.ndarray, aim: np.ndarray, share: float, slack: float):
+    """The nearest t (times slack) that shows `share` of the tags with the board's middle at `aim`; None if none does.
+
+    `aim` is in image sides, from the image's middle.
+    """
+    centers = board.points(board.centers())
+    half = board.tag_edge / 2
+    around = np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]])
+    corners = centers[:, None] + around
+    size = np.array(camera.image_size)
+    x, y = lens_model.undistort(((0.5 + aim) * size - 0.5)[None], np.array(camera.K), camera.dist)[0]
+    middle = (centers.min(axis=0) + centers.max(axis=0)) / 2
+    reach = np.linalg.norm(np.ptp(centers, axis=0)) + board.tag_edge
+    for distance in reach * camera.fx / max(camera.image_size) * np.geomspace(0.4, 6, 80):
+        t = slack * distance * np.array([x, y, 1.0]) - R @ middle
+        cam = corners.reshape(-1, 3) @ R.T + t
+        if cam[:, 2].min() < 0.1 * distance:
+            continue
+        pixels = lens_model.project(corners.reshape(-1, 3), R, t, np.array(camera.K), camera.dist)
+        border = 0.01 * size.min()
+        inside = (pixels > border).all(axis=1) & (pixels < size - 1 - border).all(axis=1)
+        if inside.reshape(-1, 4).all(axis=1).mean() >= share:
+            inside &= lens_model.grows(cam / (1, 1, 1.02), camera.dist)  # past it the lens model folds back
+        inside = inside.reshape(-1, 4).all(axis=1)
+        if inside.mean() >= share and inside.sum() >= 4:
+            quads = pixels.reshape(-1, 4, 2)[inside]
+            edges = np.linalg.norm(quads - np.roll(quads, 1, axis=1), axis=-1)
+            return t if edges.min() >= SMALLEST_TAG_PX else None
+    return None
+
+
+def expose(
+    radiance: np.ndarray,
+    rng: np.random.Generator,
+    camera: Camera,
+    *,
+    vignetting: float = 0.3,
+    full_well: float = 8000.0,
+    read_noise: float = 4.0,
+) -> np.ndarray:
+    """sRGB uint8 (H, W, 3) of linear radiance (H, W, 3) seen by a sensor: electrons = N cos^(4v) radiance.
+
+    Radiance 1 fills a pixel with N = `full_well` electrons; v = `vignetting` is how much of the natural
+    cos^4 of the angle off the axis the phone leaves in (1: all, 0: none). Photon noise has variance electrons (a normal
+    distribution stands for Poisson's: they differ below a dozen electrons), read noise sd `read_noise` electrons.
+    """
+    height, width = radiance.shape[:2]
+    x = (np.arange(width, dtype=np.float32) - camera.cx) / camera.fx
+    y = (np.arange(height, dtype=np.float32) - camera.cy) / camera.fy
+    squared = y[:, None] ** 2 + x[None, :] ** 2
+    falloff = (1 + squared) ** (-2 * vignetting)  # cos² = 1 / (1 + tan²)
+    electrons = np.asarray(radiance, np.float32) * (falloff * np.float32(full_well))[..., None]
+    noise = rng.standard_normal(electrons.shape, dtype=np.float32)
+    electrons = electrons + noise * np.sqrt(np.maximum(electrons, 0) + np.float32(read_noise**2))
+    return to_bytes(electrons / np.float32(full_well))

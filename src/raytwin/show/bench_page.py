@@ -1,0 +1,163 @@
+"""A bench's page, its folder, its few lines for the terminal."""
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from raytwin.errors import InputError
+from raytwin.show.bench_charts import (
+    COLOURS,
+    OWN_COLOUR,
+    TRUTHS,
+    colour_of,
+    error_chart,
+    measured,
+    megapixels,
+    pixels_chart,
+)
+from raytwin.show.charts.chart import Chart, chart_html, write_charts
+from raytwin.show.numbers import seconds, shown
+from raytwin.show.page import write_page
+from raytwin.show.terminal_text import counted
+from raytwin.study.bench import RENDERERS, Bench, Measurement, write_bench
+
+FIRST_TRUTH = "path-area"
+"""The reference of the chart shown when the page opens; with subjects, that of the first one's light level."""
+
+IN_TERMINAL = ("shadow-center", "path-area")
+"""The frontiers that the terminal shows; the page has all."""
+
+SIGNS = {"pass": "✓", "differs": "≈", "fail": "✗", "undecided": "?"}
+
+
+def write_bench_all(benches: Sequence[Bench], folder: str | os.PathLike[str]) -> None:
+    """bench.html, bench.json, and each chart as SVG: the frontiers, and seconds against pixels.
+
+    The charts of several scenes lie in a folder of each scene's name.
+    """
+    folder = made_folder(folder)
+    write_bench(benches, folder / "bench.json")
+    write_bench_page(benches, folder / "bench.html")
+    for bench in benches:
+        charts = [*error_charts(bench), pixels_chart(bench)]
+        write_charts(filter(None, charts), folder / bench.scene if len(benches) > 1 else folder)
+
+
+def made_folder(folder: str | os.PathLike[str]) -> Path:
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(folder, "a folder to write to", error.strerror) from None
+    return folder
+
+
+# ------------------------------------------------------------------------------------------ the page
+
+
+def write_bench_page(benches: Sequence[Bench], path: str | os.PathLike[str]) -> None:
+    """One file that opens offline. Every chart of every scene, size and reference lies in it, drawn."""
+    write_page(
+        path, "bench.html.j2", ("bench.css",), ("charts.js",),
+        scenes=[scene_part(bench) for bench in benches],
+        subjects=benches[0].subjects,
+        verdicts=[line for bench in benches if bench.subjects for line in verdict_lines(bench)],
+        signs=SIGNS,
+    )  # fmt: skip
+
+
+def scene_part(bench: Bench) -> dict[str, Any]:
+    """What the page shows of one scene."""
+    charts = error_charts(bench)
+    return {
+        "b": bench,
+        "charts": [(c, chart_html(c), frontier_rows(c)) for c in charts],
+        "pixels": chart_html(pixels) if (pixels := pixels_chart(bench)) else "",
+        "sizes": [(f"{w}x{h}", f"{w} × {h}, {megapixels((w, h))}") for w, h in bench.sizes],
+        "truths": [(t, TRUTHS.get(t, t)) for t in truths_of(bench)],
+        "first": first_shown(bench, charts),
+        "kinds": kinds(bench),
+        "never": never(bench),
+    }
+
+
+def truths_of(bench: Bench) -> list[str]:
+    """Return the names of the references that methods were compared with."""
+    return list(dict.fromkeys(row.truth for row in (*bench.rows, *bench.errors)))
+
+
+def first_shown(bench: Bench, charts: Sequence[Chart]) -> list[str]:
+    """Size and reference of the chart that is shown when the page opens."""
+    truths = [*(row.truth for row in bench.rows if row.method in bench.subjects), FIRST_TRUTH]
+    found = next((c.key for truth in truths for c in charts if c.key.endswith(f"/{truth}")), None)
+    return (found or (charts[0].key if charts else "/")).split("/")
+
+
+def verdict_lines(bench: Bench) -> Iterator[tuple[str, str, list[tuple[Measurement | None, str]]]]:
+    """Yield (scene, size, cells) per size; a cell per subject: its row, or None and why it was not measured."""
+    rows = {(r.method, r.width, r.height): r for r in bench.rows}
+    for w, h in bench.sizes:
+        cells = [(rows.get((s, w, h)), bench.left_out.get(s, "")) for s in bench.subjects]
+        yield bench.scene, f"{w} × {h}", cells
+
+
+def error_charts(bench: Bench) -> list[Chart]:
+    charts = (error_chart(bench, size, truth) for size in bench.sizes for truth in truths_of(bench))
+    return [chart for chart in charts if chart is not None]
+
+
+def frontier_rows(chart: Chart) -> list[tuple[str, str, str]]:
+    """(method, seconds, error) of the frontier's methods, the fastest first."""
+    on = sorted((p for p in chart.points if p.strong), key=lambda p: p.x)
+    return [(p.name, seconds(p.x), ("≤ " if p.hollow else "") + shown(p.y)) for p in on]
+
+
+def never(bench: Bench) -> list[str]:
+    """The methods that were measured and are on no frontier, at no size and against no reference."""
+    on = {row.method for row in (*bench.rows, *bench.errors) if row.on_frontier}
+    return [m for m in dict.fromkeys(r.method for r in bench.rows) if m not in on]
+
+
+def kinds(bench: Bench) -> list[tuple[str, str]]:
+    """(part of names, colour) of what was measured, for the key."""
+    used = {colour_of(r.method) for r in bench.rows if r.method in RENDERERS}
+    listed = [(part, colour) for part, colour in COLOURS.items() if colour in used]
+    own = any(r.method not in RENDERERS for r in bench.rows)
+    return [*([("yours", OWN_COLOUR)] if own else []), *listed]
+
+
+# ------------------------------------------------------------------------------------------ the terminal
+
+
+def bench_summary(bench: Bench) -> str:
+    """The subjects' verdicts, what is on each frontier, and what was left out."""
+    measured = f"{counted(len(bench.rows), 'measurement')} in {seconds(bench.seconds)}"
+    lines = [f"{bench.scene}: {measured}", *subject_lines(bench)]
+    for size in bench.sizes:
+        for truth in IN_TERMINAL:
+            lines += frontier_lines(bench, size, truth)
+    if bench.left_out:
+        lines.append(f"  left out: {len(bench.left_out)}, named with their reasons in bench.html")
+    return "\n".join(lines)
+
+
+def subject_lines(bench: Bench) -> Iterator[str]:
+    """Yield a line per subject and size, its verdict first."""
+    for scene, size, cells in verdict_lines(bench) if bench.subjects else ():
+        for name, (row, why) in zip(bench.subjects, cells, strict=True):
+            where = f"{scene}, {size.replace('×', 'x')}: {name}"
+            if row is None:
+                yield f"UNDECIDED  {where}: not measured: {why}"
+            else:
+                said = "" if row.verdict == "pass" else f": {row.reason}"
+                yield f"{row.verdict.upper()}  {where}: {seconds(row.seconds_median)}, rmse {shown(row.rmse)}{said}"
+
+
+def frontier_lines(bench: Bench, size: tuple[int, int], truth: str) -> Iterator[str]:
+    on = [row for row in measured(bench, size, truth) if row.on_frontier]
+    if on:
+        yield f"  frontier against {truth}, {size[0]} x {size[1]}:"
+    for row in sorted(on, key=lambda row: row.seconds_median):
+        error = ("<= " if row.rmse <= row.truth_floor else "   ") + shown(max(row.rmse, row.truth_floor))
+        yield f"    {row.method:<30} {seconds(row.seconds_median):>10}   rmse {error}"

@@ -1,0 +1,135 @@
+"""A test run's comparisons: a page for each as it is made, then an index of all, failures first.
+
+Each comparison leaves `check-<test>-<hash>.json` and, where it has pictures, a page of the same name. The index is made
+from these files, so that tests may run in many processes at once.
+"""
+
+import hashlib
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+
+from raytwin.compare import Report
+from raytwin.errors import InputError
+from raytwin.images.image import Image
+from raytwin.safe_write import write_text
+from raytwin.scene import Tolerance
+from raytwin.scene.toml_json import write_json
+from raytwin.show import data_urls, viewer
+from raytwin.show.compare_page import write_report
+from raytwin.show.page import write_page
+from raytwin.show.view import Names, PairView, in_radiance, numbered, tiles
+from raytwin.study.compared import Compared
+
+THUMB = 150
+"""Pixels across a small picture in the index."""
+INDEX = "index.html"
+SCRIPT = "check-viewer.js"
+"""The viewer, which all pages of a run share."""
+GOOD = ("pass", "differs")
+
+NAMES = Names("test", "reference", "The test's image", "The reference")
+
+
+class CheckRow(msgspec.Struct):
+    """A line of the index. `page` and the pictures (data URLs) are empty where there was no image to show."""
+
+    test: str
+    number: int
+    scene: str
+    rung: str
+    verdict: str
+    reasons: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    rmse: float | None = None
+    worst: float | None = None
+    ratio: float | None = None
+    page: str = ""
+    picture: str = ""
+    reference: str = ""
+    error: str = ""
+
+
+def write_check(
+    folder: Path,
+    test: str,
+    number: int,
+    report: Report,
+    notes: tuple[str, ...] = (),
+    image: Image | None = None,
+    reference: Image | None = None,
+    tolerance: Tolerance | None = None,
+) -> Path | None:
+    """One comparison of the test called `test`: its row, and its page, whose path is returned."""
+    c, r = report.comparison, report.comparison.radiance
+    row = CheckRow(
+        test, number, report.scene, report.rung or "", c.verdict, c.reasons, notes, r.rmse, r.max_abs, r.mean_ratio
+    )
+    stem, page = _stem(test, number), None
+    if image is not None and reference is not None:
+        tolerance = tolerance or Tolerance()
+        view = _view(test, notes, Compared(test=image, reference=reference, report=report, tolerance=tolerance))
+        row.page, page = f"{stem}.html", folder / f"{stem}.html"
+        write_report(view, page, SCRIPT)
+        if view.alike:
+            row.picture, row.reference, row.error = _thumbs(view, tolerance)
+    write_json(folder / f"{stem}.json", row)
+    return page
+
+
+def write_crash(folder: Path, test: str, number: int, case: str, reason: str) -> None:
+    """Write the row of a test that ended before it had compared anything, or failed beside its comparisons."""
+    write_json(folder / f"{_stem(test, number)}.json", CheckRow(test, number, case, "", "error", (reason,)))
+
+
+def _stem(test: str, number: int) -> str:
+    short = re.sub(r"[^A-Za-z0-9]+", "-", test.rpartition("/")[2]).strip("-")[:80]
+    return f"check-{short}-{hashlib.sha256(f'{test} {number}'.encode()).hexdigest()[:8]}"
+
+
+def prepare(folder: Path) -> None:
+    """Make the folder, without what an earlier run wrote. Raises InputError for a folder that cannot be written."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for old in [*folder.glob("check-*.html"), *folder.glob("check-*.json"), folder / INDEX, folder / SCRIPT]:
+            old.unlink(missing_ok=True)
+    except OSError as error:
+        found = "a file" if folder.is_file() else error.strerror or error
+        raise InputError(folder, "a folder to write", found) from None
+    write_text(folder / SCRIPT, viewer.script())
+
+
+def write_index(folder: Path) -> tuple[int, int]:
+    """index.html over all comparisons in the folder; how many there are, and how many failed."""
+    rows = [msgspec.json.decode(f.read_bytes(), type=CheckRow) for f in folder.glob("check-*.json")]
+    rows.sort(key=lambda row: (row.verdict in GOOD, row.test, row.number))
+    failed = sum(row.verdict not in GOOD for row in rows)
+    about = {"rows": rows, "failed": failed, "name": folder.absolute().name}
+    write_page(folder / INDEX, "checks.html.j2", ("checks.css",), ("table.js",), **about)
+    return len(rows), failed
+
+
+def _view(test: str, notes: tuple[str, ...], pair: Compared) -> PairView:
+    tolerance = in_radiance(pair)
+    settings = {"test": test, "samples of the reference": str(pair.reference.samples)}
+    return PairView(
+        pair=replace(pair, report=pair.report.saying(*(f"note: {n}" for n in notes)), settings=settings),
+        title=", ".join(filter(None, (pair.report.scene, pair.report.rung))),
+        about=("test", test.rpartition("/")[2]),
+        names=NAMES,
+        tolerance=tolerance,
+        motto="a renderer compared with its reference",
+        tiles=tiles(pair, tolerance),
+        objects=numbered(pair.reference),
+    )
+
+
+def _thumbs(view: PairView, tolerance: Tolerance) -> tuple[str, str, str]:
+    """Return the test's image, the reference and their difference, small, as data URLs."""
+    step, stops = max(1, -(-view.test.shape[1] // THUMB)), data_urls.exposure(view.reference)
+    test, reference = (
+        data_urls.png_url(data_urls.exposed(image, stops)[::step, ::step]) for image in (view.test, view.reference)
+    )
+    return test, reference, data_urls.error_thumb(view.test, view.reference, tolerance.p999_abs, THUMB)

@@ -1,0 +1,119 @@
+"""Images as pictures for the page: exposed, coloured, compressed into data URLs."""
+
+import math
+
+import numpy as np
+
+from raytwin.compare import error_map, error_scale
+from raytwin.images.image import Image, Surface
+from raytwin.images.packing import MOST_PIXELS, binned
+from raytwin.images.photo_files import data_url, to_bytes
+
+MARKS = 300
+"""Most pixels that get a ring drawn around them."""
+
+
+def exposure(image: Image) -> float:
+    """The gain that maps the 99.5 % quantile of the brightest channel to white; 1 for a black image."""
+    # A quarter of a million pixels tell the quantile of any number.
+    every = max(1, math.isqrt(image.shape[0] * image.shape[1] // 250_000))
+    r, g, b = np.moveaxis(image.mean[::every, ::every], -1, 0)
+    brightest = np.maximum(np.maximum(r, g), b)
+    brightest = brightest[np.isfinite(brightest)]
+    white = float(np.quantile(brightest, 0.995)) if brightest.size else 0.0
+    return 1 / white if white > 0 else 1.0
+
+
+def stops(image: Image) -> float:
+    """The same in stops, to two digits: what the viewer opens with."""
+    return round(math.log2(exposure(image)), 2)
+
+
+def exposed(image: Image, gain: float) -> np.ndarray:
+    """sRGB uint8 of gain * radiance."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return to_bytes(image.mean * np.float32(gain))
+
+
+FAINT = 10.0
+"""Times the tolerance: the least error that gets the full colour, so that what is allowed stays pale."""
+
+
+def error_thumb(test: Image, reference: Image, tolerance: float, widest: int) -> str:
+    """Return the difference as a picture of at most about `widest` pixels across: noise thins as it does for an eye."""
+    step = max(1, round(test.shape[1] / widest))
+    test, reference = (binned(Image(image.mean), step) for image in (test, reference))
+    scale = max(FAINT * tolerance, error_scale(test, reference))
+    return png_url(to_bytes(error_map(test, reference, scale=scale)))
+
+
+# ------------------------------------------------------------------------------------------ pixels worth a look
+
+
+def worst_pixels(error: np.ndarray, count: int, tile: int = 32) -> list[tuple[int, int]]:
+    """(x, y) of the largest |error| of as many tiles, worst first, so that one bad edge does not fill the list.
+
+    A missing error (NaN) is worse than any other; exact agreement is not listed.
+    """
+    size = np.where(np.isfinite(error), np.abs(error), np.float32(np.inf))
+    rows, columns = range(0, error.shape[0], tile), range(0, error.shape[1], tile)
+    by_row = np.maximum.reduceat(size, rows, axis=0)
+    tiles = np.maximum.reduceat(by_row, columns, axis=1)
+    found = []
+    for i in np.argsort(-tiles, axis=None, kind="stable")[:count]:
+        r, c = (int(k) * tile for k in np.unravel_index(i, tiles.shape))
+        part = size[r : r + tile, c : c + tile]
+        y, x = np.unravel_index(int(part.argmax()), part.shape)
+        if part[y, x] > 0:
+            found.append((c + int(x), r + int(y)))
+    return found
+
+
+def mismatches(test: Surface, reference: Surface) -> list[tuple[int, int]]:
+    """(x, y) of the first MARKS pixels whose centre sees another object, top to bottom."""
+    flat = np.flatnonzero(test.ids != reference.ids)[:MARKS]
+    return [(int(i) % test.ids.shape[1], int(i) // test.ids.shape[1]) for i in flat]
+
+
+# ------------------------------------------------------------------------------------------ compressed
+
+
+def png_url(pixels: np.ndarray) -> str:
+    """Return sRGB uint8 (H, W, 3) as a PNG in a data URL."""
+    return data_url(np.ascontiguousarray(pixels), "png", compress_level=1)
+
+
+def jpeg_url(pixels: np.ndarray) -> str:
+    """sRGB uint8 (H, W, 3) as a JPEG in a data URL: sensor noise would make a PNG of several megabytes."""
+    return data_url(pixels, "jpeg", quality=87)
+
+
+def small_jpeg(pixels: np.ndarray, whole: tuple[int, ...]) -> tuple[str, str]:
+    """Return (data URL, a note) of sRGB uint8 (h, w, 3), made smaller as a picture of the shape `whole` must be."""
+    n = math.ceil(math.sqrt(whole[0] * whole[1] / MOST_PIXELS))
+    if n <= 1:
+        return jpeg_url(pixels), "JPEG"
+    from PIL import Image as Pillow
+
+    return jpeg_url(np.asarray(Pillow.fromarray(pixels).reduce(n))), f"JPEG, 1/{n} of its width and height"
+
+
+def changed(before: np.ndarray, after: np.ndarray) -> tuple[int, int, int, int]:
+    """(x, y, width, height) of what differs between two pictures (H, W, 3), on JPEG's grid of 16; one cell if none."""
+    differs = (before != after).any(axis=-1)
+    rows, columns = (np.flatnonzero(differs.any(axis=axis)) for axis in (1, 0))
+    if not rows.size:
+        return 0, 0, min(16, before.shape[1]), min(16, before.shape[0])
+    (x, width), (y, height) = (
+        (start := int(n[0]) // 16 * 16, min(-(-(int(n[-1]) + 1) // 16) * 16, side) - start)
+        for n, side in ((columns, before.shape[1]), (rows, before.shape[0]))
+    )
+    return x, y, width, height
+
+
+def picture_url(pixels: np.ndarray) -> tuple[str, bool]:
+    """(data URL, whether it is lossless): PNG, or JPEG where noise makes a PNG of more than a byte a pixel."""
+    url = png_url(pixels)
+    if len(url) <= pixels.shape[0] * pixels.shape[1] + 200_000:
+        return url, True
+    return jpeg_url(pixels), False

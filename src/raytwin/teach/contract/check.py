@@ -1,0 +1,44 @@
+"""raytwin.check: a student's function held against the test of its stage, at home, in a notebook or in a test."""
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from msgspec.structs import replace
+
+from raytwin.errors import check_one_of
+from raytwin.teach.contract.check_function import judge_function, repair_function
+from raytwin.teach.contract.stage_result import StageResult
+from raytwin.teach.contract.stage_table import LESSONS
+
+HINTS = 2
+"""What a repair shows unless told otherwise: the line, and what is wrong there."""
+
+
+class StageFailed(AssertionError):
+    """A stage's test failed; `result` has the numbers."""
+
+    def __init__(self, result: StageResult) -> None:
+        self.result = result
+        super().__init__(f"{result.stage}: {result.said[0]}")
+
+
+def check(
+    stage: str, function: Callable[..., Any], *, raises: bool = False, seed: int = 0, hints: int = HINTS
+) -> StageResult:
+    """Test `function` as the named stage of a tracer, and say in a sentence what is wrong.
+
+    A script prints the result. The Python prompt and a notebook show it. With `raises`, a failure raises StageFailed,
+    an AssertionError. `seed` draws the test's numbers. If one small change of the function's text repairs it, `hints`
+    shows the line (1), what is wrong there (2), or what to write (3); 0 turns this off. It tries some thousand changes,
+    for at most four seconds. Raises InputError for a stage that is none.
+    """
+    check_one_of("stage", stage, LESSONS)
+    result = judge_function(LESSONS[stage], function, seed)
+    if hints and not result.passed and (found := repair_function(LESSONS[stage], function, seed)):
+        result = replace(result, hint=found.hint(hints))
+    if raises and not result.passed:
+        raise StageFailed(result)
+    if not hasattr(sys, "ps1"):  # no prompt, of Python's or of a notebook, that shows what is returned
+        print(result)
+    return result

@@ -1,0 +1,41 @@
+"""What students may write: the stages of the contract, a row each. To add one: a file in `stages/`, its row here."""
+
+from raytwin.teach.contract.stage import Stage
+from raytwin.teach.contract.stages import (
+    back_project,
+    estimate_pose,
+    hemisphere,
+    hit_points,
+    intersect_sphere,
+    intrinsics,
+    render,
+    shade,
+    sky_visible,
+    sun_visible,
+    tag_centers,
+)
+
+CONTRACT: dict[str, Stage] = {
+    stage.name: stage
+    for stage in (
+        back_project.STAGE,
+        estimate_pose.STAGE,
+        intersect_sphere.STAGE,
+        shade.STAGE,
+        hit_points.STAGE,
+        render.STAGE,
+    )
+}
+"""name -> stage, in the order in which a tracer goes through them."""
+
+LESSONS: dict[str, Stage] = CONTRACT | {
+    stage.name: stage
+    for stage in (
+        tag_centers.STAGE,
+        intrinsics.STAGE,
+        sun_visible.STAGE,
+        sky_visible.STAGE,
+        hemisphere.STAGE,
+    )
+}
+"""Those, and the further ones that a learner's walk has: what `raytwin.check` knows, and no submission need define."""

@@ -1,0 +1,73 @@
+"""The sky's occlusion by spheres: each takes (r/d)² cos θ of the light (Quilez, "Sphere ambient occlusion")."""
+
+from typing import Any
+
+import numpy as np
+
+from raytwin.teach.contract.stage import Arrays, Case, Stage, slips
+
+
+def sky_visible(points: Any, normals: Any, centers: Any, radii: Any) -> Any:
+    """The share (N,) of an even sky's light that reaches each surface element past the spheres.
+
+    1/π ∫ V max(0, n·ω) dω: a sphere of radius r at the distance d, whose centre is seen at the angle θ from the normal,
+    hides (r/d)² cos θ of it, where it is wholly above the element's horizon; below it, nothing. No two spheres hide
+    the same part of the sky here, and none is cut by a horizon.
+
+    points, normals: (N, 3), metres and unit. centers: (M, 3), radii: (M,), metres.
+    """
+    f = np.asarray(centers)[None] - np.asarray(points)[:, None]
+    d = np.linalg.norm(f, axis=-1)
+    cosine = (f * np.asarray(normals)[:, None]).sum(-1) / d
+    hidden = (np.asarray(radii) / d) ** 2 * np.maximum(cosine, 0)
+    return np.asarray(1 - hidden.sum(axis=1))
+
+
+def cases(seed: int) -> list[Case]:
+    rng = np.random.default_rng(seed)
+    ball = np.array([0.1, -0.1, 0.6]) + rng.uniform(-0.05, 0.05, 3), float(rng.uniform(0.15, 0.25))
+    made = []
+    for shows, side, centers, radii in (
+        ("one sphere above a floor", 0.8, [ball[0]], [ball[1]]),
+        ("two spheres", 0.12, [[-1.0, 0.2, 0.7], [0.9, 0.1, 0.8]], [0.3, 0.4]),
+        ("a sphere below the horizon", 0.3, [[0.0, 0.0, -1.0]], [0.4]),
+    ):
+        points = rng.uniform(-side, side, (16, 3)) * [1, 1, 0]
+        args = (points, np.tile([0.0, 0.0, 1.0], (16, 1)), np.array(centers), np.array(radii))
+        made.append(Case(shows, args, (sky_visible(*args),)))
+    tilted = np.array([0.0, 0.0, 1.0]) + rng.uniform(-0.25, 0.25, (16, 3))
+    args = (
+        np.zeros((16, 3)),
+        tilted / np.linalg.norm(tilted, axis=-1, keepdims=True),
+        np.array([[0.2, 0.1, 1.0]]),
+        np.array([0.3]),
+    )
+    return [*made, Case("tilted surfaces", args, (sky_visible(*args),))]
+
+
+def errors(expected: Arrays, got: Arrays) -> np.ndarray:
+    return np.asarray(np.abs(got[0] - expected[0]))
+
+
+# ------------------------------------------------------------------------------------------ typical mistakes
+
+
+VARIANTS = slips(sky_visible, (
+    ("no cosine", "the cosine is missing: light from the side counts less, (r/d)² cos θ",
+     "np.maximum(cosine, 0)", "(cosine > 0)"),
+    ("not squared", "r/d is not squared: seen from twice as far a sphere hides a quarter", "/ d) ** 2", "/ d)"),
+    ("solid angle", "the solid angle is taken, 1 - √(1 - (r/d)²), without the cosine law: (r/d)² cos θ",
+     "(np.asarray(radii) / d) ** 2 * np.maximum(cosine, 0)",
+     "(1 - np.sqrt(np.maximum(1 - (np.asarray(radii) / d) ** 2, 0))) * (cosine > 0)"),
+    ("half of it", "half too little is hidden: the whole sky sends π, not 2π", "/ d) ** 2 *", "/ d) ** 2 / 2 *"),
+    ("below the horizon", "a sphere below the horizon adds light: clamp the cosine, max(0, cos θ)",
+     "np.maximum(cosine, 0)", "cosine"),
+    ("occlusion for light", "that is what is hidden: 1 - it is what is seen", "1 - hidden", "hidden"),
+    ("only the first sphere", "only the first sphere hides the sky: sum over all",
+     "hidden.sum(axis=1)", "hidden[:, 0]"),
+    ("cosine of a vector that is not unit", "the cosine is that of a vector which is not unit: divide n·f by d",
+     ".sum(-1) / d", ".sum(-1)"),
+    ("no occlusion", "nothing is hidden", "hidden.sum(axis=1)", "0 * hidden.sum(axis=1)"),
+))  # fmt: skip
+
+STAGE = Stage(sky_visible, ("share",), cases, errors, 1e-6, "of 1", VARIANTS)

@@ -1,0 +1,90 @@
+"""Shadows: the sun is seen where the ray towards it meets no sphere."""
+
+from typing import Any
+
+import numpy as np
+
+from raytwin.teach.contract.stage import Arrays, Case, Stage, slips, unit
+
+
+def sun_visible(points: Any, to_light: Any, centers: Any, radii: Any) -> Any:
+    """1 where the sun is seen from a point, 0 where a sphere is in the way: (N,).
+
+    A point may lie on one of the spheres, on the side that faces the sun: that sphere is not in its way, though
+    rounding may put the point a little inside.
+
+    points: (N, 3), metres. to_light: (3,), unit. centers: (M, 3). radii: (M,), metres.
+    """
+    f = np.asarray(centers)[None] - np.asarray(points)[:, None]
+    along = f @ np.asarray(to_light)
+    square = np.asarray(radii) ** 2 - (f**2).sum(-1) + along**2
+    own = np.abs(np.linalg.norm(f, axis=-1) / np.asarray(radii) - 1) < 1e-6
+    ahead = along + np.sqrt(np.maximum(square, 0)) > 0
+    blocked = (square > 0) & ahead & ~own
+    return np.where(blocked.any(axis=1), 0.0, 1.0)
+
+
+def cases(seed: int) -> list[Case]:
+    """Points on a floor and on the spheres above it, none near a shadow's edge."""
+    rng = np.random.default_rng(seed)
+    to_light = unit(rng.uniform([0.3, 0.2, 0.8], [0.5, 0.4, 1.0]))
+    centers = np.array([[0.0, 0.0, 0.3], [0.5, 0.1, 0.25], [-0.4, 0.4, 0.5]]) + rng.uniform(-0.05, 0.05, (3, 3))
+    centers[1] = centers[0] + 0.55 * to_light  # it shades the first, and what that shades
+    radii = rng.uniform(0.12, 0.2, 3)
+    balls = list(zip(centers, radii, strict=True))
+    away = rng.uniform(1.2, 1.5, (3, 8, 1)) * to_light
+    drawn = {
+        "points on a floor": rng.uniform(-1, 1, (60, 3)) * [1, 1, 0],
+        "points behind a sphere": np.concatenate([c - r * a for (c, r), a in zip(balls, away, strict=True)]),
+        "points before a sphere, on the sun's side": np.concatenate(
+            [c + r * a for (c, r), a in zip(balls, away, strict=True)]
+        ),
+        "points on the spheres themselves": np.concatenate(
+            [c + r * unit(rng.normal(size=(12, 3)) + 2 * to_light) for c, r in balls]
+        ),
+    }
+    made = []
+    for shows, points in drawn.items():
+        args = (points[_sure(points, to_light, centers, radii)], to_light, centers, radii)
+        made.append(Case(shows, args, (sun_visible(*args),)))
+    return made
+
+
+def _sure(points: np.ndarray, to_light: np.ndarray, centers: np.ndarray, radii: np.ndarray) -> np.ndarray:
+    """Points that are as lit with spheres a little smaller, or larger: no shadow's edge is near."""
+    same = sun_visible(points, to_light, centers, radii)
+    off = np.linalg.norm(points[:, None] - centers[None], axis=-1) / radii - 1
+    others = [np.where(np.abs(off) < 1e-6, 0, k) * radii for k in (0.97, 1.03)]  # but for the own one
+    found = [
+        sun_visible(points[i : i + 1], to_light, centers, np.maximum(each[i], 1e-12))
+        for each in others
+        for i in range(len(points))
+    ]
+    return np.asarray((np.reshape(found, (2, -1)) == same).all(axis=0))
+
+
+def errors(expected: Arrays, got: Arrays) -> np.ndarray:
+    return np.asarray(np.abs(got[0] - expected[0]))
+
+
+# ------------------------------------------------------------------------------------------ typical mistakes
+
+
+VARIANTS = slips(sun_visible, (
+    ("shadow for light", "1 and 0 are swapped: 1 is where the sun is seen", "0.0, 1.0", "1.0, 0.0"),
+    ("spheres behind", "spheres behind the point block, too: only those with t > 0, towards the sun, are in the way",
+     "& ahead", ""),
+    ("light reversed", "the ray goes away from the sun: to_light points to it", "f @ np", "-f @ np"),
+    ("no shadows", "there are no shadows: 0 where a sphere is in the way", "0.0, 1.0", "1.0, 1.0"),
+    ("only the first sphere", "only the first sphere casts a shadow", "blocked.any(axis=1)", "blocked[:, 0]"),
+    ("only the last sphere", "only the last sphere casts a shadow: each answer replaces the one before",
+     "blocked.any(axis=1)", "blocked[:, -1]"),
+    ("own shadow", "a sphere is in the way of its own points: rounding puts them a little inside, so start the ray a "
+     "little off the surface, or leave the own sphere out", "& ahead & ~own", "& ahead & ~own | own"),
+    ("spheres receive none", "points on the spheres are never in shadow: other spheres are in their way",
+     "blocked.any(axis=1)", "blocked.any(axis=1) & ~own.any(axis=1)"),
+    ("diameter", "the radius is halved", "np.asarray(radii) ** 2", "(np.asarray(radii) / 2) ** 2"),
+    ("radius not squared", "the radius is not squared", "np.asarray(radii) ** 2", "np.asarray(radii)"),
+))  # fmt: skip
+
+STAGE = Stage(sun_visible, ("visible",), cases, errors, 1e-6, "of 1", VARIANTS)

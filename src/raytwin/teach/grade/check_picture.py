@@ -1,0 +1,97 @@
+"""One picture compared with what it should be: passed or not, its error, the share of wrong pixels."""
+
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+
+from raytwin.compare import compare
+from raytwin.compare.scale import scale_of
+from raytwin.explain.pixel_sample import SubmittedImage
+from raytwin.explain.tolerance_mask import forgiven
+from raytwin.images.image import Image
+from raytwin.images.image_formats import kind_of
+from raytwin.images.stored_precision import rounding_of
+from raytwin.scene import Tolerance
+from raytwin.teach.grade.questions import Question
+from raytwin.teach.grade.result import Part
+from raytwin.teach.sandbox.sandbox import Answer
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedPicture:
+    """A picture beside what it should be. `got`: if it is wrong and can be shown; `scale`: of its values."""
+
+    part: Part
+    view: SubmittedImage | None
+    got: np.ndarray | None
+    scale: float = 1.0
+
+
+def check_picture(asked: Question) -> CheckedPicture:
+    """Compare a picture with what it should be: numbers decide, never a claim of the submission's own."""
+    exercise, case, answer = asked.exercise, asked.case, asked.answer
+    (right,), shows = case.expected, case.shows
+    if answer.problem:
+        return CheckedPicture(Part(shows, False, seconds=answer.seconds, problem=answer.problem), None, None)
+    got, half, clipped = _radiance_of(answer)
+    if got.shape != right.shape:
+        problem = f"it returned an array {got.shape}, where {right.shape} is wanted"
+        return CheckedPicture(Part(shows, False, seconds=answer.seconds, problem=problem), None, None)
+    points = exercise.stage == "hit_points"
+    assert asked.scene is not None
+    if not points:
+        got = forgiven(got, np.clip(right, 0, 1) if clipped else right, asked.scene, exercise.rung)
+    scale = 1.0 if points else scale_of(Image(right.astype(np.float32)))
+    if points:
+        passed, error, wrong = _compare_points(right, got, asked.tolerance)
+    else:
+        passed, error, wrong = _compare_radiance(right, got, asked, half, clipped, scale)
+    part = Part(shows, passed, error=error, wrong=wrong, seconds=answer.seconds)
+    if not points and (bad := ~np.isfinite(got).all(axis=-1)).any():
+        (y, x), count = np.argwhere(bad)[0], int(bad.sum())
+        problem = f"{count} pixel{'s are' if count > 1 else ' is'} NaN or infinite, the first at (x={x}, y={y})"
+        part = msgspec.structs.replace(part, problem=problem)
+        return CheckedPicture(part, None, got, scale)
+    ours = bool(asked.made_of)
+    view = SubmittedImage(asked.scene, got, right, exercise.rung, points, half, clipped, composed=ours)
+    return CheckedPicture(part, view, None if passed else got, scale)
+
+
+def _radiance_of(answer: Answer) -> tuple[np.ndarray, np.ndarray | None, bool]:
+    """Radiance; of an image file what its format rounds off: half a step of each value, and whether it is clipped."""
+    got = np.asarray(answer.arrays[0], np.float64)
+    if len(answer.arrays) != 2 or answer.arrays[1].dtype != np.uint8:
+        return got, None, False
+    kind = kind_of(answer.arrays[1].tobytes()) or ""
+    rounding = rounding_of(Image(got.astype(np.float32), format=kind))
+    return got, rounding.half, rounding.clipped
+
+
+def _compare_radiance(
+    right: np.ndarray, got: np.ndarray, asked: Question, half: np.ndarray | None, clipped: bool, scale: float
+) -> tuple[bool, float | None, float]:
+    """(passed, error by its scale, share of pixels that are off)."""
+    should = np.clip(right, 0, 1) if clipped else right
+    with np.errstate(over="ignore"):
+        test, reference = (Image(x.astype(np.float32)) for x in (got, should))
+    made = compare(test, reference, tolerance=asked.tolerance, noise="none", half_steps=(half, None))
+    error = made.radiance.p999_abs
+    finite = error is not None and bool(np.isfinite(got).all())
+    with np.errstate(invalid="ignore"):
+        slack = asked.tolerance.p999_abs * np.maximum(scale, np.abs(should)) + (0 if half is None else half)
+        off = float((~(np.abs(got - should) <= slack)).any(axis=-1).mean())
+    return made.passed, error / scale if finite and error is not None else None, off
+
+
+def _compare_points(right: np.ndarray, got: np.ndarray, tolerance: Tolerance) -> tuple[bool, float | None, float]:
+    """Compare points, NaN for none: return the 99.9 % quantile of the distances, and the share that is off."""
+    seen, there = (~np.isnan(x).any(axis=-1) for x in (right, got))
+    with np.errstate(over="ignore"):
+        apart = np.linalg.norm(np.where((seen & there)[..., None], got - right, 0.0), axis=-1)
+    allowed_distance = max(tolerance.p999_abs, 1e-6) * max(1.0, float(np.abs(right[seen]).max(initial=0.0)))
+    wrong = (apart > allowed_distance) | (seen != there)
+    finite = apart[seen & there & np.isfinite(apart)]
+    error = float(np.quantile(finite, 0.999)) if finite.size else None
+    allowed = max(tolerance.mask_pixels, int(1e-3 * wrong.size))
+    return int(wrong.sum()) <= allowed and bool((seen & there).any()), error, float(wrong.mean())

@@ -1,0 +1,144 @@
+"""Many submissions: a result each, written atomically under its key, so that a run that was interrupted goes on.
+
+    jobs = jobs_of(folder, rubric_path)
+    for result in run(jobs, out, Workers(jobs=4)): ...
+
+Existing results are reused. No submission costs another its result: whatever fails, in the grader or its machine,
+becomes a result of the student concerned.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import msgspec
+
+from raytwin.errors import InputError
+from raytwin.images.image_input import ENDINGS
+from raytwin.parallel import Stored, Workers
+from raytwin.progress import Progress, silent
+from raytwin.teach.grade.grade_submission import grade_submission
+from raytwin.teach.grade.job import Job, job_of
+from raytwin.teach.grade.points import marked_by
+from raytwin.teach.grade.questions import references_of
+from raytwin.teach.grade.result import Result
+from raytwin.teach.grade.rubric import Rubric, read_rubric
+from raytwin.teach.grade.submission_code import CODE
+from raytwin.teach.sandbox.sandbox import plain
+from raytwin.teach.sandbox.work_folder import sweep
+
+RESULTS = "results"
+"""The folder of what came of each job; it makes a run go on where it stopped."""
+
+
+def jobs_of(submissions: Path, rubric_path: Path, whole: bool = False) -> list[Job]:
+    """Return a job for each file or folder in `submissions` (or for itself, where it is one submission: `whole`).
+
+    Raises InputError for faults of the rubric and its references, before anything is graded.
+    """
+    rubric = read_rubric(rubric_path)
+    references_of(rubric)
+    if not submissions.exists():
+        raise InputError(submissions, "submissions: files, or folders, of students", "no such folder")
+    if not (submissions.is_dir() or submissions.is_file()):
+        raise InputError(submissions, "submissions: files, or folders, of students", "a device or a pipe")
+    paths = (
+        [submissions]
+        if whole or _is_one(submissions, rubric)
+        else sorted((p for p in submissions.iterdir() if _counts(p)), key=lambda p: (p.name.casefold(), p.name))
+    )
+    if not paths:
+        raise InputError(submissions, "submissions: files, or folders, of students", "an empty folder")
+    return [job_of(name, path, rubric_path, rubric) for name, path in zip(_names(paths), paths, strict=True)]
+
+
+def _names(paths: Sequence[Path]) -> list[str]:
+    """Students' names, all different and printable: bytes that are no UTF-8 and control characters become escapes."""
+    short = [p.stem if p.is_file() else p.name for p in paths]
+    # Where two names differ by their ending alone, the ending tells them apart.
+    names = [p.name if short.count(n) > 1 else n for n, p in zip(short, paths, strict=True)]
+    if len(set(names)) < len(names):
+        names = [p.name for p in paths]
+    return ["".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in n) for n in names]
+
+
+def _is_one(path: Path, rubric: Rubric) -> bool:
+    return path.is_file() or any((path / f"{rubric.file}{ending}").is_file() for ending in CODE)
+
+
+def _counts(path: Path) -> bool:
+    if path.name.startswith(".") or path.is_symlink():
+        return False
+    return (
+        path.is_dir() or path.suffix in CODE or path.suffix.lower() not in (*ENDINGS, ".toml", ".json", ".csv", ".md")
+    )
+
+
+def run(
+    jobs: Sequence[Job],
+    out: Path,
+    workers: Workers,
+    again: bool = False,
+    progress: Progress = silent,
+    each: Callable[[Result], None] | None = None,
+) -> list[Result]:
+    """Return the results in the jobs' order; each is written to `out`/results/KEY.json as it comes.
+
+    What the grader failed on before is graded again. `each` is called with every new result as it comes. Folders that a
+    killed run left in the temporary directory are removed first.
+    """
+    sweep()
+    said = _marked_by_rubric_of(jobs)
+    made = Stored(out / RESULTS, Result).run(
+        grade_submission, jobs, workers, failed=_fault, redo=lambda result: result.grader_fault, again=again,
+        each=each and (lambda result: each(said(result))), progress=progress, stage="grade",
+    )  # fmt: skip
+    return [said(result) for result in made]
+
+
+class _Listed(msgspec.Struct):
+    student: str
+    key: str
+
+
+class _Class(msgspec.Struct):
+    """What is read of results.json."""
+
+    results: list[_Listed]
+
+
+def with_class(results: Sequence[Result], out: Path, rubric: Rubric) -> list[Result]:
+    """One submission's result among those of the class that `out` holds; alone where it holds none.
+
+    Raises InputError where the class is there and cannot be read whole: nobody may vanish from it.
+    """
+    listed, stored = out / "results.json", Stored(out / RESULTS, Result)
+    if len(results) != 1 or not listed.exists():
+        return list(results)
+    try:
+        keys = [(row.student, row.key) for row in msgspec.json.decode(listed.read_bytes(), type=_Class).results]
+    except (OSError, msgspec.DecodeError) as error:
+        raise InputError(listed, "the results of a class", error) from None
+    found = {results[0].student: results[0]}
+    for student, key in keys:
+        if student not in found:
+            if (other := stored.read(key)) is None:
+                raise InputError(
+                    out / RESULTS / f"{key}.json", f"the stored result of {student}", "none that can be read"
+                )
+            if other.exercises and [e.stage for e in other.exercises] != [e.stage for e in rubric.exercises]:
+                raise InputError(listed, "was graded by other exercises. Grade the whole class again.")
+            found[student] = marked_by(other, rubric)
+    return [found[student] for student in dict.fromkeys([*(name for name, _ in keys), results[0].student])]
+
+
+def _marked_by_rubric_of(jobs: Sequence[Job]) -> Callable[[Result], Result]:
+    """Mark a result by its own rubric, which is read once."""
+    rubrics = {path: read_rubric(path) for path in {j.rubric for j in jobs}}
+    by_key = {j.key: rubrics[j.rubric] for j in jobs}
+    return lambda result: marked_by(result, by_key[result.key])
+
+
+def _fault(job: Job, error: Exception) -> Result:
+    name = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
+    problem = plain(f"the grader's own fault: {name}{error}")
+    return Result(job.student, job.key, "", (), problem=problem, grader_fault=True)

@@ -1,0 +1,123 @@
+"""Follow-through: whether a picture is wrong only because of functions that failed on their own.
+
+Wrong pictures are asked for once more, with the right function in the failed one's place, wherever the submission's
+modules have its name. What is right then needs no other cause; what is still wrong has a second one. Of a picture that
+is made of functions alone, the share of those that are the submission's own counts.
+"""
+
+import inspect
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import FunctionType
+
+import msgspec
+
+from raytwin.explain import textbook
+from raytwin.teach.contract.composed_tracer import NEEDED, PARTS
+from raytwin.teach.grade.check_picture import CheckedPicture, check_picture
+from raytwin.teach.grade.questions import Question
+from raytwin.teach.grade.result import Again, Marked
+from raytwin.teach.grade.sandboxed_calls import ask
+from raytwin.teach.sandbox.sandbox import Code, Sandbox
+
+REPLACE = "raytwin_replace"
+DRIVER = f"""
+raytwin_replaced = []
+
+def {REPLACE}(text, names):
+    import os, sys
+    import numpy
+    while raytwin_replaced:
+        setattr(*raytwin_replaced.pop())
+    right = {{}}
+    exec(text, right)
+    def quiet(function):
+        def called(*arguments, **named):
+            with numpy.errstate(all="ignore"):
+                return function(*arguments, **named)
+        return called
+    folder = os.path.dirname(__file__)
+    own = [m for m in list(sys.modules.values()) if str(getattr(m, "__file__", "")).startswith(folder)]
+    for name in names:
+        old, new = globals().get(name), quiet(right[name])
+        for module in own:
+            for key, value in list(vars(module).items()):
+                if value is old and old is not None:
+                    raytwin_replaced.append((module, key, old))
+                    setattr(module, key, new)
+    return numpy.zeros(0)
+"""
+"""Runs in the sandbox behind the submission's own text. What was replaced before is put back."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rerun:
+    """Wrong pictures, asked for once more with the right functions of these `names` in place of the failed ones.
+
+    `again`: by the question's id, what was asked for and what came of it. `beside`: something else is wrong, too.
+    """
+
+    names: tuple[str, ...] = ()
+    again: Mapping[int, tuple[Question, CheckedPicture]] = field(default_factory=dict)
+    beside: bool = False
+
+    def fixed_by(self, question: Question) -> bool:
+        """Whether the failed functions alone made this picture wrong."""
+        return id(question) in self.again and self.again[id(question)][1].part.passed
+
+
+def ask_again(
+    child_with: Callable[[Sequence[str]], Sandbox], code: Code, asked: Sequence[Question],
+    checked: Mapping[int, CheckedPicture], failed: Sequence[str],
+) -> Rerun:  # fmt: skip
+    """Ask for the wrong pictures that the failed functions are part of, these replaced.
+
+    `child_with(names)`: the submission in a process, with right functions of these names in place of its own.
+    """
+    names = tuple(name for name in PARTS if name in failed)
+    wrong = [
+        q for q in asked if id(q) in checked and not checked[id(q)].part.passed
+        and set(NEEDED[q.exercise.stage]) & set(names) and q.answer.sort in ("", "error")
+    ]  # fmt: skip
+    if not (wrong and code.kind == "python"):
+        return Rerun()
+    again, child = {}, child_with(names)
+    for question in wrong:
+        copy = replace(question, made_of="")
+        ask(copy, child, code, names)
+        again[id(question)] = copy, check_picture(copy)
+    return Rerun(names, again)
+
+
+def with_again(marked: Marked, asked: Sequence[Question], helped: Rerun) -> Marked:
+    """Return the exercise with what came of its pictures when these were asked for once more."""
+    if marked.status != "fail":
+        return marked
+    parts = tuple(
+        msgspec.structs.replace(p, again=None if q.answer.problem else _again(q, helped))
+        for p, q in zip(marked.parts, asked, strict=True)
+    )
+    return msgspec.structs.replace(marked, parts=parts)
+
+
+def _again(question: Question, helped: Rerun) -> Again | None:
+    if id(question) not in helped.again:
+        return None
+    again, checked = helped.again[id(question)]
+    needed = NEEDED[question.exercise.stage]
+    own = 1 - len(set(needed) & set(helped.names)) / len(needed) if again.made_of else 1.0
+    return Again(checked.part.passed, checked.part.error, checked.part.wrong, own)
+
+
+def source_of(names: Sequence[str]) -> str:
+    """The text of the textbook's functions, with all that they call."""
+    found: dict[str, Callable[..., object]] = {}
+    todo = list(names)
+    while todo:
+        function = getattr(textbook, name := todo.pop())
+        if name not in found and isinstance(function, FunctionType):
+            found[name] = function
+            todo += [n for n in function.__code__.co_names if isinstance(vars(textbook).get(n), FunctionType)]
+    texts = [textwrap.dedent(inspect.getsource(f)) for f in found.values()]
+    return "\n\n".join(["from typing import Any\nimport numpy as np", *texts])

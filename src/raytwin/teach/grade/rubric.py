@@ -1,0 +1,218 @@
+"""A rubric in TOML: exercises with their points, partial credit by measured error, speed against accuracy, limits.
+
+    title = "The paper's pipeline"
+    [[exercises]]
+    stage = "render"
+    scenes = ["single", "overlap"]      # shipped, or in the folder `scenes` beside the rubric
+    drawn = 2                           # and two that nobody has seen, drawn anew for each submission
+    rung = "shadow"
+    points = 30
+    credit = [[1e-4, 0.9], [1e-2, 0.5]] # an error of 1e-4 earns 0.9 of the points, of 1e-2 a half, above that nothing
+    visibility = "after_due_date"
+
+`raytwin grade starter --rubric` writes a whole one. `stage`: any that `raytwin.check` knows, a walk's lessons too.
+"""
+
+import hashlib
+import math
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+
+from raytwin.errors import InputError, check_one_of
+from raytwin.rungs import RUNGS
+from raytwin.scene import Record
+from raytwin.scene.toml_json import read_toml, to_record, unknown_key
+from raytwin.teach.contract.composed_tracer import NEEDED
+from raytwin.teach.contract.stage_table import LESSONS
+from raytwin.teach.grade.fingerprint import is_fingerprint
+from raytwin.teach.sandbox.sandbox import Limits
+
+PICTURES = tuple(NEEDED)
+"""Stages that take a scene: these can be compared on scenes by name, and on drawn ones."""
+ONE_RAY = ("lambert", "shadow")
+"""Rungs without noise, which a student's tracer may be compared on."""
+
+Visibility = Literal["visible", "hidden", "after_due_date"]
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
+
+
+class Exercise(Record, frozen=True):
+    """One row: a `stage` tested on its own cases, or a picture on `scenes` by name and on as many `drawn` ones.
+
+    `tolerance`: of the stage's error, or of a picture's, relative to its scale; None: the stage's own, the scene's own.
+    `inside`: the drawn scenes are seen from inside a sphere, whose wall hides the sun.
+    A case or scene that passes earns its share of the points whole; one that does not earns what `credit` says of its
+    error (`measure`: `wrong`, the share of values that are off), interpolated over the error's logarithm: the first
+    row's share below it, nothing above the last.
+    """
+
+    stage: str
+    points: Annotated[float, msgspec.Meta(ge=0)]
+    name: str = ""
+    scenes: tuple[str, ...] = ()
+    drawn: Annotated[int, msgspec.Meta(ge=0, le=100)] = 0
+    inside: bool = False
+    rung: str = "shadow"
+    tolerance: Positive | None = None
+    visibility: Visibility = "visible"
+    credit: tuple[tuple[Positive, Share], ...] = ()
+    measure: Literal["error", "wrong"] = "error"
+
+    def share(self, passed: bool, error: float | None, wrong: float | None) -> float:
+        """What one case or scene earns, 0 to 1.
+
+        >>> Exercise("shade", 10, credit=((1e-4, 0.9), (1e-2, 0.5))).share(False, 1e-3, None)
+        0.7
+        """
+        value = error if self.measure == "error" else wrong
+        if passed:
+            return 1.0
+        if not self.credit or value is None or not math.isfinite(value) or value > self.credit[-1][0]:
+            return 0.0
+        below = self.credit[0]
+        for above in self.credit:
+            if value <= above[0]:
+                if above[0] == below[0] or value <= below[0]:
+                    return below[1]
+                x = math.log(value / below[0]) / math.log(above[0] / below[0])
+                return round(below[1] + x * (above[1] - below[1]), 6)
+            below = above
+        return 0.0
+
+
+class Speed(Record, frozen=True):
+    """Speed against accuracy, of the drawn scenes of the exercise `of`: a leaderboard, and a bonus if wanted.
+
+    The whole `bonus` at `fast` seconds a picture or fewer, none at `slow`, in between by the logarithm; only where
+    every exercise is passed.
+    """
+
+    of: str
+    leaderboard: bool = True
+    bonus: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    fast: Positive = 0.1
+    slow: Positive = 10.0
+
+    def earned(self, seconds: float) -> float:
+        """
+        >>> Speed("image", bonus=4, fast=0.1, slow=10).earned(1.0)
+        2.0
+        """
+        x = math.log(self.slow / max(seconds, 1e-9)) / math.log(self.slow / self.fast)
+        return round(self.bonus * min(1.0, max(0.0, x)), 4)
+
+
+class Feedback(Record, frozen=True):
+    """The instructor's own `sentence` for wrong numbers of a function with this `fingerprint`, a class page's; `name`:
+    of the mistake, in its tables."""
+
+    stage: str
+    fingerprint: str
+    sentence: str
+    name: str = ""
+
+
+class Rubric(Record, frozen=True):
+    """`seed`: of the drawn scenes, cases and orders, together with each submission's own content: keep it to yourself.
+
+    `file`: what a submission's Python file is called, where it is one of several. `command`: what runs one that is a
+    program: {scene} is the scene as JSON, {out} the image to write. `packages`: what submissions may import beside the
+    standard library, NumPy and SciPy, in words for pip, which installs them on Gradescope. `folder`: where the rubric
+    lies, with a `reference` of its own if any. `hints`: of a slip that one change of the submission's text undoes, a
+    student reads the line (1), what is wrong there (2), what to write (3); 0: nothing is tried. `follow_through`: the
+    share of its points that an exercise keeps if it is wrong only by a mistake that another one pays for.
+    """
+
+    title: str
+    exercises: Annotated[tuple[Exercise, ...], msgspec.Meta(min_length=1)]
+    seed: int = 0
+    speed: Speed | None = None
+    limits: Limits = Limits()
+    file: str = "tracer"
+    command: str = ""
+    packages: tuple[str, ...] = ()
+    hints: Annotated[int, msgspec.Meta(ge=0, le=3)] = 2
+    follow_through: Share = 0.0
+    feedback: tuple[Feedback, ...] = ()
+    folder: str = "."
+
+    @property
+    def points(self) -> float:
+        return sum(e.points for e in self.exercises)
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(e.stage for e in self.exercises))
+
+    @property
+    def functions(self) -> tuple[str, ...]:
+        """What is looked for in a submission: the stages, and what a picture can be made of where one is missing."""
+        return tuple(dict.fromkeys([*self.stages, *(part for s in self.stages for part in NEEDED.get(s, ()))]))
+
+    @property
+    def questions(self) -> tuple[Any, ...]:
+        """What decides the answers and what is found of them: all other keys are arithmetic with stored results."""
+        exercises = [(e.stage, e.scenes, e.drawn, e.inside, e.rung, e.tolerance) for e in self.exercises]
+        return exercises, self.limits, self.file, self.command, self.packages, self.hints > 0
+
+    def seed_of(self, content: bytes) -> int:
+        """Return a submission's seed, which nobody without the rubric's own can compute."""
+        total = hashlib.sha256(f"{self.seed} ".encode() + content).digest()
+        return int.from_bytes(total[:4], "little")
+
+
+READY = Path(__file__).with_name("rubric.toml")
+"""A whole rubric for the paper's pipeline, to be copied and changed."""
+
+
+def read_rubric(path: str | Path) -> Rubric:
+    """The rubric of a TOML file, or an InputError that names the field."""
+    path = Path(path)
+    data = read_toml(path)
+    if "folder" in data:
+        raise unknown_key(path, "folder")
+    rubric = to_record(path, data | {"folder": str(path.parent)}, Rubric)
+    named = []
+    for i, exercise in enumerate(rubric.exercises):
+        _check(f"{path}: exercises[{i}]", exercise)
+        named.append(msgspec.structs.replace(exercise, name=exercise.name or _name(exercise)))
+    for i, row in enumerate(rubric.feedback):
+        check_one_of(f"{path}: feedback[{i}].stage", row.stage, LESSONS)
+        if not is_fingerprint(row.fingerprint):
+            raise InputError(f"{path}: feedback[{i}].fingerprint", "the numbers of a class page's row", row.fingerprint)
+        if not row.sentence.strip():
+            raise InputError(f"{path}: feedback[{i}].sentence", "a sentence for the students", "none")
+    names = [e.name for e in named]
+    if twice := next((n for n in names if names.count(n) > 1), None):
+        raise InputError(f"{path}: exercises: name", "names that differ", f"{twice!r} twice")
+    if rubric.speed is not None:
+        pictures = [e.name for e in named if e.stage in PICTURES]
+        check_one_of(f"{path}: speed.of", rubric.speed.of, pictures)
+        if not next(e for e in named if e.name == rubric.speed.of).drawn:
+            got = f"{rubric.speed.of!r}, whose pictures a submission may have stored"
+            raise InputError(f"{path}: speed.of", "an exercise with drawn scenes", got)
+        if not rubric.speed.fast < rubric.speed.slow:
+            raise InputError(f"{path}: speed.fast", "seconds below `slow`", rubric.speed.fast)
+    return msgspec.structs.replace(rubric, exercises=tuple(named))
+
+
+def _check(where: str, e: Exercise) -> None:
+    check_one_of(f"{where}.stage", e.stage, LESSONS)
+    check_one_of(f"{where}.rung", e.rung, RUNGS)
+    if e.rung not in ONE_RAY:
+        raise InputError(f"{where}.rung", f"a rung without noise ({', '.join(ONE_RAY)})", e.rung)
+    if e.stage not in PICTURES and (e.scenes or e.drawn):
+        raise InputError(f"{where}.scenes", f"none: {e.stage} has cases of its own", e.scenes or e.drawn)
+    if e.inside and not (e.stage == "render" and e.drawn and not e.scenes):
+        raise InputError(f"{where}.inside", "an exercise of render with drawn scenes alone", e.stage)
+    errors = [row[0] for row in e.credit]
+    if errors != sorted(errors):
+        raise InputError(f"{where}.credit", "rows by rising error", errors)
+
+
+def _name(e: Exercise) -> str:
+    of = ", ".join([*e.scenes, *([f"{e.drawn} drawn{' from inside' if e.inside else ''}"] if e.drawn else [])])
+    return f"{e.stage} ({e.rung}: {of})" if of and e.stage == "render" else f"{e.stage} ({of})" if of else e.stage

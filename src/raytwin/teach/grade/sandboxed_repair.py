@@ -1,0 +1,383 @@
+"""A second look at what is wrong: the line to look at, found by repairing the text, and the fingerprint of the numbers.
+
+It runs after grading, in a sandbox of its own, and changes no points. What the sandbox answers is compared here with
+what is right.
+"""
+
+import contextlib
+import dataclasses
+import inspect
+import itertools
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from raytwin.explain import attempt
+from raytwin.explain.catalogue import FACTS
+from raytwin.explain.edit import Edit
+from raytwin.explain.repair import (
+    SECONDS_A_TRY,
+    Answers,
+    Candidate,
+    Cells,
+    Lines,
+    Repair,
+    Runner,
+    Work,
+    kind_of,
+    repair,
+)
+from raytwin.teach.contract.check_function import is_repaired, is_right
+from raytwin.teach.contract.repair_function import STEPS, further_probes, probes, right_ones, smaller, words_of
+from raytwin.teach.contract.stage import Case, Stage
+from raytwin.teach.contract.stage_result import says_why, with_hint
+from raytwin.teach.contract.stage_table import LESSONS
+from raytwin.teach.grade.fingerprint import PROBE_SEED, fingerprint
+from raytwin.teach.grade.follow_through import DRIVER as REPLACER
+from raytwin.teach.grade.follow_through import REPLACE, source_of
+from raytwin.teach.grade.result import Marked
+from raytwin.teach.grade.rubric import Rubric
+from raytwin.teach.sandbox.sandbox import Code, Sandbox
+
+WORK, UNNAMED, IN_ALL = 1.2e6, 3e6, 6e6
+"""Lines that run: for one function, for one of which no mistake is proved, and for a submission."""
+MOST_SECONDS = 160.0
+"""Of computing: some twenty times what IN_ALL takes. A search that reaches it says so."""
+LONGEST = 100_000
+"""Characters of a text that is repaired: to read one of megabytes takes the grader minutes."""
+STOPPED = "the search for the line stopped early: this machine is too slow, or too busy"
+CALLED, LINES = "raytwin_attempt", "raytwin_lines"
+DRIVER = f"""
+{REPLACER}
+
+{inspect.getsource(attempt)}
+
+def {CALLED}(function, codes, lengths, names, arguments, seconds, changed, innocent):
+    import marshal
+    import numpy
+    ends = numpy.cumsum(lengths).astype(int)
+    chosen = [marshal.loads(codes[end - n : end].tobytes()) for end, n in zip(ends, lengths)]
+    shapes, numbers = [], []
+    for made in attempt(globals(), function, chosen, names, arguments, seconds, changed, innocent):
+        shapes.append(-1 if made is None else len(made))
+        for array in made or ():
+            shapes += [array.ndim, *array.shape]
+            numbers.append(array.ravel())
+    return numpy.array(shapes, int), numpy.concatenate([numpy.zeros(0), *numbers])
+
+def {LINES}(function, arguments, seconds):
+    import numpy
+    found = lines_run(globals(), function, arguments, seconds)
+    names = "\\n".join(name for name, _ in found)
+    lines = numpy.array([(line, times) for (_, line), times in found.items()], int)
+    return numpy.frombuffer(names.encode(), numpy.uint8), lines
+"""
+"""Runs in the sandbox, behind the submission's own text and in its module."""
+
+
+class SecondLook:
+    """Lines to look at in a submission, by work of IN_ALL at most, as far as the rubric's `hints` go.
+
+    A text that is nested too deeply to be read is not repaired. `found`: by the name of the function. All that is asked
+    for again once a submission was called is asked of one process, since to start one takes as long as many calls.
+    """
+
+    def __init__(self, rubric: Rubric, code: Code | None) -> None:
+        self.rubric, self.code, self.left = rubric, code if code and code.kind == "python" else None, IN_ALL
+        self.stopped = False
+        """Whether a search was ended by the clock."""
+        self.found: dict[str, Repair] = {}
+        self.cells: Cells = code.cells or (("", code.source),) if code else ()
+        self.hints = rubric.hints if self.code and sum(len(text) for _, text in self.cells) <= LONGEST else 0
+        self.trials: _Trials | None = None
+        self.replaced: tuple[str, ...] = ()
+
+    def __enter__(self) -> "SecondLook":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def child_with(self, names: Sequence[str] = ()) -> Sandbox:
+        """The process, with right functions of these names in place of the submission's own; a new one if it ended."""
+        assert self.code is not None
+        if self.trials is None or self.trials.child.problem.problem:
+            self.close()
+            asked = (*self.rubric.functions, CALLED, LINES, REPLACE)
+            own = dataclasses.replace(self.code.followed_by(DRIVER), asked=asked)
+            child = Sandbox(own, self.rubric.limits, (Path(self.rubric.folder), Path.cwd())).__enter__()
+            self.trials, self.replaced = _Trials(child), ()
+        if self.replaced != tuple(names):
+            self.replaced = tuple(names)
+            self.trials.child.call(REPLACE, source_of(names), list(names))
+        return self.trials.child
+
+    def mends(self, stage: str, cases: Sequence[Case]) -> bool:
+        """Whether the change that was found for a function makes these cases right, too."""
+        change = self.found[stage].candidate
+        if change is None:
+            return False
+        self.child_with()
+        assert self.trials is not None
+        each = ((case, self.trials.run(stage, (), [change], case.args, False)[0]) for case in cases)
+        return all(got is not None and is_repaired(LESSONS[stage], case, got) for case, got in each)
+
+    def close(self) -> None:
+        """End the process."""
+        if self.trials is not None:
+            self.trials.child.close()
+
+    def at(
+        self,
+        exercises: Sequence[Marked],
+        right: Sequence[str],
+        replaced: Sequence[str] = (),
+        beside: Sequence[str] = (),
+        pictures: Sequence[tuple[str, Case]] = (),
+    ) -> list[Marked]:
+        """The exercises, those that are wrong with the line to look at, and with a fingerprint if no cause is named.
+
+        `right`: functions that are right by their own tests, and are not tried. `replaced`: functions that failed, of
+        which right ones take the place. `beside`: others that are wrong; a change that makes them right, too, is
+        `found` of them. `pictures`: (function, case) of those that are wrong: cases that are the same for all may be
+        too small to show it.
+        """
+        wrong = [e for e in exercises if e.status in ("fail", "error")]
+        unnamed = {e.stage for e in wrong if self.code and not (e.faults or e.fingerprint)}
+        tried = [e for e in wrong if self.hints and e.stage not in self.found]
+        prints: dict[str, str] = {}
+        if tried or unnamed - set(self.found):
+            child = self.child_with(replaced)
+            if not replaced:
+                prints = {stage: _fingerprint(child, stage) for stage in unnamed}
+            if CALLED in child.functions and self.trials is not None:
+                self._repair(tried, right, replaced, beside, pictures, self.trials)
+        hinted = [
+            _with_hint(e, self.found.get(e.stage), self.hints, e.fingerprint or prints.get(e.stage, ""))
+            if e in wrong else e for e in exercises
+        ]  # fmt: skip
+        if not self.stopped:
+            return hinted
+        return [msgspec.structs.replace(e, sentences=(*e.sentences, STOPPED)) if e.stage not in self.found
+                and e.stage in {one.stage for one in tried} else e for e in hinted]  # fmt: skip
+
+    def _repair(
+        self, tried: Sequence[Marked], right: Sequence[str], replaced: Sequence[str], beside: Sequence[str],
+        pictures: Sequence[tuple[str, Case]], trials: "_Trials",
+    ) -> None:  # fmt: skip
+        until = _clock(trials.child) + MOST_SECONDS
+        for stage in dict.fromkeys(e.stage for e in tried):
+            if stage in trials.child.functions:
+                most = WORK if all(_is_proved(e) for e in tried if e.stage == stage) else UNNAMED
+                before = min(most, self.left)
+                work = Work(before, lambda: _clock(trials.child) < until and not trials.child.problem.problem)
+                fitting = [(r.candidate, *r.rivals) for r in self.found.values() if r.candidate and not replaced]
+                known = list(dict.fromkeys(itertools.chain(*fitting)))
+                others = [LESSONS[e.stage] for e in tried if e.stage != stage]
+                asked = [case for name, case in pictures if name == stage]
+                with contextlib.suppress(RecursionError, MemoryError):
+                    made = _repair(LESSONS[stage], self.cells, trials, work, right, replaced, known, others, asked)
+                    if made is not None:
+                        self.found[stage] = made
+                self.left -= before - work.left
+                self.stopped |= work.stopped and stage not in self.found
+        for stage in (name for name in beside if name in trials.child.functions):
+            some = (r for r in self.found.values() if (r.sure or r.rivals) and _makes_right(r, stage, trials))
+            if one := next(some, None):
+                self.found[stage] = one
+        if any(e.stage in PICTURES and e.stage not in self.found for e in tried):
+            # A change in what only some pictures are made of, where others stay wrong, may hide what is wrong in all.
+            unsure = {k: dataclasses.replace(r, sure=False) for k, r in self.found.items() if k in PICTURES}
+            self.found |= unsure
+
+
+def _makes_right(found: Repair, stage: str, trials: "_Trials") -> bool:
+    """Whether the change makes another function right, too, that is wrong without."""
+
+    def right_with(change: Candidate) -> bool:
+        each = (
+            (case, trials.run(stage, (), [change], case.args, False)[0]) for case in (*_cases(stage), *_further(stage))
+        )
+        return all(got is not None and is_repaired(LESSONS[stage], case, got) for case, got in each)
+
+    change = found.candidate
+    if change is None:
+        return False
+    nothing = Candidate(change.cell, change.statement, Edit("", 0.0, change.statement, [change.statement]))
+    return not right_with(nothing) and right_with(change)
+
+
+@cache
+def _cases(stage: str) -> list[Case]:
+    """Cases that are the same for all: no points depend on them."""
+    return LESSONS[stage].cases(PROBE_SEED)
+
+
+@cache
+def _further(stage: str) -> list[Case]:
+    return further_probes(LESSONS[stage], PROBE_SEED)
+
+
+PICTURES = ("hit_points", "render")
+MOST_PROBES = 3
+"""Cases that a fingerprint is taken of."""
+
+
+def _is_proved(exercise: Marked) -> bool:
+    return says_why(exercise.sureness, exercise.faults)
+
+
+def _fingerprint(child: Sandbox, stage: str) -> str:
+    """A fingerprint of the wrong numbers in cases that are the same for all."""
+    cases = _cases(stage)[:MOST_PROBES]
+    answers = [child.call(stage, *case.args) for case in cases]
+    got = [a.astype(float) for answer in answers for a in answer.arrays]
+    return fingerprint([a for case in cases for a in case.expected], got)
+
+
+def _with_hint(exercise: Marked, repair: Repair | None, level: int, found: str) -> Marked:
+    """The exercise with a repair in its place among the sentences."""
+    exercise = msgspec.structs.replace(exercise, fingerprint=found)
+    if repair is None:
+        return exercise
+    raised = exercise.status == "error"
+    sentences = with_hint(exercise.sentences, repair.hint(level), exercise.sureness, exercise.faults, raised)
+    # A likely cause of pictures, which saw no text, may say something else than the line: then neither is proved.
+    other = (
+        exercise.stage in PICTURES and exercise.sureness == "likely" and any(n not in FACTS for n, _ in exercise.faults)
+    )
+    sureness = "proved" if _is_proved(exercise) or (repair.sure and not other) else "likely"
+    return msgspec.structs.replace(exercise, sentences=sentences, sureness=sureness, repair=kind_of(repair.operator))
+
+
+def _clock(child: Sandbox) -> float:
+    """Seconds that were computed there and here."""
+    return child.spent + time.process_time()
+
+
+def _repair(
+    stage: Stage, cells: Cells, trials: "_Trials", work: Work, right: Sequence[str], ours: Sequence[str],
+    known: Sequence[Candidate], others: Sequence[Stage], asked: Sequence[Case],
+) -> Repair | None:  # fmt: skip
+    child = trials.child
+
+    def is_wrong(case: Case, of: Stage = stage) -> bool:
+        answer = child.call(of.name, *case.args)
+        return bool(answer.problem or of.changes(answer.changed)) or not is_right(of, case, answer.arrays)
+
+    @cache
+    def right_beside() -> list[tuple[Stage, Case]]:
+        rights = [LESSONS[name] for name in right]
+        return _some_cases(rights, lambda case, of: not is_wrong(case, of), CASES_OF_RIGHT)
+
+    def keeps(candidate: Candidate) -> bool:
+        """Whether it leaves right what is: a change that mends one function and spoils another is none."""
+        for other, case in right_beside():
+            (got,) = trials.run(other.name, (), [candidate], case.args, False)
+            if got is None or not is_right(other, case, got):
+                return False
+        return True
+
+    def correct_lines() -> Lines:
+        others = [LESSONS[name] for name in right if name not in ours]
+        firsts = [
+            (other.name, smaller(other, _cases(other.name)[0], STEPS[0]) or _cases(other.name)[0]) for other in others
+        ]
+        firsts += [(stage.name, case) for case in right_ones(stage, tried, is_wrong)]
+        return frozenset().union(*(trials.lines(name, case.args) or () for name, case in firsts))
+
+    each = (probes(stage, some, is_wrong) for some in (_cases(stage.name), _further(stage.name), asked))
+    if not (tried := next(filter(None, each), [])):
+        return None
+    innocent = [*(name for name in right if name not in PICTURES), *ours]
+    runner = Runner(partial(trials.run, stage.name, innocent), partial(trials.lines, stage.name), correct_lines, work)
+    wrong_beside = cache(lambda: _some_cases(others, is_wrong, CASES_OF_WRONG))
+    helps = lambda candidate: _helps(candidate, trials, innocent, wrong_beside())  # noqa: E731
+    return repair(cells, stage.name, tried, partial(is_repaired, stage), runner, innocent, known,
+                  partial(_further, stage.name), keeps, helps, words_of(stage.name))  # fmt: skip
+
+
+def _some_cases(stages: Sequence[Stage], wanted: Callable[[Case, Stage], bool], most: int) -> list[tuple[Stage, Case]]:
+    """The first cases of each stage that are wanted, pictures thinned."""
+    some: list[tuple[Stage, Case]] = []
+    for stage in stages:
+        cases = (smaller(stage, case, STEPS[-1]) or case for case in _cases(stage.name))
+        some += itertools.islice(((stage, case) for case in cases if wanted(case, stage)), most)
+    return some
+
+
+def _helps(
+    candidate: Candidate, trials: "_Trials", innocent: Sequence[str], beside: Sequence[tuple[Stage, Case]]
+) -> bool:
+    """Whether one of these cases becomes right, or none runs what the change is in."""
+    runs_it = False
+    for stage, case in beside:
+        if candidate.runs_in((trials.lines(stage.name, case.args) or {}).keys()):
+            (got,) = trials.run(stage.name, innocent, [candidate], case.args, False)
+            if got is not None and is_right(stage, case, got):
+                return True
+            runs_it = True
+    return not runs_it
+
+
+CASES_OF_RIGHT = 2
+"""Cases of each function that is right, in which a change has to leave it right."""
+CASES_OF_WRONG = 3
+"""Cases of each other function that is wrong, of which a change that it runs too has to make one right."""
+
+
+class _Trials:
+    """Candidates that run in the sandbox."""
+
+    def __init__(self, child: Sandbox) -> None:
+        self.child = child
+
+    def run(
+        self, function: str, innocent: Sequence[str], chosen: Sequence[Candidate], arguments: Sequence[Any],
+        changed: bool,
+    ) -> Answers:  # fmt: skip
+        if not chosen:
+            return []
+        codes, lengths = np.frombuffer(b"".join(c.code for c in chosen), np.uint8), [len(c.code) for c in chosen]
+        answer = self.child.call(CALLED, function, codes, lengths, [list(c.names) for c in chosen], list(arguments),
+                                 SECONDS_A_TRY, changed, list(innocent))  # fmt: skip
+        if answer.problem or len(answer.arrays) != 2:
+            return [None] * len(chosen)
+        shapes, numbers = answer.arrays
+        try:
+            return _read([int(n) for n in shapes.ravel()], numbers.astype(float).ravel(), len(chosen))
+        except (IndexError, ValueError, OverflowError):  # the submission's own doing
+            return [None] * len(chosen)
+
+    def lines(self, function: str, arguments: Sequence[Any]) -> Counter[tuple[str, int]] | None:
+        answer = self.child.call(LINES, function, list(arguments), 10 * SECONDS_A_TRY)
+        if answer.problem or len(answer.arrays) != 2:
+            return None
+        names, places = answer.arrays
+        try:
+            read = names.astype(np.uint8).tobytes().decode(errors="replace").split("\n")
+            return Counter({(name, int(line)): int(n) for name, (line, n) in zip(read, places, strict=False)})
+        except (ValueError, TypeError):  # the submission's own doing
+            return None
+
+
+def _read(shapes: list[int], numbers: np.ndarray, count: int) -> Answers:
+    """The arrays of each candidate, from the numbers of all and their shapes."""
+    made: Answers = []
+    at = start = 0
+    for _ in range(count):
+        arrays = []
+        number, at = shapes[at], at + 1
+        for _ in range(min(number, 8)):
+            shape, at = shapes[at + 1 : at + 1 + shapes[at]], at + 1 + shapes[at]
+            size = int(np.prod(shape))
+            arrays.append(numbers[start : start + size].reshape(shape))
+            start += size
+        made.append(None if number < 0 else tuple(arrays))
+    return made

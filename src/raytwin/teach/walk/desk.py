@@ -1,0 +1,137 @@
+"""What the lessons stand on: the desk's photos and its scene, in plain NumPy."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from raytwin import twin
+from raytwin.images.image import Image
+from raytwin.images.photo_files import list_photos, read_photo
+from raytwin.scene.scene_files import scene_and_photos
+from raytwin.scene_folders import find_scene
+from raytwin.tracer import intersect_rectangle
+
+PHOTOS = 8
+"""Photos of the desk: enough for a camera, and quickly searched."""
+
+
+class Hits(NamedTuple):
+    """What each of N rays meets first: `t` (N,), inf for nothing; `points`, `normals` to the eye, `albedo`: (N, 3)."""
+
+    t: np.ndarray
+    points: np.ndarray
+    normals: np.ndarray
+    albedo: np.ndarray
+
+    @property
+    def seen(self) -> np.ndarray:
+        return np.isfinite(self.t)
+
+
+class Desk:
+    """A board of tags on a table, photographed, and two spheres that are not there.
+
+    After `calibrated`: `K`, `dist`, `width`, `height`, `R`, `t` of the camera. The rest is in the board's frame, m:
+    `centers` (M, 3), `radii` (M,), `albedos` (M, 3) of the spheres; `to_light` (3,) unit, `irradiance` and `sky` (3,).
+    """
+
+    def __init__(self, width: int = 160, scene: str = "desk") -> None:
+        from raytwin.photos import boards  # with OpenCV, which writing the walk needs not
+        from raytwin.photos import camera as camera_package
+
+        self.scene, asked = scene_and_photos(scene)
+        assert asked is not None  # the desk's camera is to be found
+        folder, spheres, planes = find_scene(scene).parent, self.scene.spheres, self.scene.planes
+        self.board = boards.read_board(folder / asked.board)
+        taken = list_photos(folder / asked.photos)[:PHOTOS]
+        self.photo_name = asked.photo if asked.photo in [p.name for p in taken] else taken[0].name
+        self.photo = read_photo(folder / asked.photos / self.photo_name)
+        self._found, _ = camera_package.detect_photos(taken, self.board.family)
+        self._name = str(folder / asked.photos / self.photo_name)
+        self._width = width
+        self.centers = np.array([s.center for s in spheres])
+        self.radii = np.array([s.radius for s in spheres])
+        self.albedos = np.array([s.albedo for s in spheres])
+        self.irradiance, self.sky = np.array(self.scene.sun.irradiance), np.array(self.scene.sky_radiance)
+        self.to_light = np.array(self.scene.sun.to_light)
+        self.planes = planes
+        self._plane_albedos = np.array([p.albedo for p in planes])
+
+    @property
+    def corners(self) -> np.ndarray:
+        """(N, 4, 2): the tags' corners in the photo, as the AprilTag library counts pixels."""
+        return np.array([tag.corners for tag in self._found[self._name]]) + 0.5
+
+    def homographies(self, tag_centers: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """(views, 3, 3): board to pixels, from the centres that the function finds."""
+        import cv2
+
+        known, made = self.board.centers(), []
+        for tags in self._found.values():
+            used = [tag for tag in tags if tag.id in known]
+            centers = tag_centers(np.array([tag.corners for tag in used]) + 0.5)
+            H, _ = cv2.findHomography(np.array([known[tag.id] for tag in used]), np.asarray(centers, float))
+            made.append(H)
+        return np.array(made)
+
+    def calibrated(self) -> "Desk":
+        """Itself, with the camera that raytwin finds: K and the distortion by least squares, and the photo's pose."""
+        from raytwin.photos import camera as camera_package
+
+        sizes = self.photo.shape[1], self.photo.shape[0]
+        found = camera_package.calibrate_detections(self._found, sizes, self.board)
+        pose = camera_package.pose_of_tags(
+            found.K, found.dist, self._found[self._name], found.shaped(self.board)
+        ).refined
+        camera = camera_package.camera_at(found, pose)
+        self.full_K = np.array(found.K)
+        camera = camera.resized(self._width, round(self._width * sizes[1] / sizes[0]))
+        self.scene = self.scene.with_camera(camera)
+        self.width, self.height = camera.image_size
+        self.K, self.dist = np.array(camera.K), np.array(camera.coefficients)
+        self.R, self.t, self.eye = np.array(camera.R_cam_board), np.array(camera.t_cam_board), np.array(camera.eye)
+        return self
+
+    def first_hits(self, origins: np.ndarray, directions: np.ndarray, intersect_sphere: Callable[..., Any]) -> Hits:
+        """What the rays (N, 3) meet first: the spheres by the given function, the sheet and the table by raytwin's."""
+        o, d = np.broadcast_to(origins, directions.shape), directions
+        ts = [np.asarray(intersect_sphere(o, d, c, float(r))) for c, r in zip(self.centers, self.radii, strict=True)]
+        with np.errstate(all="ignore"):
+            ts += [np.asarray(intersect_rectangle(_parts(o), _parts(d), plane)) for plane in self.planes]
+        all_t = np.array(ts)
+        which, t = all_t.argmin(axis=0), all_t.min(axis=0)
+        points = o + np.where(np.isfinite(t), t, 0)[:, None] * d
+        flat = np.array([(0.0, 0.0, 0.0)] * len(self.centers) + [plane.normal for plane in self.planes])
+        middle = np.concatenate([self.centers, np.zeros((len(self.planes), 3))])[which]
+        is_sphere = (which < len(self.centers))[:, None]
+        normals = np.where(is_sphere, points - middle, flat[which])
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        normals = np.where(((normals * d).sum(axis=1) > 0)[:, None], -normals, normals)
+        return Hits(t, points, normals, np.concatenate([self.albedos, self._plane_albedos])[which])
+
+    def picture(self, values: np.ndarray, hits: Hits | None = None) -> np.ndarray:
+        """(N, 3) as an image (H, W, 3); the sky where the rays met nothing."""
+        if hits is not None:
+            values = np.where(hits.seen[:, None], values, self.sky)
+        return np.asarray(values, np.float32).reshape(self.height, self.width, 3)
+
+    def twin(self, rung: str, samples: int = 64, depth: int | None = None) -> Image:
+        """The same by Mitsuba."""
+        return twin.render(
+            self.scene, rung, sampling="center", samples=samples, max_depth=depth if rung == "path" else None
+        )
+
+
+def around(normals: np.ndarray, local: np.ndarray) -> np.ndarray:
+    """Directions (N, 3) about (0, 0, 1), turned to be about the unit normals (N, 3)."""
+    side = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0, 0]], [[0, 1.0, 0]])
+    u = np.cross(side, normals)
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    v = np.cross(normals, u)
+    return np.asarray(local[:, :1] * u + local[:, 1:2] * v + local[:, 2:] * normals)
+
+
+def _parts(v: np.ndarray) -> tuple[Any, Any, Any]:
+    x, y, z = v.T
+    return x, y, z

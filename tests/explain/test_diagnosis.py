@@ -1,0 +1,354 @@
+import numpy as np
+import pytest
+from scene_of import changed
+from tracers_by_students import CORRECT, MISTAKES, mistaken, run
+
+from raytwin import scene_folders
+from raytwin.explain import draw_scene
+from raytwin.explain.catalogue import ACNE, AVERAGED, FAULTS
+from raytwin.explain.changes import STAGES
+from raytwin.explain.diagnosis import SPECKLED, Cause, diagnose, explain
+from raytwin.explain.light_decomposition import split
+from raytwin.explain.localize import whereabouts
+from raytwin.explain.pixel_sample import SubmittedImage, mixed, sample_pixels
+from raytwin.explain.predict import RIGHT, predictor
+from raytwin.explain.search import Hypothesis, ranked
+from raytwin.images.image import Image
+from raytwin.images.photo_files import srgb_decode, srgb_encode
+from raytwin.images.stored_precision import half_code
+from raytwin.renderers.scene_exchange import as_arrays
+from raytwin.scene import Rectangle, Sphere
+from raytwin.scene.scene_files import read_scene
+from raytwin.scene_folders import find_scene
+from raytwin.tracer import trace
+
+SIZES = {"eclipse": (80, 60), "overlap": (88, 66), "distorted": (88, 66)}
+
+
+def small(name):
+    scene = read_scene(find_scene(scene_folders.SCENES / name)).scene
+    return scene.with_camera(scene.camera.resized(*SIZES[name]))
+
+
+SCENES = [small(name) for name in SIZES]
+DRAWN = [draw_scene.draw_scene(seed, (60, 44)) for seed in (1, 2)]
+
+
+def planted(way, scene):
+    """The picture of a tracer with this fault."""
+    made = predictor(scene)
+    made.brightest = 1.0
+    return made.picture(way).reshape(scene.camera.height, scene.camera.width, 3)
+
+
+def fault(name):
+    return next(f for f in FAULTS if f.name == name)
+
+
+def names(diagnosis):
+    return [diagnosis.cause.name] if diagnosis.cause else []
+
+
+def views(pictures):
+    return [SubmittedImage(scene, picture) for scene, picture in zip(SCENES, pictures, strict=False)]
+
+
+def test_the_catalogue_has_its_faults_each_under_its_own_name_and_stage():
+    assert len({f.name for f in FAULTS}) == len(FAULTS) >= 60
+    assert {f.stage for f in FAULTS} <= set(STAGES)
+    assert all((f.ways or f.alone) and f.sentence for f in FAULTS)
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=SIZES)
+def test_without_a_fault_the_steps_are_the_tracer(scene):
+    made = planted(RIGHT, scene)
+    assert np.abs(made - trace(scene).mean).max() < 1e-6
+
+
+def test_every_fault_shows_on_drawn_scenes_but_for_those_that_a_stage_alone_shows():
+    hidden = {"sign-of-zero", "t-of-other-rays"}
+    thin = [predictor(draw_scene.draw_scene(seed), shadows, 5) for seed in range(2) for shadows in (True, False)]
+    right = [one.radiance() for one in thin]
+    for f in (f for f in FAULTS if f.ways and f.name not in hidden):
+        shows = (
+            (~(np.abs(one.picture(way) - r) <= 1e-4)).mean() > 1e-3
+            for way in f.ways
+            for one, r in zip(thin, right, strict=True)
+        )
+        assert any(shows), f.name
+
+
+@pytest.mark.parametrize(("kind", "on"), [("spheres", Sphere), ("planes", Rectangle)])
+def test_a_kind_that_receives_no_shadow_is_lit_as_if_none_fell_and_the_other_kind_as_it_should(kind, on):
+    for scene in DRAWN:
+        right, lit = trace(scene), trace(scene, "lambert").mean
+        of_kind = np.array([isinstance(thing, on) for thing in scene.objects] + [False])[right.surface.ids]
+        dark = (lit != right.mean).any(axis=-1)
+        assert (dark & of_kind).any()
+        assert (dark & ~of_kind).any()
+        expected = np.where(of_kind[..., None], lit, right.mean)
+        made = planted(fault(f"{kind}-receive-none").ways[0], scene)
+        assert np.abs(made - expected).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", ["half-pixel", "sky-missing"])
+def test_a_fault_that_is_planted_alone_is_proved(name):
+    made = diagnose(views([planted(fault(name).ways[0], scene) for scene in SCENES]))
+    assert names(made) == [name]
+    assert made.certainty == "proved"
+    assert fault(name).sentence in made.findings[0].reason
+
+
+CHOSEN = [m for m in MISTAKES if m[0][0] in ("radius-scaled", "acne")]
+
+
+@pytest.mark.parametrize("mistake", CHOSEN, ids=lambda m: m[0][0])
+def test_a_students_mistake_is_named(mistake):
+    wanted, text, old, new = mistake
+    made = diagnose(views(run(mistaken(text, old, new), [as_arrays(scene) for scene in SCENES[:2]])))
+    assert made.cause.name in wanted
+
+
+def test_a_tracer_that_is_right_in_its_own_way_is_not_blamed():
+    """In float32; measure/named_causes.py has every form."""
+    made = diagnose(views(run(mistaken(*CORRECT[3]), [as_arrays(scene) for scene in SCENES[:2]])))
+    assert not made.cause
+
+
+def test_several_rays_a_pixel_are_told():
+    scene = SCENES[1]
+    corners = [fault("half-pixel").ways[0], RIGHT, *fault("half-pixel").ways[2:]]
+    mean = np.mean([planted(way, scene) for way in corners], axis=0)
+    assert names(diagnose([SubmittedImage(scene, mean)])) == ["averaged-from-corner"]
+
+
+def test_of_two_faults_the_one_that_explains_most_is_named_and_that_something_else_is_wrong_too():
+    both = [fault("pi-missing").ways[0], fault("background-black").ways[0]]
+    made = diagnose(views([planted((*both[0], *both[1]), scene) for scene in SCENES[:2]]))
+    assert names(made) == ["pi-missing"]
+    assert made.certainty == "likely"
+    assert "something else is wrong, too: wrong only in the background" in made.sentences[-1]
+
+
+def test_faults_that_give_the_same_pictures_are_both_named():
+    scene = SCENES[1]  # here the plane is the last object tested
+    made = diagnose([SubmittedImage(scene, planted(fault("last-wins").ways[0], scene))])
+    assert {made.cause.name, *(cause.name for cause in made.causes)} == {"last-wins", "planes-on-top"}
+    assert made.sentences[1].startswith("or, with the same effect here: ")
+
+
+@pytest.mark.parametrize("name", ["first-wins", "wrong-eye"])
+@pytest.mark.parametrize("composed", [True, False])
+def test_points_that_are_composed_say_nothing_of_the_order_and_the_eye(composed, name):
+    """There both are ours: correct points speak against such a mistake in the submission's own functions alone."""
+    camera = SCENES[1].camera
+    right = predictor(changed(SCENES[1], objects=SCENES[1].spheres)).points()
+    sample = sample_pixels(
+        SubmittedImage(SCENES[1], right.reshape(camera.height, camera.width, 3), points=True, composed=composed)
+    )
+    cost = sample.squared(sample.predict(fault(name).ways[0]))
+    assert (cost == 0) == composed
+
+
+def test_of_one_fault_the_way_that_costs_least_stands_and_of_two_alike_the_usual_one():
+    def guess(name, cost, usual):
+        return Hypothesis(Cause(name, "", ""), RIGHT, cost, usual=usual)
+
+    ways = [guess("mirrored", 0.0, False), guess("upside-down", 0.002, True), guess("upside-down", 0.0001, False)]
+    found = [(g.cause.name, g.cost) for g in ranked(ways, FAULTS, 0.001)]
+    assert found == [("upside-down", 0.0001), ("mirrored", 0.0), ("upside-down", 0.002)]
+    ways.append(guess("mirrored", 0.0003, True))
+    assert ranked(ways, FAULTS, 0.001)[0].cause.name == "mirrored"
+
+
+def test_a_second_fault_that_few_pixels_show_makes_the_first_unsure_and_it_is_told_where():
+    one, other = fault("bgr").ways[0], fault("shadow-offset").ways[0]
+    made = diagnose([SubmittedImage(scene, planted((*one, *other), scene)) for scene in SCENES[1:]])
+    assert names(made) == ["bgr"]
+    assert made.certainty == "likely"
+    assert made.sentences[-1].startswith("something else is wrong, too: wrong in single pixels")
+
+
+def test_of_few_wrong_pixels_it_is_said_where_they_are():
+    sample = sample_pixels(SubmittedImage(SCENES[0], trace(SCENES[0]).mean)).everywhere(10_000)
+    errors = np.where(np.arange(sample.index.size) == 2400, 1.0, 0.0)
+    sample.weight *= 1e-3
+    assert whereabouts([sample], [errors]).startswith("wrong in single pixels (0.021 %), most ")
+
+
+def test_no_sphere_at_all_is_told_beside_the_factor_that_does_the_same():
+    scene = draw_scene.draw_scene(1)
+    made = diagnose([SubmittedImage(scene, planted(fault("no-spheres").ways[0], scene))])
+    assert {*names(made), *(cause.name for cause in made.causes)} == {"no-spheres", "factor-in-quadratic"}
+    assert made.certainty == "likely"
+
+
+def test_a_picture_without_any_hit_is_said_to_be_one_and_no_cause_is_guessed():
+    made = diagnose(views([planted(fault("nothing-met").ways[0], scene) for scene in SCENES[:2]]))
+    assert names(made) == ["nothing-met"]
+    assert len(made.causes) == 1
+
+
+def test_light_reversed_in_shading_alone_is_told_beside_normals_that_do_the_same():
+    scene = draw_scene.draw_scene(1)
+    made = diagnose([SubmittedImage(scene, planted(fault("light-reversed-in-shading").ways[0], scene))])
+    said = {*names(made), *(cause.name for cause in made.causes)}
+    assert said == {"all-normals-inward", "light-reversed-in-shading"}
+    assert made.certainty == "likely"
+
+
+def test_a_region_that_stays_wrong_is_told_and_makes_nothing_sure():
+    pictures = [planted(fault("pi-missing").ways[0], scene) for scene in SCENES]
+    v, u = np.argwhere(predictor(SCENES[0]).seen().ids.reshape(60, 80) >= 0).mean(axis=0).astype(int)
+    pictures[0][v : v + 5, u : u + 5] *= 0.7
+    made = diagnose(views(pictures))
+    assert names(made) == ["pi-missing"]
+    assert made.certainty == "likely"
+    assert made.sentences[-1].startswith("something else is wrong, too: wrong")
+
+
+def test_the_mean_of_several_rays_a_pixel_is_proved():
+    made = diagnose([SubmittedImage(scene, planted(AVERAGED[0].ways[0], scene)) for scene in DRAWN])
+    assert names(made) == ["averaged-over-pixel"]
+    assert made.certainty == "proved"
+
+
+def test_shadows_on_the_rung_without_any_are_told():
+    scene = draw_scene.draw_scene(1)
+    made = diagnose([SubmittedImage(scene, trace(scene, "shadow").mean, rung="lambert")])
+    assert names(made) == ["shadows-always"]
+
+
+def test_eight_bits_hide_no_cause():
+    scene = SCENES[1]
+    code = np.rint(srgb_encode(planted(fault("pi-twice").ways[0], scene)) * 255) / 255
+    shown = srgb_decode(code)
+    made = diagnose([SubmittedImage(scene, shown, half=half_code(shown), clipped=True)])
+    assert names(made) == ["pi-twice"]
+
+
+def test_where_nothing_explains_it_is_said_where_it_is_wrong():
+    pictures = [trace(scene).mean.copy() for scene in SCENES[:2]]
+    rng = np.random.default_rng(1)
+    seen = predictor(SCENES[0]).seen().ids.reshape(60, 80)
+    on = np.isin(seen, [0, 1])
+    pictures[0][on] *= rng.uniform(0.5, 1.5, (on.sum(), 1)).astype(np.float32)
+    made = diagnose(views(pictures))
+    assert not made.cause
+    assert made.findings[0].reason.startswith("cause unknown: wrong only on spheres, correct elsewhere")
+    assert "all of overlap is correct" in made.findings[0].reason
+
+
+def test_points_are_told_from_the_points_that_a_fault_would_give():
+    scene = SCENES[1]
+    balls = changed(scene, objects=scene.spheres)
+    shown = predictor(balls).points(fault("t-along-z").ways[0]).reshape(66, 88, 3)
+    assert names(diagnose([SubmittedImage(scene, shown, points=True)])) == ["t-along-z"]
+
+
+def test_nan_an_empty_scene_and_a_black_picture_are_no_obstacle():
+    scene = SCENES[0]
+    shown = trace(scene).mean.copy()
+    shown[20:30, 20:30] = np.nan
+    assert diagnose([SubmittedImage(scene, shown)]).certainty != "correct"
+    empty = changed(scene, objects=())
+    assert names(diagnose([SubmittedImage(empty, 2 * trace(empty).mean)]))
+    assert names(diagnose([SubmittedImage(scene, 0 * trace(scene).mean)])) == ["empty"]
+
+
+P = np.random.default_rng(2).random((40, 50, 3))
+APPEARANCE = {
+    "mirrored left to right": P[:, ::-1],
+    "upside down": P[::-1],
+    "half a turn": P[::-1, ::-1],
+    "red and blue are swapped": P[..., ::-1],
+    "encoded for display (gamma)": P ** (1 / 2.2),
+    "decoded once too often": P**2.2,
+    "too dark by a factor of 3.142 = π": P / np.pi,
+    "3.142 = π times too bright": P * np.pi,
+    "2 times too bright": P * 2,
+    "1.3 times too bright": P * 1.3,
+    "0.2 is added": P + 0.2,
+}
+
+
+@pytest.mark.parametrize("name", APPEARANCE)
+def test_of_an_unknown_scene_what_a_writer_of_pictures_does_wrong_is_named(name):
+    said = explain(Image(np.ascontiguousarray(APPEARANCE[name])), Image(P))[0].reason
+    assert name in said
+
+
+def test_of_an_unknown_scene_an_error_without_such_a_cause_gets_no_words():
+    t = P.copy()
+    t[20:30, 20:30] = 0
+    assert explain(Image(t), Image(P)) == ()
+    assert explain(Image(P + 0.1 * np.random.default_rng(3).random(P.shape)), Image(P)) == ()
+    assert explain(Image(P[:, :20]), Image(P)) == ()
+
+
+def test_parts_of_the_light_are_fitted_although_the_sky_hides_them_in_the_whole():
+    scene = SCENES[1]
+    found = split(sample_pixels(SubmittedImage(scene, planted(fault("pi-missing").ways[0], scene))))
+    assert found.words == "the sun's part is 3.142 = π times too bright"
+    assert {share.part: round(share.factor, 3) for share in found.shares} == {"sun": 3.142}
+
+
+def test_parts_of_the_light_are_fitted_by_object():
+    scene = SCENES[1]
+    right = planted(RIGHT, scene)
+    one = predictor(scene).seen().ids.reshape(right.shape[:2]) == 1
+    right[one] *= 0.5
+    found = split(sample_pixels(SubmittedImage(scene, right)))
+    assert found.explained > 0.999
+    assert f"the sun's part is too dark by a factor of 2 on {scene.names[1]}" in found.words
+    assert f"the sky's part is too dark by a factor of 2 on {scene.names[1]}" in found.words
+    assert "sphere 0" not in found.words
+
+
+def test_sampled_parts_are_fitted_without_their_noise():
+    """Noise of the parts' own size would pull a plain fit's factor to 1/2; seeded, within 4 standard errors."""
+    scene = SCENES[1]
+    sample = sample_pixels(SubmittedImage(scene, planted(RIGHT, scene)))
+    rng = np.random.default_rng(4)
+    bounce = rng.uniform(0, 0.2, sample.view.shown.shape)
+    seen = predictor(scene).seen().ids.reshape(bounce.shape[:2]) >= 0
+    shown = sample.view.shown + np.where(seen[..., None], 0.3 * bounce, 0)
+    halves = tuple(bounce + rng.normal(0, 0.06, bounce.shape) for _ in range(2))
+    found = split(sample_pixels(SubmittedImage(scene, shown, sample.view.right)), {"bounce 1": halves})
+    shares = [share for share in found.shares if share.part == "bounce 1"]
+    assert shares
+    assert all(abs(share.factor - 0.3) < 4 * share.error < 0.15 for share in shares)
+
+
+@pytest.mark.parametrize("share", [0.01, 0.1, 0.5, 0.9])
+def test_pixels_that_are_wrong_by_chance_are_speckled_and_regions_are_not(share):
+    rng = np.random.default_rng(5)
+    x, y = np.meshgrid(np.arange(120), np.arange(90))
+    disc = (x - 60) ** 2 + (y - 45) ** 2 < share * 120 * 90 / np.pi
+    assert mixed(disc) < SPECKLED < mixed(rng.random(disc.shape) < share)
+    assert mixed(disc | (rng.random(disc.shape) < 0.05)) > SPECKLED
+
+
+def test_a_row_and_a_column_that_are_left_out_are_named_and_no_others():
+    made = []
+    for inner in (0, 1):
+        pictures = [planted(RIGHT, scene) for scene in SCENES[:2]]
+        for picture in pictures:
+            picture[-1], picture[:, -1] = 0, 0
+            picture[-1 - inner, :30] = 0
+        made.append(diagnose(views(pictures)))
+    assert names(made[0]) == ["border-alone"]
+    assert made[0].sentences[0].startswith("the last row and the last column of the image are wrong")
+    assert names(made[1]) != ["border-alone"]
+
+
+def test_acne_that_darkens_most_of_a_table_is_named_and_nothing_is_searched(monkeypatch):
+    """Points in single precision, tested for shadows at t > 0: nearly all of the table, and half of the spheres."""
+    monkeypatch.delattr("raytwin.explain.diagnosis.Search")
+    scene = small("distorted")
+    right = trace(scene, "shadow").mean
+    dark = planted(ACNE.ways[1], scene)
+    rng = np.random.default_rng(3)
+    spoilt = np.where((rng.random(right.shape[:2]) < 0.85)[..., None], dark, right)
+    found = diagnose([SubmittedImage(scene, spoilt, right)])
+    assert names(found) == ["acne"]

@@ -1,0 +1,260 @@
+"""Trim boxes: never a visible pixel outside, and not much else inside."""
+
+import math
+from itertools import cycle
+
+import cv2
+import numpy as np
+import pytest
+from engines import SHIPPED, TRIED
+from hypothesis import assume, example, given, reject, settings
+from hypothesis import strategies as st
+from scene_of import scene_of
+
+from raytwin.fast import trace, trim_box
+from raytwin.fast.boxes import EMPTY, _tangents, corner_box, field_of_view
+from raytwin.fast.frame import touched
+from raytwin.scene import Camera, Rectangle, Shape, Sphere
+from raytwin.scene.lens import undone
+from raytwin.scene.scene_files import read_scene
+from raytwin.tracer import back_project, intersect_rectangle, intersect_sphere
+from raytwin.tracer.pixel_to_ray import to_board
+
+SIZES = [(64, 48), (97, 31), (40, 90)]
+
+
+def reals(low: float, high: float) -> st.SearchStrategy[float]:
+    return st.floats(low, high, allow_subnormal=False)
+
+
+def vectors(low: float, high: float) -> st.SearchStrategy[tuple[float, float, float]]:
+    return st.tuples(*[reals(low, high)] * 3)
+
+
+@st.composite
+def cameras(draw, distorted: bool) -> Camera:
+    """Small images, wide and narrow lenses, any place and turn; half of the lenses distort where that is asked for."""
+    w, h = draw(st.sampled_from(SIZES))
+    f = draw(reals(0.3, 3)) * w
+    K = (
+        (f, 0.0, draw(reals(0.3, 0.7)) * w),
+        (0.0, f * draw(reals(0.8, 1.25)), draw(reals(0.3, 0.7)) * h),
+        (0.0, 0.0, 1.0),
+    )
+    R = cv2.Rodrigues(np.array(draw(vectors(-3, 3))))[0]
+    dist = ()
+    if distorted:
+        dist = tuple(draw(reals(-b, b)) for b in (0.35, 0.1, 0.02, 0.02, 0.05))
+    camera = Camera((w, h), K, tuple(map(tuple, R.tolist())), draw(vectors(-1, 1)), dist)
+    if undone(camera.K, camera.dist, camera.image_size).fault:  # it folds over within the frame
+        reject()
+    return camera
+
+
+def hits(thing: Shape, camera: Camera) -> np.ndarray:
+    """(H, W) bool: every pixel's ray is tried."""
+    u, v = np.arange(camera.width)[None, :], np.arange(camera.height)[:, None]
+    with np.errstate(all="ignore"):
+        d = to_board(back_project(u, v, camera), camera)
+        meet = intersect_sphere if isinstance(thing, Sphere) else intersect_rectangle
+        return np.broadcast_to(meet(camera.eye, d, thing) < np.inf, (camera.height, camera.width))
+
+
+def assert_nothing_is_cut(thing: Shape, camera: Camera) -> None:
+    x0, y0, x1, y1 = trim_box(thing, camera)
+    assert (0 <= x0 < x1 <= camera.width and 0 <= y0 < y1 <= camera.height) or (x0, y0, x1, y1) == EMPTY
+    outside = hits(thing, camera).copy()
+    outside[y0:y1, x0:x1] = False
+    assert not outside.any(), f"cut: {np.argwhere(outside)[:5].tolist()} beyond {(x0, y0, x1, y1)}"
+
+
+@settings(max_examples=120, deadline=None)
+@given(cameras(distorted=False) | cameras(distorted=True), vectors(-1.5, 1.5), reals(0.01, 1))
+def test_a_spheres_box_holds_every_hit(camera, place, radius):
+    # About the eye: before it, across the camera's plane, behind it, round it.
+    center = tuple((np.asarray(camera.eye) + place).tolist())
+    assert_nothing_is_cut(Sphere(center, radius), camera)
+
+
+@settings(max_examples=40, deadline=None)
+@given(cameras(distorted=True), reals(-0.6, 0.6), reals(-0.6, 0.6), reals(0.02, 5), reals(0.05, 1.2))
+def test_a_spheres_box_holds_every_hit_of_a_sphere_before_the_lens(camera, x, y, depth, share):
+    ahead = np.asarray(camera.R_cam_board).T @ np.array([x * depth, y * depth, depth])
+    assert_nothing_is_cut(Sphere(tuple((np.asarray(camera.eye) + ahead).tolist()), share * depth), camera)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    cameras(distorted=False) | cameras(distorted=True),
+    vectors(-1.5, 1.5),
+    vectors(-1, 1),
+    vectors(-1, 1),
+    reals(0.05, 2),
+)
+def test_a_rectangles_box_holds_every_hit(camera, place, u, v, length):
+    u, v = np.asarray(u), np.asarray(v)
+    v = v - u * (u @ v) / max(u @ u, 1e-300)
+    assume(np.linalg.norm(u) > 1e-3 and np.linalg.norm(v) > 1e-3)
+    # An eye in the rectangle's own plane, to rounding: what it sees of it is a matter of the last digit.
+    assume(abs(np.cross(u, v) @ place) > 1e-12)
+    center = tuple((np.asarray(camera.eye) + place).tolist())
+    assert_nothing_is_cut(Rectangle(center, tuple(u.tolist()), tuple((v * length).tolist())), camera)
+
+
+@settings(max_examples=50, deadline=None)
+@given(cameras(distorted=False), reals(0.3, 0.7), reals(0.3, 0.7), reals(0.1, 0.8))
+def test_a_pinholes_box_is_tight(camera, right, down, share):
+    # The sphere stands in the frame, reaching a share of the way to its sides: its outline is an ellipse, here found on
+    # a grid twice as fine.
+    K, (w, h) = np.asarray(camera.K), camera.image_size
+    x, y = (right * w - K[0, 2]) / K[0, 0], (down * h - K[1, 2]) / K[1, 1]
+    aside = 0.3 * min(w / K[0, 0], h / K[1, 1])
+    ahead = np.asarray(camera.R_cam_board).T @ np.array([x, y, 1.0])
+    sphere = Sphere(tuple((np.asarray(camera.eye) + ahead).tolist()), share * aside / math.hypot(1, aside))
+    seen = hits(sphere, camera.resized(2 * camera.width, 2 * camera.height))
+    assume(seen.any() and not (seen[0].any() or seen[-1].any() or seen[:, 0].any() or seen[:, -1].any()))
+    rows, columns = ((np.flatnonzero(seen.any(axis=i)) + 0.5) / 2 - 0.5 for i in (1, 0))
+    x0, y0, x1, y1 = trim_box(sphere, camera)
+    assert columns[0] - x0 < 2
+    assert (x1 - 1) - columns[-1] < 2
+    assert rows[0] - y0 < 2
+    assert (y1 - 1) - rows[-1] < 2
+
+
+def test_a_lens_costs_the_box_little(scenes):
+    scene = read_scene(scenes / "distorted")
+    scene = scene.with_camera(scene.camera.resized(400, 300))
+    for sphere in scene.spheres:
+        x0, y0, x1, y1 = trim_box(sphere, scene.camera)
+        seen = hits(sphere, scene.camera)
+        rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+        assert (x1 - x0) * (y1 - y0) < 1.5 * (np.ptp(rows) + 1) * (np.ptp(columns) + 1)
+
+
+@settings(max_examples=300, deadline=None)
+@given(reals(-3, 3), reals(-3, 3), reals(0.01, 2))
+@example(0.0, -1.0, 0.999)
+@example(0.0, -1.0, 1.001)
+@example(1.0, 0.0, 0.5)
+@example(-1.0, -0.1, 0.5)
+def test_the_tangents_bound_the_slopes_of_all_rays_that_meet_the_circle(a, z, r):
+    assume(abs(math.hypot(a, z) - r) > 1e-3)
+    angle = np.linspace(-np.pi / 2, np.pi / 2, 20_001)[1:-1]
+    d = np.stack([np.sin(angle), np.cos(angle)])
+    along = d[0] * a + d[1] * z
+    off = np.abs(d[0] * z - d[1] * a)
+    met = (off < r) & ((along > 0) | (math.hypot(a, z) < r))
+    found = [float(s) for s in _tangents(*(np.array(c) for c in (a, z, r)))]
+    if not met.any():
+        assert found == [math.inf, -math.inf] or math.atan(found[1]) - math.atan(found[0]) < 2 * np.pi / 20_000
+        return
+    low, high = (math.atan(s) for s in found)
+    step = np.pi / 20_000 * 1.01
+    assert low <= angle[met][0] <= low + step
+    assert high - step <= angle[met][-1] <= high
+
+
+DOWN = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+BENDING = Camera(
+    (800, 600), ((420.0, 0.0, 404.2), (0.0, 418.0, 297.1), (0.0, 0.0, 1.0)), DOWN, (0.0, 0.0, 0.32),
+    (-0.22, 0.045, 0.0012, -0.0008, -0.0035),
+)  # fmt: skip
+PINHOLE = Camera((800, 600), ((280.0, 0.0, 399.5), (0.0, 280.0, 299.5), (0.0, 0.0, 1.0)), DOWN, (0.0, 0.0, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("thing", "camera"),
+    [
+        (Rectangle((0.0, 0.0, 0.0), (0.24, 0.0, 0.0), (0.0, 0.18, 0.0)), BENDING),
+        (Sphere((0.1, 0.0, 0.44), 0.1), PINHOLE),  # it reaches behind the camera
+    ],
+)
+def test_the_papers_box_of_eight_corners_cuts_where_a_lens_bends_or_a_corner_lies_behind_the_eye(thing, camera):
+    x0, y0, x1, y1 = corner_box(thing, camera)
+    outside = hits(thing, camera).copy()
+    outside[y0:y1, x0:x1] = False
+    assert outside.sum() > 1000
+    assert_nothing_is_cut(thing, camera)
+
+
+def test_what_lies_behind_the_camera_has_no_box(single):
+    x, y, z = single.camera.eye
+    behind = (x, y, z + 1)
+    assert trim_box(Sphere(behind, 0.5), single.camera) == EMPTY
+    assert trim_box(Rectangle(behind, (9.0, 0.0, 0.0), (0.0, 9.0, 0.0)), single.camera) == EMPTY
+
+
+def test_a_camera_inside_the_sphere_needs_the_whole_frame(single):
+    assert trim_box(Sphere(single.camera.eye, 0.1), single.camera) == (0, 0, *single.camera.image_size)
+
+
+def test_a_lens_that_folds_over_gets_the_whole_frame(single):
+    folding = Camera(*(getattr(single.camera, n) for n in ("image_size", "K", "R_cam_board", "t_cam_board")), (-2.5,))
+    assert field_of_view(folding) is None
+    assert trim_box(single.spheres[0], folding) == (0, 0, *folding.image_size)
+
+
+@pytest.mark.parametrize("k1", [-0.08, -0.3])
+def test_what_a_frame_sees_of_a_lens_is_turned_with_the_frame(single, k1):
+    """Long and high: a lens that folds beyond the long side alone leaves boxes, one that folds within it none."""
+    fields = []
+    for w, h in ((200, 60), (60, 200)):
+        K = ((80.0, 0.0, (w - 1) / 2), (0.0, 80.0, (h - 1) / 2), (0.0, 0.0, 1.0))
+        fields.append(field_of_view(Camera((w, h), K, single.camera.R_cam_board, single.camera.t_cam_board, (k1,))))
+    if k1 == -0.3:
+        assert fields == [None, None]
+    else:
+        (x0, x1, y0, y1), high = fields
+        assert high == pytest.approx((y0, y1, x0, x1))
+        assert x1 > 100 / 80
+
+
+# ------------------------------------------------------------------------------------------------ tiles
+
+W, H = 300, 200
+
+
+@st.composite
+def boxes(draw) -> tuple[int, int, int, int]:
+    x0, x1 = sorted((draw(st.integers(0, W)), draw(st.integers(0, W))))
+    y0, y1 = sorted((draw(st.integers(0, H)), draw(st.integers(0, H))))
+    return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else EMPTY
+
+
+@pytest.mark.parametrize("side", [128, 32])
+@settings(max_examples=150, deadline=None)
+@given(found=st.lists(boxes(), max_size=12))
+def test_every_tile_lists_the_objects_whose_boxes_touch_it_in_their_order(side, found):
+    tile, thing = touched(np.array(found, int).reshape(-1, 4), side, (W, H))
+    columns = -(-W // side)
+    for number in range(columns * -(-H // side)):
+        x, y = number % columns * side, number // columns * side
+        touching = [
+            i for i, (x0, y0, x1, y1) in enumerate(found)
+            if x0 < x1 and x0 < x + side and x < x1 and y0 < y + side and y < y1
+        ]  # fmt: skip
+        assert thing[tile == number].tolist() == touching
+    assert (np.diff(tile) >= 0).all()
+
+
+# ------------------------------------------------------------------------------------------------ images
+
+
+@pytest.mark.parametrize(("name", "engine"), [*zip(SHIPPED, cycle(TRIED))], indirect=["engine"])
+def test_trimming_changes_not_one_bit(scenes, name, engine):
+    scene = read_scene(scenes / name)
+    small = scene.with_camera(scene.camera.resized(213, 160))
+    trimmed, full = trace(small, "shadow", engine, trim="conic"), trace(small, "shadow", engine, trim="none")
+    np.testing.assert_array_equal(trimmed.mean, full.mean)
+    for layer in ("ids", "depth", "normal"):
+        np.testing.assert_array_equal(getattr(trimmed.surface, layer), getattr(full.surface, layer))
+
+
+def test_trimming_changes_not_one_bit_where_a_merged_box_reaches_a_third(engine, single):
+    # Two spheres touch corner to corner; the box round both holds a third that touches neither.
+    spheres = tuple(Sphere((x, y, 0.0), 0.02) for x, y in ((-0.05, 0.05), (-0.02, 0.02), (-0.01, 0.055)))
+    scene = scene_of("three", single.camera, spheres, (single.sun, single.sky))
+    trimmed, full = trace(scene, "shadow", engine), trace(scene, "shadow", engine, trim="none")
+    assert set(np.unique(full.surface.ids)) == {-1, 0, 1, 2}
+    np.testing.assert_array_equal(trimmed.surface.ids, full.surface.ids)
+    np.testing.assert_array_equal(trimmed.mean, full.mean)

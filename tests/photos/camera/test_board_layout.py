@@ -1,0 +1,84 @@
+"""Photos of another board than its file describes give no camera."""
+
+import msgspec
+import numpy as np
+import pytest
+from photo_helpers import a_camera, seen
+
+from raytwin.errors import InputError
+from raytwin.photos.boards import Board, BoardTag, Grid
+from raytwin.photos.camera import calibrate_detections, pose_of_tags
+from raytwin.photos.synthetic_photos import poses
+
+SIZE = (1008, 756)
+TRUE = Board("tag36h11", 0.022, Grid(6, 6, 0.0286))
+
+
+def _tags(seed: int = 0, count: int = 6) -> dict:
+    rng = np.random.default_rng(seed)
+    camera = a_camera(*SIZE)
+    return seen(camera, poses(TRUE, camera, count, rng), TRUE, 0.1, rng)
+
+
+def test_a_row_twice_as_long_as_its_file_says_is_refused():
+    """Most neighbours are along a row, where two files agree: the few across decide."""
+    true, camera = _grid(18, 2), a_camera(*SIZE)
+    rng = np.random.default_rng(0)
+    tags = seen(camera, poses(true, camera, 4, rng), true, 0.1, rng)
+    with pytest.raises(InputError, match="id 18 lies above id 0, so it has 18 columns"):
+        calibrate_detections(tags, SIZE, _grid(9, 4))
+
+
+def _grid(columns: int, rows: int, first_id: int = 0, order: str = "up") -> Board:
+    return msgspec.structs.replace(TRUE, grid=Grid(columns, rows, 0.0286, first_id, order))
+
+
+@pytest.mark.parametrize(
+    ("columns", "rows", "order"),
+    [(5, 6, "up"), (4, 9, "up"), (9, 4, "up"), (12, 3, "up"), (3, 12, "up"), (7, 5, "down"), (18, 2, "up")],
+)
+def test_another_number_of_columns_is_refused_with_the_number_in_the_photos(columns, rows, order):
+    """Of 5 columns the fit was singular; of 4 and 9 its rms was hundreds of pixels; of 3 and 12 a pixel's fifth."""
+    text = f"a board of {columns} columns and {rows} rows, as its file says, got one where id 6 lies above id 0"
+    for seed in (0, 1):
+        with pytest.raises(InputError, match=f"{text}, so it has 6 columns"):
+            calibrate_detections(_tags(seed), SIZE, _grid(columns, rows, order=order))
+
+
+def test_one_photo_of_another_board_gives_no_pose():
+    camera = a_camera(*SIZE)
+    with pytest.raises(InputError, match="so it has 6 columns"):
+        pose_of_tags(camera.K, camera.dist, _tags()["view_00"], _grid(9, 4))
+
+
+@pytest.mark.parametrize("board", [TRUE, _grid(6, 5), _grid(6, 6, first_id=6), _grid(6, 6, order="down")])
+def test_the_board_itself_its_rows_cut_its_ids_moved_by_a_row_or_its_mirror_image_give_a_camera(board):
+    assert calibrate_detections(_tags(), SIZE, board, "k1k2").rms_px < 0.3
+
+
+def test_tags_listed_in_other_places_are_refused():
+    ids = np.random.default_rng(0).permutation(36).tolist()
+    listed = tuple(BoardTag(i, at) for i, at in zip(ids, TRUE.centers().values(), strict=True))
+    with pytest.raises(InputError, match=r"the board that its file describes, got another: id \d+ lies beside id 0"):
+        calibrate_detections(_tags(), SIZE, Board("tag36h11", 0.022, tags=listed))
+
+
+def test_a_tag_that_is_read_wrongly_says_nothing_of_the_board():
+    tags = _tags()
+    for found in tags.values():
+        found[7], found[20] = (
+            msgspec.structs.replace(found[7], id=found[20].id),
+            msgspec.structs.replace(found[20], id=found[7].id),
+        )
+    assert calibrate_detections(tags, SIZE, TRUE, "k1k2").rms_px < 0.3
+
+
+def test_an_rms_that_no_lens_explains_gives_no_camera():
+    """Neighbours are where they should be, but each photo is bent by another amount."""
+    tags, rng = _tags(), np.random.default_rng(3)
+    for found, push in zip(tags.values(), rng.normal(0, 40, (len(tags), 2)), strict=True):
+        for i, tag in enumerate(found):
+            at = np.array(tag.center)
+            found[i] = msgspec.structs.replace(tag, center=tuple((at + push * ((at - 500) / 500) ** 2).clip(0, 755)))
+    with pytest.raises(InputError, match=r"tags at most .* px \(rms\) off where some camera sees them"):
+        calibrate_detections(tags, SIZE, TRUE)

@@ -1,0 +1,378 @@
+import json
+import re
+import shutil
+from pathlib import Path
+
+import cv2
+import msgspec
+import numpy as np
+import pytest
+from photo_helpers import BOARD, SMALL, a_camera, seen
+from PIL import Image as Pillow
+
+from raytwin.errors import InputError
+from raytwin.images.photo_files import read_photo, write_picture
+from raytwin.photos.boards.board import Board, Grid
+from raytwin.photos.camera import (
+    Tag,
+    calibrate,
+    calibrate_detections,
+    camera_of_photo,
+    pose_of_photo,
+    pose_of_tags,
+    uncertainty_map,
+)
+from raytwin.photos.camera.calibration import _of_one_size
+from raytwin.photos.camera.fit import MODELS, ModelSpec, Sighting, fit
+from raytwin.photos.camera.model import trial_rows
+from raytwin.photos.camera.pose import rotation_degrees
+from raytwin.photos.synthetic_photos import poses
+from raytwin.scene.toml_json import write_json
+
+SIZE = (1008, 756)
+
+
+def _views(dist=(0.08, -0.16), count: int = 12, noise: float = 0.05, seed: int = 0):
+    camera = a_camera(*SIZE, dist=dist)
+    rng = np.random.default_rng(seed)
+    stands = poses(BOARD, camera, count, rng)
+    return camera, stands, seen(camera, stands, noise=noise, rng=rng)
+
+
+def _codes(calibration) -> set[str]:
+    return {w.code for w in calibration.warnings}
+
+
+# ---------------------------------------------------------------------------------- what is found
+
+
+def test_from_exact_detections_the_camera_and_every_pose_are_the_truth():
+    camera, stands, tags = _views(noise=0)
+    found = calibrate_detections(tags, SIZE, SMALL, "k1k2")
+    assert np.abs(np.array(found.K) - camera.K).max() < 2e-3
+    assert found.dist == pytest.approx(camera.dist, abs=1e-5)
+    for view, (R, t) in zip(found.views, stands, strict=True):
+        assert rotation_degrees(np.array(view.R_cam_board), np.array(R)) < 1e-3
+        assert np.abs(np.array(view.t_cam_board) - t).max() < 2e-6
+
+
+def test_photos_taken_with_a_known_camera_give_that_camera_back(shoot, plain_found):
+    (_, truth), found = shoot(), plain_found
+    K, true = np.array(found.K), np.array(truth.K)
+    assert found.model == "k1k2"
+    for (i, j), name, bound in (
+        ((0, 0), "fx", 1e-3 * true[0, 0]), ((1, 1), "fy", 1e-3 * true[1, 1]), ((0, 2), "cx", 1), ((1, 2), "cy", 1)
+    ):  # fmt: skip
+        assert abs(K[i, j] - true[i, j]) < min(bound, 4 * found.sigma[name]), name
+    assert len(found.views) == len(truth.photos)
+    assert found.warnings == ()
+    assert found.board.offsets is None
+    for view in found.views:
+        R, t = (np.array(a) for a in truth.photos[view.photo])
+        assert rotation_degrees(np.array(view.R_cam_board), R) < 0.1
+        assert np.linalg.norm(np.array(view.t_cam_board) - t) < 1e-3
+
+
+def test_the_same_detections_give_the_same_camera_to_the_last_bit_and_opencv_keeps_its_threads(real_tags, real_board):
+    (tags, size), board = real_tags("april_fine"), real_board("fine")
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(8)
+    try:
+        views = [Sighting(p, tuple(t for t in seen if t.id in board.centers())) for p, seen in tags.items()]
+        made = (fit(views, size, board, ModelSpec("full5")) for _ in range(8))
+        assert len({(c.shared.tobytes(), c.R.tobytes(), c.t.tobytes()) for c in made}) == 1
+        assert cv2.getNumThreads() == 8
+    finally:
+        cv2.setNumThreads(threads)
+
+
+def test_the_pose_of_a_photo_is_the_one_its_calibration_found_and_the_photo_not_searched_again(
+    shoot, plain_found, monkeypatch
+):
+    photo, view = shoot()[0] / plain_found.views[2].photo, plain_found.views[2]
+    report = pose_of_photo(plain_found, photo, BOARD)
+    assert rotation_degrees(report.refined.R, np.array(view.R_cam_board)) < 2e-3
+    assert report.refined.rms_px == pytest.approx(view.rms_px, rel=0.01)
+    camera = camera_of_photo(plain_found, photo, BOARD)
+    assert (camera.K, camera.R_cam_board) == (plain_found.K, report.refined.R_cam_board)
+    assert camera.dist == plain_found.dist
+    assert 0 < report.sigma_degrees < 0.1
+    assert 0 < report.sigma_metres < 1e-3
+    monkeypatch.setattr("raytwin.photos.camera.detection.read_grey", None)
+    assert pose_of_photo(plain_found, photo, BOARD) == report
+
+
+@pytest.mark.parametrize(
+    ("dist", "model"),
+    [((), "none"), ((0.08, -0.16), "k1k2"), ((0.1, -0.2, 0.004, 0.003, 0.2), "full5")],
+)
+def test_auto_takes_the_model_that_made_the_views(dist, model):
+    camera, _, tags = _views(dist)
+    found = calibrate_detections(tags, SIZE, SMALL)
+    assert found.model == model
+    assert len(found.dist) == len(dist)
+    assert abs(found.K[0][0] - camera.fx) < 1e-3 * camera.fx
+
+
+@pytest.mark.parametrize("model", ["none", "k1k2"])
+def test_a_model_fits_its_own_coefficients_and_leaves_the_others_at_zero(model):
+    _, _, tags = _views()
+    found = calibrate_detections(tags, SIZE, SMALL, model)
+    assert found.model == model
+    assert set(found.sigma) == {"fx", "fy", "cx", "cy", *MODELS[model]}
+    named = dict(zip(("k1", "k2", "p1", "p2", "k3"), found.dist, strict=False))
+    assert {n for n, v in named.items() if v != 0} == set(MODELS[model])
+
+
+def test_its_json_has_exactly_the_promised_keys(tmp_path):
+    _, _, tags = _views()
+    write_json(tmp_path / "c.json", calibrate_detections(dict(list(tags.items())[:5]), SIZE, SMALL, "k1k2").numbers())
+    data = json.loads((tmp_path / "c.json").read_text())
+    assert list(data) == ["image_size", "model", "K", "dist", "sigma", "rms_px", "views", "warnings", "boards"]
+    assert list(data["views"][0]) == ["photo", "tags", "rms_px", "R_cam_board", "t_cam_board", "influence"]
+    assert list(data["boards"][0]) == ["offsets", "bend_mm", "bend_sigma_mm"]
+    assert list(data["warnings"][0]) == ["code", "text"]
+    assert data["image_size"] == [1008, 756]
+
+
+# ---------------------------------------------------------------------------------- real photos
+
+
+@pytest.mark.nightly
+def test_real_sets_are_bent_predict_better_so_and_the_degenerate_one_has_the_lowest_error(real_found):
+    found = {name: real_found(name) for name in ("april_fine", "desk_tilted", "desk_degenerate")}
+    codes = {name: _codes(c) for name, c in found.items()}
+    assert min(found, key=lambda n: found[n].rms_px) == "desk_degenerate"
+    assert "degenerate-views" in codes["desk_degenerate"]
+    assert codes["april_fine"] == set()
+    assert not codes["desk_tilted"] & {"degenerate-views", "few-views", "odd-photo"}
+    for c in found.values():
+        trials, flat = c.basis.trials, c.basis.trials["full5"].held_out_px
+        assert trials[c.basis.taken].held_out_px < 0.8 * flat
+    fine, degenerate = found["april_fine"], found["desk_degenerate"]
+    # What a flat board gives; the sigmas are honest, so it lies within three of them.
+    assert abs(fine.K[0][0] - 1014.8) < 3 * fine.sigma["fx"]
+    assert abs(fine.K[1][1] - 1014.4) < 3 * fine.sigma["fy"]
+    # Its tags err as one: OpenCV's ± 0.66 on fx is a fifth of the truth.
+    assert fine.sigma["fx"] > 2
+    assert 0.5 < fine.board.bend_mm < 1.5
+    # Taken for flat, cy = 638 ± 29 by OpenCV's word; the image's middle is 1511.5.
+    assert abs(degenerate.K[1][2] - 1511.5) < 100
+
+
+def _seen_in_the_middle(noise: float) -> dict:
+    """Nothing in the middle of the frame says what happens at its corner: a strong k1 folds back there."""
+    camera = a_camera(*SIZE, dist=(-0.55,))
+    rng = np.random.default_rng(6)
+    stands = [(R, np.array(t) * (1, 1, 2.2)) for R, t in poses(BOARD, a_camera(*SIZE, dist=()), 12, rng)]
+    return seen(camera, stands, noise=noise, rng=rng)
+
+
+def test_a_part_of_the_frame_that_the_lens_folds_over_is_named_and_masked():
+    found = calibrate_detections(_seen_in_the_middle(0.001), SIZE, SMALL, "k1k2")
+    assert found.dist[0] == pytest.approx(-0.55, abs=0.01)
+    (text,) = [w.text for w in found.warnings if w.code == "unconverged-distortion"]
+    assert "no ray belongs to" in text
+    shown = uncertainty_map(found)
+    assert np.isnan(shown[0, 0])
+    assert np.isfinite(shown[20:28, 20:40]).all()
+    assert np.isnan(shown).mean() < 0.4
+
+
+def test_misplaced_tags_are_rejected_and_named():
+    _, _, tags = _views()
+    clean = calibrate_detections(tags, SIZE, SMALL, "k1k2")
+    spoiled = {p: list(t) for p, t in tags.items()}
+    for photo, by in (("view_01", (9.0, 3.0)), ("view_04", (-200.0, 90.0))):
+        tag = spoiled[photo][6]
+        spoiled[photo][6] = msgspec.structs.replace(tag, center=tuple(np.array(tag.center) + by))
+    found = calibrate_detections(spoiled, SIZE, SMALL, "k1k2")
+    named = {w.text.split(":")[0]: w.text for w in found.warnings if w.code == "outlier-tags"}
+    assert named.keys() == {"view_01", "view_04"}
+    assert named["view_01"].endswith(f"tags {tags['view_01'][6].id}")
+    assert found.K[0][0] == pytest.approx(clean.K[0][0], abs=0.2)
+
+
+def test_a_view_that_fits_two_poses_is_named():
+    camera, stands, _ = _views()
+    tilt = np.deg2rad(25)
+    R = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]]) @ np.diag([1, -1, -1])
+    tags = seen(camera, [*stands, (R, (0.0, 0.0, 6.0))], noise=0.3, rng=np.random.default_rng(2))
+    found = calibrate_detections(tags, SIZE, SMALL, "k1k2")
+    assert [w.text.split(":")[0] for w in found.warnings if w.code == "ambiguous-pose"] == ["view_12"]
+
+
+def test_a_photo_without_tags_among_many_is_left_out_and_named(shoot, tmp_path):
+    folder, _ = shoot()
+    photos = [shutil.copy(folder / f"photo_0{i}.jpg", tmp_path) for i in range(4)]
+    write_picture(tmp_path / "blank.jpg", np.full((756, 1008, 3), 99, np.uint8))
+    write_picture(tmp_path / "selfie.jpg", read_photo(photos[0])[:, ::-1])
+    write_picture(tmp_path / "a_small.jpg", np.zeros((300, 400, 3), np.uint8))
+    found = calibrate(tmp_path, BOARD, "k1k2")
+    assert len(found.views) == 4
+    texts = [w.text for w in found.warnings if w.code == "no-tags"]
+    assert texts[:2] == [
+        "a_small.jpg was left out: 400 x 300 pixels where most have 1008 x 756",
+        "blank.jpg was left out: no tag that appears once",
+    ]
+    assert texts[2].startswith("selfie.jpg was left out: a mirrored photo")
+    for photo in photos:
+        write_picture(photo, read_photo(photo)[:, ::-1])
+    with pytest.raises(InputError, match=r"expected photos of tag36h11 tags, got photo_00.jpg: a mirrored photo"):
+        calibrate(photos, BOARD)
+
+
+def test_files_that_cannot_be_read_are_left_out_and_named(shoot, tmp_path):
+    folder, _ = shoot()
+    for i in range(4):
+        pixels = read_photo(folder / f"photo_0{i}.jpg")
+        Pillow.fromarray(pixels).save(tmp_path / f"photo_0{i}{('.webp', '.tif', '.bmp', '.jpg')[i]}")
+    whole = (tmp_path / "photo_03.jpg").read_bytes()
+    (tmp_path / "cut.jpg").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "._photo_03.jpg").write_bytes(b"Mac OS X")
+    for name in "abcde":
+        (tmp_path / f"{name}.heic").write_bytes(b"heic")
+    found = calibrate(tmp_path, BOARD, "k1k2")
+    assert len(found.views) == 4
+    texts = sorted(w.text.split(" (")[0] for w in found.warnings if w.code == "no-tags")
+    assert texts == [
+        "._photo_03.jpg was left out: a file of another kind, or a damaged header",
+        "a.heic, b.heic, c.heic and 2 more were left out: HEIC: save it as JPEG or PNG",
+        "cut.jpg was left out: a damaged one",
+    ]
+    with pytest.raises(InputError, match=r"a\.heic: expected a photo"):
+        calibrate(sorted(tmp_path.glob("*.heic")), BOARD)
+
+
+WIDE, TALL, OTHER = (24, 16), (16, 24), (20, 10)
+"""Width and height of a photo."""
+
+
+def _photos(folder, kinds) -> list[Path]:
+    for i, size in enumerate(kinds):
+        Pillow.new("L", size).save(folder / f"{i}.jpg")
+    return [folder / f"{i}.jpg" for i in range(len(kinds))]
+
+
+@pytest.mark.parametrize(
+    ("kinds", "left_out"),
+    [
+        ([WIDE] * 4, {}),
+        ([OTHER, *[WIDE] * 3], {"0.jpg": "20 x 10 pixels where most have 24 x 16"}),
+        ([*[WIDE] * 4, TALL, OTHER], {"4.jpg": "16 x 24 pixels where most", "5.jpg": "20 x 10"}),
+        ([*[WIDE] * 4, *[TALL] * 4], dict.fromkeys((f"{i}.jpg" for i in range(4, 8)), "16 x 24")),
+    ],
+)
+def test_photos_of_another_size_are_left_out_and_told(tmp_path, kinds, left_out):
+    kept, size, others = _of_one_size(_photos(tmp_path, kinds))
+    assert (len(kept), size) == (len(kinds) - len(left_out), (24, 16))
+    assert {p.name for p in others} == left_out.keys()
+    assert all(left_out[p.name] in why for p, why in others.items())
+
+
+@pytest.mark.parametrize(("kinds", "named"), [([WIDE, WIDE, TALL], "16 x 24"), ([WIDE] * 4 + [OTHER] * 4, "20 x 10")])
+def test_where_too_few_or_no_more_than_half_are_of_one_size_another_is_refused(tmp_path, kinds, named):
+    with pytest.raises(InputError, match=rf"\d.jpg: expected 24 x 16 pixels, as 0.jpg has, got {named}"):
+        _of_one_size(_photos(tmp_path, kinds))
+
+
+def test_every_code_that_the_docs_list_is_provoked_by_a_test_and_no_other():
+    tests = "".join(file.read_text() for file in Path(__file__).parent.glob("test_*.py"))
+    page = Path(__file__).parents[3] / "docs" / "photos.md"
+    listed = set(re.findall(r"^\| `([a-z-]+)` \|", page.read_text(), re.MULTILINE))
+    assert set(re.findall(r'"([a-z]+(?:-[a-z]+)+)"', tests)) == listed
+
+
+# ---------------------------------------------------------------------------------- what it rests on
+
+
+def test_the_evidence_says_how_much_of_the_frame_was_covered_and_how_far_the_board_was_tilted():
+    _, stands, tags = _views()
+    evidence = calibrate_detections(tags, SIZE, SMALL).evidence
+    centers = np.array([t.center for seen_ in tags.values() for t in seen_])
+    cells = {(int((u + 0.5) * 10 / SIZE[0]), int((v + 0.5) * 10 / SIZE[1])) for u, v in centers}
+    assert evidence.coverage == pytest.approx(len(cells) / 100)
+    middle = np.array([2 * 0.038, 3 * 0.038, 0])
+    eyes = [-np.array(R).T @ t for R, t in stands]
+    tilts = [np.degrees(np.arccos(abs((e - middle)[2]) / np.linalg.norm(e - middle))) for e in eyes]
+    assert evidence.tilts == pytest.approx(tilts, abs=0.1)
+    assert evidence.distance == pytest.approx(np.median([np.linalg.norm(e - middle) for e in eyes]), rel=1e-3)
+
+
+def test_auto_keeps_what_came_of_every_model_and_why_some_were_passed_over():
+    _, _, tags = _views((0.08,))
+    found = calibrate_detections(tags, SIZE, SMALL)
+    trials = found.evidence.trials
+    assert list(trials) == ["full5", "full5, bent", "k1k2", "none"]
+    assert found.model == found.evidence.taken == "k1k2"
+    assert trials["k1k2"].held_out_px < 0.5 * trials["none"].held_out_px
+    asked = calibrate_detections(tags, SIZE, SMALL, "k1k2").evidence.trials
+    assert asked.keys() == {"k1k2", "k1k2, bent"}
+
+
+@pytest.mark.parametrize(
+    ("photos", "taken", "told"),
+    [
+        (20, "k1k2, bent", {
+            "full5": (0.5, "5 times the best"),
+            "full5, bent": (0.1, "as good"),
+            "k1k2, bent": (0.1003, "the smallest that predicts as well as the best"),
+        }),
+        (8, "full5", {
+            "full5": (0.5, "too few photos to choose a smaller one by"),
+            "k1k2": (0.5, "as good; the lens folds"),
+            "none": (np.inf, "the lens folds"),
+        }),
+    ],
+)  # fmt: skip
+def test_each_model_that_was_tried_is_told_why_it_was_not_taken(photos, taken, told):
+    doubts = {n: "the lens folds" for n, (_, why) in told.items() if why.endswith("folds")}
+    rows = trial_rows({n: error for n, (error, _) in told.items()}, doubts, taken, photos).values()
+    assert [(t.model, t.why) for t in rows] == [(n, why) for n, (_, why) in told.items()]
+    assert [t.taken for t in rows] == [n == taken for n in told]
+
+
+# ---------------------------------------------------------------------------------- wrong input
+
+
+@pytest.mark.parametrize("times", [0, 3])
+def test_fewer_than_three_photos_are_refused(shoot, times):
+    with pytest.raises(InputError, match=rf"at least 3 photos of the board, from different sides, got {min(times, 1)}"):
+        calibrate([shoot()[0] / "photo_00.jpg"] * times, BOARD)
+
+
+def test_a_board_with_other_ids_is_refused_with_both_lists():
+    camera, _, tags = _views(count=3)
+    other = Board("tag36h11", 0.03, Grid(4, 4, 0.05, first_id=200))
+    for find in (
+        lambda: calibrate_detections(tags, SIZE, other),
+        lambda: pose_of_tags(camera.K, camera.dist, tags["view_00"], other),
+    ):
+        with pytest.raises(InputError, match=r"tags of the board \(ids 200\.\.215\), got other tags \(ids 0\.\.34\)"):
+            find()
+
+
+def test_too_few_views_of_the_board_are_refused_with_the_reasons():
+    _, _, tags = _views(count=4)
+    few = {p: (t if i < 2 else t[:2]) for i, (p, t) in enumerate(tags.items())}
+    with pytest.raises(InputError, match=r"at least 3 photos that show the board, got 2; view_02: 2 tags of the board"):
+        calibrate_detections(few, SIZE, SMALL)
+
+
+@pytest.mark.parametrize(
+    ("center", "refused"),
+    [
+        ((99.5, 49.5), ""), ((-0.5, -0.5), ""), ((99.6, 10.0), "got one at 100, 10$"), ((10.0, -0.6), "got one at"),
+        ((49.5, 99.5), r"\(width and height swapped\?\)"), ((49.6, 60.0), "got one at 50, 60$"), ((-0.6, 60.0), "60$"),
+    ],
+)  # fmt: skip
+def test_a_tag_is_in_the_frame_out_to_its_pixels_edges(center, refused):
+    """A frame of 100 x 50 pixels; what lies in one of 50 x 100 may be of swapped sides."""
+    tags = {"p": [Tag(3, center, ((0.0, 0.0),) * 4, 1.0)]}
+    with pytest.raises(InputError, match=refused or "at least 3 photos that show the board"):
+        calibrate_detections(tags, (100, 50), SMALL)
+
+
+def test_an_unknown_model_is_refused_with_the_known_ones():
+    with pytest.raises(InputError, match=r"model: expected one of auto, none, .*full5, got 'k9'"):
+        calibrate_detections({}, SIZE, SMALL, "k9")

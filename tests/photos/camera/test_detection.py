@@ -1,0 +1,162 @@
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+from photo_helpers import BOARD
+
+from raytwin.images.photo_files import write_picture
+from raytwin.photos.boards.board import Board, Grid, draw_board
+from raytwin.photos.camera import lens_model
+from raytwin.photos.camera.bias import center_bias, unbiased
+from raytwin.photos.camera.detection import SEARCH_SIDE, NoTags, detect, detect_photo, detect_photos
+
+
+@pytest.fixture(scope="module")
+def sheet() -> np.ndarray:
+    """A 2 x 2 board as grey uint8, 150 px a tag."""
+    albedo, _ = draw_board(Board("tag36h11", 0.03, Grid(2, 2, 0.04)), 5000)
+    return (albedo * 255).astype(np.uint8)
+
+
+def test_an_id_seen_twice_is_dropped_and_the_others_stay(sheet):
+    half = sheet.shape[1] // 2
+    assert [t.id for t in detect(np.hstack([sheet, sheet[:, :half]]))] == [1, 3]
+
+
+def test_a_tag_that_the_frame_touches_is_dropped(sheet):
+    # The white ring of the left tags, and a little of their black edge, is outside.
+    assert [t.id for t in detect(sheet[:, 78:])] == [1, 3]
+
+
+@pytest.fixture(scope="module")
+def large(sheet) -> np.ndarray:
+    """The sheet in a photo that is searched at a reduced scale."""
+    pixels = np.full((SEARCH_SIDE + 1, 600), 216, np.uint8)
+    pixels[: sheet.shape[0], : sheet.shape[1]] = sheet
+    return pixels
+
+
+def test_a_large_photo_is_searched_at_a_quarter_of_its_size_and_loses_no_accuracy(sheet, large):
+    full, quarter, chosen = (
+        np.array([t.center for t in detect(pixels, reductions=r)])
+        for pixels, r in ((sheet, (1.0,)), (large, (4.0,)), (large, None))
+    )
+    assert 0 < np.abs(quarter - full).max() < 0.15
+    assert (chosen == quarter).all()
+
+
+def test_tags_too_small_for_a_reduced_search_are_searched_at_a_finer_scale(large):
+    small = np.full_like(large, 216)
+    part = large[::3, ::3]  # 50 px a tag: 12 at a quarter
+    small[: part.shape[0], : part.shape[1]] = part
+    assert detect(small) == detect(small, reductions=(2.0,)) != detect(small, reductions=(4.0,))
+    tiny = np.full_like(large, 216)
+    part = large[2::6, 2::6]  # 25 px: full scale alone will do
+    tiny[: part.shape[0], : part.shape[1]] = part
+    assert [t.id for t in detect(tiny)] == [0, 1, 2, 3]
+    assert detect(tiny) == detect(tiny, reductions=(1.0,))
+
+
+def test_photos_read_side_by_side_give_what_each_gives_alone_in_their_order(shoot):
+    folder, _ = shoot()
+    photos = sorted(folder.glob("*.jpg"))[::-1]
+    steps = []
+    found, wrong = detect_photos(photos, "tag36h11", lambda *step: steps.append(step))
+    assert found == {str(p): detect_photo(p) for p in photos}
+    assert list(found) == [str(p) for p in photos]
+    assert (wrong, steps) == ({}, [("detect", i, 12) for i in range(13)])
+
+
+def test_a_process_that_has_read_several_families_ends_well():
+    code = (
+        "import numpy as np; from raytwin.photos.camera import detect;"
+        "[detect(np.zeros((99, 99), np.uint8), f) for f in ('tag36h11', 'tag25h9', 'tag16h5')]"
+    )
+    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
+
+
+def test_a_mirrored_photo_is_called_mirrored(sheet, tmp_path):
+    file = tmp_path / "selfie.png"
+    write_picture(file, sheet[:, ::-1])
+    with pytest.raises(NoTags, match=r"a mirrored photo \(its mirror image shows 4 tags\)"):
+        detect_photo(file)
+
+
+# ---------------------------------------------------------------------------------- where the centres are
+
+
+def test_found_centres_are_where_the_camera_projects_them_once_the_bias_is_taken_out(shoot):
+    folder, truth = shoot()
+    raw, mended = [], []
+    for name, (R, t) in truth.photos.items():
+        tags = detect_photo(folder / name)
+        true = lens_model.project(BOARD.points(tag.id for tag in tags), R, t, truth.K, truth.dist)
+        raw.append(np.array([tag.center for tag in tags]) - true)
+        straight = unbiased(tags, BOARD, R, t, truth.K, truth.dist)
+        mended.append(np.array([tag.center for tag in straight]) - true)
+    raw, mended = np.concatenate(raw), np.concatenate(mended)
+    # A half pixel's shift would show in the mean; the bias of bent edges shows in the spread.
+    assert np.abs(mended.mean(axis=0)).max() < 0.02
+    assert np.sqrt((raw**2).sum(axis=1).mean()) < 0.25
+    assert np.sqrt((mended**2).sum(axis=1).mean()) < 0.65 * np.sqrt((raw**2).sum(axis=1).mean())
+
+
+# ---------------------------------------------------------------------------------- twice, and two border bits
+
+
+WIDE = Board("tag36h11", 0.030, Grid(4, 3, 0.042), border_bits=2)
+
+
+def wide_photo(degrees: float = 8.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A picture of a board with two border bits, turned a little; where its centres are; and its lower left corners."""
+    albedo, (x_min, _, _, y_max) = draw_board(WIDE, 10_000.0)
+    middle = np.array(albedo.shape[::-1]) / 2
+    turn = cv2.getRotationMatrix2D(middle, degrees, 0.5)
+    turn[:, 2] += np.array([450.3, 400.7]) - middle
+    grey = cv2.warpAffine(
+        cv2.GaussianBlur(albedo, (0, 0), 2), turn, (900, 800), flags=cv2.INTER_LINEAR, borderValue=0.85
+    )
+    xy = np.array(list(WIDE.centers().values()))
+    at = [[np.c_[(p[:, :1] - x_min) * 10_000 - 0.5, (y_max - p[:, 1:]) * 10_000 - 0.5, np.ones(len(p))] @ turn.T][0]
+          for p in (xy, xy - 0.015)]  # fmt: skip
+    return (grey * 255).astype(np.uint8), *at
+
+
+def test_tags_with_two_border_bits_are_read_where_they_are():
+    grey, centers, corners = wide_photo()
+    found = detect(grey, WIDE.kind)
+    assert [t.id for t in found] == list(WIDE.centers())
+    assert np.abs(np.array([t.center for t in found]) - centers).max() < 0.15
+    assert np.abs(np.array([t.corners[0] for t in found]) - corners).max() < 0.5
+    assert detect(grey, "tag36h11") == []
+
+
+def test_a_photo_of_tags_with_another_border_is_told_what_to_write(tmp_path):
+    write_picture(tmp_path / "kalibr.png", wide_photo()[0])
+    with pytest.raises(NoTags, match=r"12 with a border of 2: border_bits = 2 in the board's file"):
+        detect_photo(tmp_path / "kalibr.png", "tag36h11")
+    write_picture(tmp_path / "usual.png", (255 * draw_board(BOARD, 3000.0)[0]).astype(np.uint8))
+    with pytest.raises(NoTags, match=r"35 with a border of 1: border_bits = 1 in the board's file"):
+        detect_photo(tmp_path / "usual.png", "tag36h11/2")
+
+
+@pytest.mark.parametrize("dist", [(-0.3, 0.08), (0.1, -0.1, 0.002, -0.001)])
+def test_a_tags_centre_is_off_by_what_straight_lines_through_its_bent_edges_make_of_it(dist):
+    """As the AprilTag library has it: least squares through 16 places inside each edge, lines by cross products."""
+    K, R, t = np.array([[800.0, 0, 500], [0, 800, 380], [0, 0, 1]]), np.diag([1.0, -1, -1]), (0.1, 0.05, 0.5)
+    ids, half = [0, 12, 34], BOARD.tag_edge / 2
+    inside, one = 2 * np.arange(1, 17) / 17 - 1, np.ones(16)
+    off = []
+    for center in BOARD.points(ids):
+        lines = []
+        for x, y in ((inside, -one), (one, inside), (-inside, one), (-one, -inside)):
+            edge = lens_model.project(center + half * np.c_[x, y, 0 * x], R, t, K, dist)
+            (dx, dy), middle = np.linalg.svd(edge - edge.mean(axis=0))[2][0], edge.mean(axis=0)
+            lines.append((-dy, dx, dy * middle[0] - dx * middle[1]))
+        a, b, c, d = (np.cross(lines[i - 1], lines[i]) for i in range(4))
+        meet = np.cross(np.cross(a, c), np.cross(b, d))
+        off.append(meet[:2] / meet[2] - lens_model.project(center[None], R, t, K, dist)[0])
+    assert np.abs(off).max() > 0.02
+    np.testing.assert_allclose(center_bias(ids, BOARD, R, t, K, dist), off, rtol=0, atol=0.02 * np.abs(off).max())

@@ -1,0 +1,119 @@
+import cv2
+import numpy as np
+import pytest
+from photo_helpers import BOARD, SMALL, a_camera, seen
+
+from raytwin.errors import InputError
+from raytwin.photos.boards.board import spans_a_plane
+from raytwin.photos.camera.pose import (
+    ambiguous,
+    camera_at,
+    homography_pose,
+    matched,
+    outlier_limit,
+    pose_of_tags,
+    refined_pose,
+    rotation_degrees,
+)
+from raytwin.photos.synthetic_photos import poses
+from raytwin.scene.scene_files import check_camera
+
+CAMERA = a_camera(dist=(0.08, -0.16, 0.002, -0.001))
+
+
+@pytest.fixture(scope="module")
+def stands():
+    return poses(SMALL_ON_BIG, CAMERA, 6, np.random.default_rng(3))
+
+
+SMALL_ON_BIG = BOARD  # where to stand is judged on tags large enough to be seen
+
+
+def _move(tags, i: int, by):
+    import msgspec
+
+    moved = tuple(np.array(tags[i].center) + by)
+    return [*tags[:i], msgspec.structs.replace(tags[i], center=moved), *tags[i + 1 :]]
+
+
+def test_both_poses_of_exact_detections_are_the_truth(stands):
+    for tags, (R, t) in zip(seen(CAMERA, stands).values(), stands, strict=True):
+        report = pose_of_tags(CAMERA.K, CAMERA.dist, tags, SMALL)
+        for pose in (report.homography, report.refined):
+            assert rotation_degrees(pose.R, np.array(R)) < 2e-4
+            assert np.abs(pose.t - t).max() < 2e-6
+        check_camera(camera_at(CAMERA, report.refined), "found")
+
+
+def test_the_refined_pose_is_the_least_squares_one_and_the_homographys_is_not(stands):
+    rng = np.random.default_rng(5)
+    for tags in seen(CAMERA, stands, noise=0.5, rng=rng).values():
+        report = pose_of_tags(CAMERA.K, CAMERA.dist, tags, SMALL)
+        points, pixels = matched(tags, SMALL)
+        _, rvec, tvec = cv2.solvePnP(points, pixels, np.array(CAMERA.K), np.array(CAMERA.coefficients))
+        assert rotation_degrees(report.refined.R, cv2.Rodrigues(rvec)[0]) < 2e-3
+        assert np.abs(report.refined.t - tvec.ravel()).max() < 1e-5
+        assert report.refined.rms_px < report.homography.rms_px
+        assert report.rotation_degrees == pytest.approx(
+            rotation_degrees(report.homography.R, report.refined.R), abs=1e-9
+        )
+
+
+def test_a_far_small_board_has_two_poses_and_a_near_one_has_not():
+    rng = np.random.default_rng(0)
+    tilt = np.deg2rad(30)
+    R = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]]) @ np.diag([1, -1, -1])
+    ratios = []
+    for distance in (4.0, 0.5):
+        tags = seen(CAMERA, [(R, (0, 0, distance))], noise=0.3, rng=rng)["view_00"]
+        ratios.append(refined_pose(CAMERA.K, CAMERA.dist, tags, SMALL)[1])
+    assert ambiguous(ratios[0], 35)
+    assert ratios[1] is None or not ambiguous(ratios[1] / 5, 35)
+
+
+def test_how_much_worse_a_second_pose_must_fit_to_be_ruled_out_is_fishers_f():
+    """At 1 in 1000; with 2 and 2 degrees of freedom F's tail is 1 / (1 + F): F = 999."""
+    assert ambiguous(999**0.5 - 0.01, 4)
+    assert not ambiguous(999**0.5 + 0.01, 4)
+    assert not ambiguous(1.6, 35)
+    assert not ambiguous(None, 4)
+
+
+@pytest.mark.parametrize("count", [4, 5])
+def test_a_pose_from_few_tags_is_right_or_said_to_be_ambiguous(count):
+    """Tags drawn at random, three of them often in a line, which leaves their homography undetermined."""
+    rng, wrong = np.random.default_rng(5), 0
+    tilt = np.deg2rad(30)
+    R = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]]) @ np.diag([1, -1, -1])
+    for _ in range(40):
+        tags = seen(CAMERA, [(R, (-0.08, 0.1, 0.6))], noise=0.3, rng=rng)["view_00"]
+        tags = [tags[i] for i in rng.permutation(len(tags))[:count]]
+        if not spans_a_plane(SMALL.points(t.id for t in tags)[:, :2]):
+            continue
+        found, ratio = refined_pose(CAMERA.K, CAMERA.dist, tags, SMALL)
+        wrong += rotation_degrees(found.R, R) > 15 and not ambiguous(ratio, count)
+    assert wrong == 0
+
+
+def test_tags_that_lie_elsewhere_are_left_out_and_named(stands):
+    tags = seen(CAMERA, stands[:1], noise=0.05, rng=np.random.default_rng(1))["view_00"]
+    clean = pose_of_tags(CAMERA.K, CAMERA.dist, tags, SMALL)
+    wrong = _move(_move(tags, 3, (2.0, 0.0)), 7, (120.0, -80.0))
+    report = pose_of_tags(CAMERA.K, CAMERA.dist, wrong, SMALL)
+    assert report.outliers == (tags[3].id, tags[7].id)
+    assert rotation_degrees(report.refined.R, clean.refined.R) < 0.02
+
+
+@pytest.mark.parametrize("ids", [[0, 1, 2], [0, 1, 2, 3, 4], []])
+def test_too_few_tags_or_tags_in_a_line_give_no_pose(stands, ids):
+    tags = [t for t in seen(CAMERA, stands[:1])["view_00"] if t.id in ids]
+    with pytest.raises(InputError):
+        pose_of_tags(CAMERA.K, CAMERA.dist, tags, SMALL)
+    with pytest.raises(InputError):
+        homography_pose(CAMERA.K, CAMERA.dist, tags, SMALL)
+
+
+def test_no_tag_within_a_pixel_or_fifteen_deviations_is_an_outlier():
+    assert outlier_limit(np.full(20, 0.01)) == 1
+    off = np.random.default_rng(0).normal(0, 0.5, (100_000, 2))
+    assert outlier_limit(np.linalg.norm(off, axis=1)) == pytest.approx(15 * 0.5, rel=0.02)

@@ -1,0 +1,141 @@
+"""Results to report on: the tracer in float64 beside itself in float32, and a made-up calibration."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from browser import opened
+from scene_of import changed
+
+from raytwin.compare import Report, compare
+from raytwin.fast import trace
+from raytwin.images.image import Image, Surface
+from raytwin.images.photo_files import list_photos, to_bytes
+from raytwin.photos import boards
+from raytwin.photos import camera as camera_package
+from raytwin.photos.camera import Calibration, Pose, PoseReport
+from raytwin.photos.camera.calibration_result import CalibrationWarning, View
+from raytwin.scene import Scene
+from raytwin.scene.scene_files import read_scene
+from raytwin.study.compare_scene import Result
+
+
+@pytest.fixture(scope="session")
+def make_result(scenes) -> Callable[..., Result]:
+    """`make_result(size=(160, 120), photos=False, spoil=None)`; `spoil(tracer's image)`."""
+
+    def make(size=(160, 120), photos=False, spoil=None) -> Result:
+        written, rung = read_scene(scenes / "overlap"), "shadow"
+        stage = written.scene
+        stage = stage.with_camera(stage.camera.resized(*size))
+        tracer, twin = trace(stage, rung, "numpy64"), trace(stage, rung, "numpy32")
+        if spoil is not None:
+            tracer = spoil(copied(tracer))
+        report = Report(
+            stage.name,
+            rung,
+            compare(tracer, twin, tolerance=written.tolerance),
+            {"tracer": 0.412, "twin": 0.24, "compare": 0.0031} | ({"calibrate": 2.31} if photos else {}),
+            {"twin_variant": "llvm_ad_rgb", "tracer_engine": "numpy64", "libllvm": None},
+        )
+        result = Result(
+            scene=stage,
+            tolerance=written.tolerance,
+            report=report,
+            test=tracer,
+            reference=twin,
+            settings={"rung of the tracer": rung, "sphere solver": "robust", "trim boxes": "on"},
+            versions={"python": "3.11.2", "raytwin": "0.1.0", "numpy": "2.4.6"},
+        )
+        return photographed(result) if photos else result
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def calibration(scenes) -> Calibration:
+    """The desk's camera."""
+    folder = scenes / "desk"
+    return camera_package.calibrate(list_photos(folder / "photos"), boards.read_board(folder / "board.toml"))
+
+
+def copied(image: Image) -> Image:
+    s = image.surface
+    return Image(image.mean.copy(), None, 1, Surface(s.ids.copy(), s.depth.copy(), s.normal.copy()))
+
+
+def photographed(result: Result) -> Result:
+    """With a noisy photo of its planes, a calibration of twelve views and the truth."""
+    scene: Scene = result.scene
+    width, height = scene.camera.image_size
+    rng = np.random.default_rng(7)
+    empty = trace(changed(scene, objects=scene.planes), "lambert", "numpy32")
+    photo = to_bytes(np.clip(empty.mean + rng.normal(0, 0.01, empty.mean.shape), 0, 1).astype(np.float32))
+    planes = tuple(msgspec.structs.replace(p, in_photo=True) for p in scene.planes)
+    scene = changed(scene, objects=(*scene.spheres, *planes))
+    camera = scene.camera
+    R, t = camera.R_cam_board, camera.t_cam_board
+    views = tuple(View(f"photo_{i:02d}.jpg", 35 - i % 3, 0.11 + 0.03 * rng.random(), R, t) for i in range(1, 13))
+    sigma = {"fx": 0.42, "fy": 0.43, "cx": 0.31, "cy": 0.35, "k1": 0.0006, "k2": 0.0031}
+    calibration = Calibration(
+        (width, height), "k1k2", camera.K, (0.0803, -0.1624), sigma, 0.1274, views,
+        warnings=(CalibrationWarning("few_views", "12 photos: 15 or more would halve the standard deviations."),),
+    )  # fmt: skip
+    far = tuple(x + 0.0011 for x in t)
+    pose = PoseReport("photo_03.jpg", 35, Pose(R, far, 0.52), Pose(R, t, 0.118), 0.084, 0.0019, 7.3, (12,))
+    seen = result.subject.surface.ids
+    drawn = (seen >= 0) & (seen < len(scene.spheres))
+    augmented = np.where(drawn[..., None], to_bytes(result.subject.mean), photo)
+    return replace(
+        result,
+        scene=scene,
+        photo=photo,
+        augmented=augmented,
+        calibration=calibration,
+        pose=pose,
+    )
+
+
+# ------------------------------------------------------------------------------------------ a browser
+
+PROBE = """async () => {
+  const until = async (test) => {
+    for (const last = performance.now() + 60_000; !test(); await new Promise((done) => setTimeout(done, 20)))
+      if (performance.now() > last) throw new Error(`never: ${test}`);
+  };
+  const root = document.getElementById("viewer");
+  await until(() => document.body.dataset.ready || root?.dataset.ready);
+  const viewer = root?.viewer, drawn = () => viewer.drawn();
+  const texts = (id) => [...root.querySelectorAll(`.rt-${id} td`)].map((cell) => cell.textContent);
+  const canvas = (key) => viewer.panes.get(key).canvas;
+  const status = () => root.querySelector(".rt-status").textContent;
+  // Read from a copy that is made for reading: the browser remarks on a page's own canvas that is read again and again.
+  const pixels = (key, x = 0, y = 0, width = canvas(key).width, height = canvas(key).height) =>
+    read(canvas(key), x, y, width, height);
+  const read = (canvas, x, y, width, height) => {
+    const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+    copy.drawImage(canvas, x, y, width, height, 0, 0, width, height);
+    return copy.getImageData(0, 0, width, height).data;
+  };
+  const result = {};
+  %s
+  return JSON.parse(JSON.stringify(result));
+}"""
+
+
+@pytest.fixture(scope="session")
+def browse(chromium) -> Callable[..., tuple[dict, list[str]]]:
+    """`browse(page, address="", script="")`: what the script put into `result`, and what stood on the console.
+
+    The script runs in the ready page and knows `viewer`, `drawn()`, `texts(row)`, `status()`, `canvas(key)`,
+    `read(canvas, x, y, width, height)` and `pixels(key, x, y, width, height)`. Nothing outside is reachable.
+    """
+
+    def open_page(path: Path, address: str = "", script: str = "") -> tuple[dict, list[str]]:
+        with opened(chromium, path.as_uri() + address) as page:
+            return page.evaluate(PROBE % script), page.said
+
+    return open_page

@@ -1,0 +1,65 @@
+"""What the live page is sent: pixels as the viewer would show them, and light paths that end before the eye."""
+
+import io
+
+import msgspec
+import numpy as np
+import pytest
+from PIL import Image as Pillow
+
+from raytwin.fast import trace
+from raytwin.show.live.light_path import NEAR, _project
+from raytwin.show.live.progressive import picture, to_screen
+from raytwin.show.live.view_state import Look
+
+
+def srgb(x: float) -> float:
+    """IEC 61966-2-1, written once more."""
+    return 12.92 * x if x <= 0.0031308 else 1.055 * x ** (1 / 2.4) - 0.055
+
+
+@pytest.mark.parametrize(
+    ("look", "shown"),
+    [
+        (Look(), lambda x: srgb(min(x, 1))),
+        (Look(exposure=1.0), lambda x: srgb(min(2 * x, 1))),
+        (Look(gamma=2.0), lambda x: srgb(min(x, 1)) ** 0.5),
+        (Look(tone="Reinhard"), lambda x: srgb(x / (1 + x))),
+    ],
+)
+def test_a_pictures_pixels_are_the_radiance_as_the_viewer_would_show_it(look, shown):
+    values = (0.0, 0.002, 0.05, 0.25, 0.5, 0.9, 1.0, 3.0)
+    pixels = to_screen(np.tile(np.array(values, np.float32)[:, None, None], (1, 8, 3)), look)
+    for value, row in zip(values, pixels, strict=True):
+        assert row == pytest.approx(255 * shown(value), abs=1), value  # half floats, then a rounding
+    assert to_screen(np.full((1, 1, 3), -1, np.float32), look).max() == 0
+
+
+def test_the_jpeg_that_is_sent_shows_the_image(base):
+    image = trace(base.scene, "shadow")
+    event, (jpeg,) = picture("test", image, Look(), 0.5, 1)
+    sent = np.asarray(Pillow.open(io.BytesIO(jpeg)).convert("RGB"), float)
+    assert (event["pane"], event["seconds"], event["samples"]) == ("test", 0.5, 1)
+    assert np.mean(np.abs(sent - to_screen(image.mean, Look()))) < 4  # JPEG's own loss
+    assert np.ptp(sent) > 100
+
+
+@pytest.mark.parametrize("x", [-0.3, 0.0, 0.3])
+def test_a_path_that_runs_behind_the_eye_ends_before_it(base, x):
+    camera = msgspec.structs.replace(base.camera, dist=())
+    (fx, _, cx), (_, fy, cy) = camera.K[:2]
+    start = (0.5, 0.2, 1.0)
+    assert _project(camera, (x, -0.2, 2.0), start) == pytest.approx((fx * x / 2 + cx, -fy * 0.1 + cy))
+    # The line from `start` to (x, 0, -1) meets z = NEAR after this share of it.
+    share = (1 - NEAR) / 2
+    end = (0.5 + (x - 0.5) * share) / NEAR, (0.2 - 0.2 * share) / NEAR
+    expected = fx * end[0] + cx, fy * end[1] + cy
+    assert _project(camera, (x, 0.0, -1.0), start) == pytest.approx(expected)
+
+
+def test_a_path_that_ends_in_the_eyes_own_plane_ends_before_it_too(base):
+    camera = msgspec.structs.replace(base.camera, dist=())
+    (fx, _, cx), (_, fy, cy) = camera.K[:2]
+    share = 1 - NEAR
+    expected = fx * (0.5 - 0.5 * share) / NEAR + cx, fy * (0.2 - 0.2 * share) / NEAR + cy
+    assert _project(camera, (0.0, 0.0, 0.0), (0.5, 0.2, 1.0)) == pytest.approx(expected)

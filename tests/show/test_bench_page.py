@@ -1,0 +1,272 @@
+"""The bench's page and pictures, from a made-up run: complete, offline, labels apart, alive in a browser."""
+
+import itertools
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from msgspec.structs import replace as replace_row
+
+from raytwin.show.bench_charts import error_chart, pixels_chart
+from raytwin.show.bench_page import bench_summary, error_charts, frontier_rows, write_bench_all, write_bench_page
+from raytwin.show.charts.chart import HEIGHT, LEFT, LINE, TOP, WIDTH, log_range, svg_text
+from raytwin.show.charts.svg import log_ticks
+from raytwin.show.numbers import shown
+from raytwin.study.bench import RENDERERS, Bench, Measurement, on_frontier
+
+SIZES = ((400, 300), (800, 600), (1600, 1200))
+FLOOR = {"shadow-center": 1e-8, "path-area": 1e-3}
+
+
+@pytest.fixture(scope="module")
+def made() -> Bench:
+    return every_method()
+
+
+def every_method(sizes: tuple[tuple[int, int], ...] = SIZES) -> Bench:
+    """Every method that a machine without CUDA has, at three sizes, with seconds and errors that look the part."""
+    rng = np.random.default_rng(4)
+    rows, errors = [], []
+    methods = [m for m in RENDERERS.values() if "cuda" not in m.library]
+    for w, h in sizes:
+        for m in methods:
+            seconds = w * h / 1e6 * 0.02 * m.samples**0.8 * rng.lognormal(0, 0.7) + 1e-3
+            exact = m.sampling == "center" and m.rung == "shadow"
+            own = 0.0 if m.precision == 64 else 3e-8 * rng.lognormal(0, 0.5) if exact else 0.2 / m.samples**0.5
+            whole = max(0.2 / m.samples**0.5 * rng.lognormal(0, 0.3), 5e-4)
+            e = own if exact else whole
+            own_truth = "shadow-center" if exact else "path-area"
+            for found, truth, value in ((rows, own_truth, e), (errors, "path-area", whole)):
+                found.append(
+                    Measurement(m.name, m.library, f"float{m.precision}", m.rung, m.trim, m.step, m.samples, w, h,
+                        seconds, 0.1 * seconds, 0.2, truth, value, 0.1 * value if m.noisy else None, value**2,
+                        3 * value, FLOOR[truth], False, "pass", "they agree")
+                )  # fmt: skip
+    return Bench("made up", {"processor": "one", "cores": "2"}, {"numpy": "2"}, 60.0, 59.0, sizes,
+                 (*ranked(rows),), (*ranked(errors),), {"cuda32-shadow-conic": "no <CUDA> here"})  # fmt: skip
+
+
+def ranked(rows: list[Measurement]) -> Iterator[Measurement]:
+    """Yield the rows with what is on the frontier among those of the same size and reference."""
+    for size in dict.fromkeys((r.width, r.height, r.truth) for r in rows):
+        same = [r for r in rows if (r.width, r.height, r.truth) == size]
+        flags = on_frontier([r.seconds_median for r in same], [r.rmse for r in same], same[0].truth_floor)
+        yield from (replace_row(r, on_frontier=flag) for r, flag in zip(same, flags, strict=True))
+
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def shapes(chart, kind: str) -> list[ElementTree.Element]:
+    """What the chart's SVG has of one kind, bold and other labels being `text` of the class label."""
+    return list(ElementTree.fromstring(svg_text(chart)).iter(SVG + kind))
+
+
+def labels(chart) -> list[tuple[float, float, float, str]]:
+    """(left, right, height, text) of every point's label, in pixels."""
+    texts = [e for e in shapes(chart, "text") if e.get("paint-order")]
+    return [
+        (x, x + 0.6 * float(e.get("font-size")) * len(e.text), float(e.get("y")), e.text)
+        for e in texts
+        if (x := float(e.get("x"))) is not None
+    ]
+
+
+def test_no_label_lies_over_another_or_beyond_the_frame(made):
+    for chart in (*error_charts(made), pixels_chart(made)):
+        found = labels(chart)
+        for a, b in itertools.combinations(found, 2):
+            assert a[1] <= b[0] or b[1] <= a[0] or abs(a[2] - b[2]) > LINE - 2, (chart.key, a[3], b[3])
+        assert all(low >= LEFT and high <= LEFT + WIDTH and TOP <= y <= TOP + HEIGHT + 5 for low, high, y, _ in found)
+
+
+def test_who_is_on_the_frontier_and_every_family_is_named_and_what_lies_below_the_floor_is_marked(made):
+    for chart in error_charts(made):
+        texts = {text for *_, text in labels(chart)}
+        assert {p.name for p in chart.points if p.strong} <= texts
+        named = {p.family for p in chart.points if p.name in texts}
+        assert {p.family for p in chart.points} <= texts | named
+        for p in chart.points:
+            assert p.y >= chart.floor * (1 - 1e-12)
+            assert p.hollow == (p.y <= chart.floor * (1 + 1e-12))
+    assert any(p.hollow for p in error_chart(made, SIZES[0], "shadow-center").points)
+
+
+def test_guides_have_the_slope_that_is_said(made):
+    guides = [g for g in error_chart(made, SIZES[0], "path-area").lines if g.dash == "dotted"]
+    assert guides
+    for g in guides:
+        assert np.diff(np.log(g.ys)) / np.diff(np.log(g.xs)) == pytest.approx(-0.5)
+
+
+def test_noisy_methods_have_an_upright_of_two_standard_errors_and_no_others(made):
+    found = [e for e in made.errors if (e.width, e.height) == SIZES[0] and e.rmse_sigma]
+    bars = [line for line in error_chart(made, SIZES[0], "path-area").lines if len(set(line.xs)) == 1]
+    expected = [(e.seconds_median, 0.8 * e.rmse, 1.2 * e.rmse) for e in found]
+    np.testing.assert_allclose([(line.xs[0], *line.ys) for line in bars], expected)
+
+
+def test_a_method_whose_error_is_no_number_is_left_out_of_the_chart(made):
+    size, truth = made.sizes[0], made.errors[0].truth
+    wrong = (replace_row(made.errors[0], rmse=math.nan, rmse_sigma=math.nan), *made.errors[1:])
+    drawn = error_chart(replace_row(made, errors=wrong), size, truth)
+    assert len(drawn.points) == len(error_chart(made, size, truth).points) - 1
+    alone = replace_row(made, errors=wrong[:1], rows=())
+    assert error_chart(alone, size, truth) is None
+
+
+def test_seconds_against_pixels_have_their_exponents(made):
+    rows = [
+        replace_row(r, method=m, seconds_median=1e-3 * (r.width * r.height) ** 0.5)
+        for m in ("fill", "mine") for r in made.rows if r.method == "fill"
+    ]  # fmt: skip
+    chart = pixels_chart(replace_row(made, rows=tuple(rows)))
+    assert [text for *_, text in labels(chart)] == ["fill: 0.50 ± 0.00", "mine: 0.50 ± 0.00"]
+    assert pixels_chart(every_method(SIZES[:2])) is None
+
+
+def test_the_folder_has_every_number_and_each_chart(made, tmp_path):
+    write_bench_all([made], tmp_path / "out")
+    names = {p.name for p in (tmp_path / "out").iterdir()}
+    keys = {"pixels", *(f"{w}x{h}-{t}" for w, h in SIZES for t in FLOOR)}
+    assert names == {"bench.html", "bench.json"} | {f"{k}.svg" for k in keys}
+    svg = (tmp_path / "out" / "pixels.svg").read_text(encoding="utf-8")
+    assert "fill" in svg  # text stays text
+    page = (tmp_path / "out" / "bench.html").read_text(encoding="utf-8")
+    for said in ("no &lt;CUDA&gt; here", *(f'"row">{r.method}</th>' for r in made.rows)):
+        assert said in page
+
+
+def test_the_choice_of_size_and_reference_shows_another_chart(made, tmp_path, browse):
+    write_bench_page([made], tmp_path / "bench.html")
+    script = r"""
+      const shown = () => [...document.querySelectorAll("[data-chart]")].filter((e) => !e.hidden);
+      result.first = shown().map((e) => e.dataset.chart);
+      const pick = (name, value) => {
+        const select = document.querySelector(`[data-choice="${name}"]`);
+        select.value = value; select.dispatchEvent(new Event("change"));
+      };
+      pick("size", "1600x1200"); pick("truth", "shadow-center");
+      result.then = shown().map((e) => e.dataset.chart);
+      result.title = shown()[0].querySelector("svg").getAttribute("aria-label");
+      result.points = [...shown()[0].querySelectorAll("[data-name]")].map((e) => e.dataset.name);
+      result.frontier = [...shown()[1].querySelectorAll("tbody tr")].map(
+        (row) => [...row.children].map((cell) => cell.textContent));
+      const point = shown()[0].querySelector('[data-name="drjit32-shadow-conic"]');
+      point.dispatchEvent(new PointerEvent("pointerover", { bubbles: true, clientX: 300, clientY: 300 }));
+      const box = document.querySelector(".hover");
+      result.hidden = box.hidden; result.tip = box.textContent; result.tags = box.children.length;
+      result.box = box.getBoundingClientRect().top;
+      const near = point.getBoundingClientRect();
+      result.walked = [];
+      const view = shown()[0].querySelector(".view");
+      for (const key of ["Escape", "ArrowRight", "ArrowRight", "ArrowLeft", "Escape"]) {
+        view.focus();
+        view.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true }));
+        result.walked.push(box.hidden ? "" : box.textContent.split("\n")[0]);
+      }
+      const tap = { bubbles: true, clientX: near.right + 6, clientY: near.top };
+      point.ownerSVGElement.dispatchEvent(new MouseEvent("click", tap));
+      result.tapped = box.hidden ? "" : box.textContent.split("\n")[0];
+      pick("truth", "path-area");
+      result.gone = box.hidden;"""
+    read, console = browse(tmp_path / "bench.html", "", script)
+    assert console == []
+    assert read["first"] == 2 * ["400x300/path-area"]
+    assert read["then"] == 2 * ["1600x1200/shadow-center"]
+    chart = error_chart(made, SIZES[2], "shadow-center")
+    assert read["title"] == chart.title
+    assert set(read["points"]) == {p.name for p in chart.points}
+    assert [tuple(row) for row in read["frontier"]] == frontier_rows(chart)
+    row = next(r for r in made.rows if r.method == "drjit32-shadow-conic" and r.width == 1600)
+    assert read["tip"].startswith("drjit32-shadow-conic\n")
+    assert f"RMSE {shown(row.rmse)}" in read["tip"]
+    assert (read["hidden"], read["tags"], read["gone"]) == (False, 0, True)
+    assert 200 < read["box"] < 420
+    by_time = [p.name for p in sorted(chart.points, key=lambda p: p.x)]
+    assert read["walked"] == ["", by_time[0], by_time[1], by_time[0], ""]
+    tapped = {p.name: (p.x, p.y) for p in chart.points}[read["tapped"]]  # the nearest to the finger, or one beside it
+    apart = np.abs(np.log(tapped) - np.log(next((p.x, p.y) for p in chart.points if p.name == "drjit32-shadow-conic")))
+    assert apart[0] < 0.04 * np.ptp(np.log(chart.x_range))
+    assert apart[1] < 0.04 * np.ptp(np.log(chart.y_range))
+
+
+def test_a_chart_has_every_point_at_its_place_in_its_colour_and_escapes_every_text(made):
+    chart = replace(error_chart(made, SIZES[0], "shadow-center"), title='a <b> & "c"')
+    drawn = [e for kind in ("circle", "polygon") for e in shapes(chart, kind) if e.get("data-name")]
+    found = {e.get("data-name"): e for e in drawn}
+    assert found.keys() == {p.name for p in chart.points}
+    (x0, x1), (y0, y1) = np.log(chart.x_range), np.log(chart.y_range)
+    for p in chart.points:
+        e = found[p.name]
+        assert (e.get("stroke"), e.get("fill")) == (p.colour, "#ffffff" if p.hollow else p.colour)
+        corners = np.array([[float(v) for v in xy.split(",")] for xy in (e.get("points") or "").split()])
+        x, y = corners.mean(axis=0) if corners.size else (float(e.get("cx")), float(e.get("cy")))
+        assert x == pytest.approx(LEFT + WIDTH * (np.log(p.x) - x0) / (x1 - x0), abs=1)
+        assert y == pytest.approx(TOP + HEIGHT * (1 - (np.log(p.y) - y0) / (y1 - y0)), abs=1)
+    assert chart.title in [e.text for e in shapes(chart, "text")]
+
+
+@pytest.fixture
+def judged(made) -> list[Bench]:
+    """Two scenes, of which the first has a subject that fails, and one that was not measured."""
+    few = every_method(SIZES[:1])
+    rows = tuple(
+        replace_row(r, verdict="fail", reason="too <dark>") if r.method == "numpy32-shadow-conic" else r
+        for r in few.rows
+    )  # fmt: skip
+    crash = {"mine.py:crash": "IndexError: seven"}
+    subjects = "numpy32-shadow-conic", "mine.py:crash"
+    wrong = replace_row(few, rows=rows, subjects=subjects, left_out=few.left_out | crash)
+    return [replace_row(few, scene="calm", subjects=subjects[:1]), replace_row(wrong, scene="wild")]
+
+
+def test_the_subjects_alone_decide_the_exit_code_and_the_terminal_says_their_verdicts_first(judged):
+    calm, wild = judged
+    assert (calm.exit_code, wild.exit_code) == (0, 1)
+    assert replace_row(wild, subjects=()).exit_code == 0
+    assert replace_row(wild, subjects=("mine.py:crash",)).exit_code == 2
+    lines = bench_summary(wild).splitlines()
+    assert lines[1].startswith("FAIL  wild, 400 x 300: numpy32-shadow-conic: ")
+    assert lines[1].endswith(": too <dark>")
+    assert lines[2] == "UNDECIDED  wild, 400 x 300: mine.py:crash: not measured: IndexError: seven"
+    assert bench_summary(calm).splitlines()[1].startswith("PASS  calm")
+
+
+def test_one_page_has_every_scenes_frontier_and_verdicts(judged, tmp_path, browse):
+    write_bench_all(judged, tmp_path)
+    assert [one["scene"] for one in json.loads((tmp_path / "bench.json").read_text())] == ["calm", "wild"]
+    assert {p.name for p in tmp_path.iterdir()} == {"bench.html", "bench.json", "calm", "wild"}
+    assert (tmp_path / "wild" / "400x300-path-area.svg").exists()
+    script = r"""
+      const sections = [...document.querySelectorAll("[data-choices]")];
+      const shown = () => sections.map((s) => s.querySelector(".chart:not([hidden])").dataset.chart);
+      result.first = shown();
+      const select = sections[1].querySelector('[data-choice="truth"]');
+      select.value = "path-area"; select.dispatchEvent(new Event("change"));
+      result.then = shown();
+      result.titles = sections.map((s) => s.querySelector("h2").textContent);
+      result.verdicts = [...document.querySelectorAll(".verdicts tbody tr")].map((row) => row.innerText);"""
+    read, console = browse(tmp_path / "bench.html", "", script)
+    assert console == []
+    assert read["first"] == 2 * ["400x300/shadow-center"]
+    assert read["then"] == ["400x300/shadow-center", "400x300/path-area"]
+    assert read["titles"] == ["calm: error against seconds", "wild: error against seconds"]
+    calm, wild = read["verdicts"]
+    assert "✓ pass" in calm
+    assert all(said in wild for said in ("✗ fail", "too <dark>", "not measured", "IndexError: seven"))
+
+
+@pytest.mark.parametrize(("ends", "expected"), [((0.5, 300.0), [1, 10, 100]), ((1.1, 4.6), [1.5, 2, 3])])
+def test_ticks_are_few_and_round(ends, expected):
+    assert log_ticks(ends) == pytest.approx(expected)
+
+
+def test_an_axis_has_three_to_nine_ticks_wherever_its_points_lie():
+    for low in np.geomspace(1e-9, 1e3, 271):
+        for factor in (1.0, 1.3, 3.0, 50.0, 1e6):
+            assert 3 <= len(log_ticks(log_range((low, factor * low), 0.1))) <= 9

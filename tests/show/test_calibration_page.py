@@ -1,0 +1,108 @@
+"""A calibration's page and drawings: residuals and uncertainty, each where it belongs."""
+
+import base64
+import io
+import re
+from xml.etree import ElementTree
+
+import msgspec
+import numpy as np
+import pytest
+from PIL import Image as Pillow
+
+from raytwin.photos import camera
+from raytwin.photos.camera import uncertainty_map
+from raytwin.show import calibration_page, terminal_text
+from raytwin.show.calibration_pictures import (
+    MEAN,
+    SIDE,
+    residual_drawing,
+    uncertainty_drawing,
+    without_tags,
+)
+
+
+def elements(drawing: str, kind: str, **like: str) -> list[ElementTree.Element]:
+    found = ElementTree.fromstring(drawing).iter("{http://www.w3.org/2000/svg}" + kind)
+    return [e for e in found if all(e.get(name) == value for name, value in like.items())]
+
+
+def test_the_residuals_kept_are_those_that_the_rms_is_of(calibration):
+    evidence = calibration.basis
+    off = np.array(evidence.residuals)
+    assert len(off) == len(evidence.seen)
+    assert np.sqrt((off**2).sum(axis=1).mean()) == pytest.approx(calibration.rms_px, rel=1e-6)
+    view = calibration.views[0]  # projected minus seen: within the detector's bias, which is taken out of what is seen
+    board = calibration.basis.board
+    xyz = board.points(board.centers())
+    at = camera.project(xyz, np.array(view.R_cam_board), np.array(view.t_cam_board), calibration.K, calibration.dist)
+    shown = np.array(evidence.seen[: view.tags]) + off[: view.tags]
+    nearest = np.linalg.norm(shown[:, None] - at[None], axis=-1).min(axis=1)
+    assert nearest.max() < 1e-3
+
+
+def test_a_common_shift_shows_in_every_cell_and_noise_in_none(calibration):
+    rng = np.random.default_rng(4)
+    noise = rng.normal(0, 0.1, (len(calibration.basis.seen), 2))
+    lengths = {}
+    for name, off in (("noise", noise), ("shift", noise + np.array([0.3, 0.0]))):
+        evidence = msgspec.structs.replace(calibration.basis, residuals=tuple(map(tuple, off.tolist())))
+        drawing = residual_drawing(msgspec.structs.replace(calibration, evidence=evidence))
+        by = float(re.search(r"drawn ([\d.e+]+) times", drawing)[1]) * SIDE / max(calibration.image_size)
+        lines = [e.get("points").split() for e in elements(drawing, "polyline", stroke=MEAN)[:-1]]  # the last: the key
+        ends = np.array([[[float(v) for v in xy.split(",")] for xy in line] for line in lines])
+        lengths[name] = (ends[:, 1] - ends[:, 0]) / by
+    assert np.median(lengths["shift"], axis=0) == pytest.approx([0.3, 0.0], abs=0.03)
+    assert np.abs(lengths["noise"]).mean() < 0.06
+
+
+def test_the_page_of_a_calibration_that_was_read_back_has_its_photos_the_worst_first(calibration, tmp_path):
+    back = msgspec.structs.replace(calibration, evidence=None)
+    calibration_page.write_calibration(back, tmp_path / "camera.html", "camera.toml")
+    text = (tmp_path / "camera.html").read_text(encoding="utf-8")
+    assert f"<b>{len(back.views)} photos</b>" in text
+    assert "<svg" not in text
+    assert re.findall(r'<th scope="row">(photo_\d+\.jpg)', text) == [
+        v.photo for v in sorted(back.views, key=lambda v: -v.rms_px)
+    ]
+    assert "views" not in re.sub(r"<(script|style).*?</\1>|class=\"views\"", "", text, flags=re.DOTALL)
+
+
+def test_the_page_says_how_the_board_was_tilted_and_how_it_is_bent(calibration, tmp_path):
+    bent = msgspec.structs.replace(calibration, board=camera.FoundBoard(None, 1.234, 0.056))
+    calibration_page.write_calibration(bent, tmp_path / "camera.html", "camera.toml")
+    tilts = calibration.basis.tilts
+    said = f"The board was tilted by {min(tilts):.0f} to {max(tilts):.0f} degrees. It is bent by 1.23 ± 0.06 mm, fitted"
+    assert said in (tmp_path / "camera.html").read_text(encoding="utf-8")
+
+
+def pixels(svg: str) -> np.ndarray:
+    """The first picture in a drawing, float (H, W, 3)."""
+    data = re.search(r'href="data:images/image/png;base64,([^"]+)"', svg)[1]
+    with Pillow.open(io.BytesIO(base64.b64decode(data))) as shown:
+        return np.asarray(shown.convert("RGB")).astype(float)
+
+
+def test_the_picture_is_brightest_where_the_map_is_most_uncertain(calibration):
+    """Viridis runs from purple, whose green is low, to yellow."""
+    svg = uncertainty_drawing(calibration)
+    frame, found = pixels(svg)[..., 1], uncertainty_map(calibration)
+    h, w = found.shape
+    y = ((np.arange(h) + 0.5) / h * frame.shape[0]).astype(int)
+    x = ((np.arange(w) + 0.5) / w * frame.shape[1]).astype(int)
+    tagged = ~without_tags(calibration, w, h)
+    assert (~tagged).mean() == pytest.approx(1 - calibration.basis.coverage, abs=0.02)
+    ranks = [np.argsort(np.argsort(a)) for a in (frame[np.ix_(y, x)][tagged], found[tagged])]
+    assert np.corrcoef(*ranks)[0, 1] > 0.9  # contours are white
+    assert svg.count('r="1.5"') == len(calibration.basis.seen)
+
+
+def test_the_summary_marks_the_model_that_was_taken(calibration):
+    lines = terminal_text.calibration_summary(calibration).splitlines()
+    tried = [line for line in lines if "held out" in line]
+    assert len(tried) == len(calibration.evidence.trials)
+    assert [line.split()[1] for line in tried if line.strip().startswith("*")] == [calibration.model]
+    photos = [line.split() for line in lines if line.strip().startswith("photo_")]
+    assert [p[0] for p in photos] == [v.photo for v in calibration.views]
+    assert [float(p[2]) for p in photos] == pytest.approx([v.rms_px for v in calibration.views], abs=6e-4)
+    assert [float(p[3]) for p in photos] == pytest.approx([v.influence for v in calibration.views], abs=6e-3)

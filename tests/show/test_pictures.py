@@ -1,0 +1,84 @@
+"""The pictures of the report: exposure, the signed error's colours, silhouettes, and which pixels are pointed at."""
+
+import base64
+import io
+
+import numpy as np
+import pytest
+from PIL import Image as Pillow
+
+from raytwin.images.image import Image, Surface
+from raytwin.show import data_urls
+
+
+def grey(values) -> Image:
+    return Image(np.repeat(np.asarray(values, np.float32)[..., None], 3, axis=-1))
+
+
+def surface(ids) -> Surface:
+    ids = np.asarray(ids, np.int32)
+    return Surface(ids, np.zeros(ids.shape, np.float32), np.zeros((*ids.shape, 3), np.float32))
+
+
+def loaded(url: str) -> Pillow.Image:
+    return Pillow.open(io.BytesIO(base64.b64decode(url.partition(",")[2])))
+
+
+def test_the_exposure_maps_the_995_permille_quantile_to_white():
+    ramp = grey(np.linspace(0, 8, 1000).reshape(10, 100))
+    assert 1 / data_urls.exposure(ramp) == pytest.approx(0.995 * 8, rel=1e-3)
+    for nothing in (0.0, np.nan):  # shown as it is
+        assert data_urls.exposure(grey(np.full((3, 3), nothing))) == 1
+
+
+def test_a_small_difference_is_pale_where_it_is_allowed_and_red_where_it_is_too_bright():
+    reference = grey(np.full((60, 90), 0.5))
+    for error, least_red in ((1e-6, 250), (0.1, 150)):
+        test = grey(reference.mean[..., 0] + error)
+        picture = np.asarray(loaded(data_urls.error_thumb(test, reference, 1e-5, 30)).convert("RGB")).astype(int)
+        assert picture.shape == (20, 30, 3)
+        assert (picture[..., 1] > 200).all() == (least_red == 250)
+        assert (picture[..., 0] >= picture[..., 2]).all()
+
+
+def test_mismatches_are_listed_from_the_top():
+    test, twin = surface([[-1, 0, -1, 1, 2]]), surface([[-1, -1, 0, 2, 2]])
+    assert data_urls.mismatches(test, twin) == [(1, 0), (2, 0), (3, 0)]
+
+
+def test_what_changed_is_found_on_the_jpegs_grid():
+    before = np.zeros((50, 70, 3), np.uint8)
+    after = before.copy()
+    assert data_urls.changed(before, after) == (0, 0, 16, 16)
+    after[20, 35] = after[33, 69] = 1
+    assert data_urls.changed(before, after) == (32, 16, 38, 32)
+
+
+def test_worst_pixels_come_worst_first_and_one_from_a_tile():
+    error = np.zeros((70, 100), np.float32)
+    error[5, 6], error[5, 7], error[40, 90], error[69, 0] = -3, 2.9, 1, np.nan
+    assert data_urls.worst_pixels(error, 10) == [(0, 69), (6, 5), (90, 40)]
+    assert data_urls.worst_pixels(error, 1) == [(0, 69)]
+    assert data_urls.worst_pixels(0 * error[:60], 10) == []  # equal images have none
+
+
+def test_a_png_keeps_every_byte_and_a_noisy_picture_becomes_a_jpeg():
+    rng = np.random.default_rng(0)
+    smooth = np.broadcast_to(np.arange(200, dtype=np.uint8)[None, :, None], (150, 200, 3))
+    url, lossless = data_urls.picture_url(smooth)
+    assert lossless
+    np.testing.assert_array_equal(np.asarray(loaded(url)), smooth)
+    noisy = rng.integers(0, 256, (600, 800, 3), np.uint8)
+    url, lossless = data_urls.picture_url(noisy)
+    assert not lossless
+    assert loaded(url).size == (800, 600)
+
+
+def test_a_photo_of_many_pixels_is_made_smaller_and_says_so():
+    pixels = np.zeros((3000, 4000, 3), np.uint8)
+    url, note = data_urls.small_jpeg(pixels, pixels.shape)
+    assert loaded(url).size == (2000, 1500)
+    assert "1/2" in note
+    part, _ = data_urls.small_jpeg(pixels[:320, :160], pixels.shape)  # of the same picture: as much smaller
+    assert loaded(part).size == (80, 160)
+    assert data_urls.small_jpeg(pixels[:320], (320, 4000, 3))[1] == "JPEG"

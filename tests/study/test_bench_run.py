@@ -1,0 +1,450 @@
+"""Methods, truths and a whole run: tiny pictures, small budgets, no word about how fast anything is."""
+
+import functools
+import json
+import time
+import warnings
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from program import raytwin, refused
+
+from raytwin.compare import METRICS
+from raytwin.errors import InputError, MachineError
+from raytwin.fast import trace
+from raytwin.progress import silent
+from raytwin.renderers.python_loop import loop
+from raytwin.renderers.renderer import Renderer
+from raytwin.renderers.renderer_table import RENDERERS, choose
+from raytwin.renderers.subject_renderers import Filled, SmoothedSpeculation, Speculated
+from raytwin.renderers.twin_renderers import Plain, Twin
+from raytwin.scene.scene_files import read_scene
+from raytwin.study import bench
+from raytwin.study.bench import bench_run as run
+from raytwin.study.bench.bench_run import reference_of, sized
+from raytwin.study.converged import converged
+from raytwin.teach.contract.subject import find_subject
+from raytwin.teach.contract.subject import method as as_method
+
+pytestmark = pytest.mark.nightly
+
+KEYS = [
+    "method", "engine", "precision", "rung", "trim", "speculation", "samples", "width", "height", "seconds_median",
+    "seconds_iqr", "compile_seconds", "truth", "rmse", "rmse_sigma", "relmse", "p999_abs", "truth_floor",
+    "on_frontier", "verdict", "reason",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def view(scenes):
+    """A scene by name, at a small size."""
+
+    def small(name: str, width: int = 48, height: int = 36):
+        scene = read_scene(scenes / name)
+        return scene.with_camera(scene.camera.resized(width, height))
+
+    return small
+
+
+# ------------------------------------------------------------------------------------------ methods
+
+
+def test_every_method_is_found_by_the_name_that_its_fields_give():
+    assert all(method.name == name for name, method in RENDERERS.items())
+    varied = replace(RENDERERS["drjit32-shadow-conic"], rung="lambert", trim="none")
+    assert RENDERERS[varied.name] == varied
+
+
+def test_a_family_is_the_name_without_what_varies():
+    families = {
+        "fill": "fill", "loop-shadow-conic": "loop-shadow", "drjit32-shadow-conic": "drjit32-shadow",
+        "drjit32-shadow-inplace": "drjit32-shadow-inplace", "drjit32-shadow-16spp": "drjit32-shadow-spp",
+        "drjit32-path-16": "drjit32-path", "numpy32-shadow-paper4-nlm": "numpy32-shadow-paper-nlm",
+        "twin-llvm-shadow": "twin-llvm-shadow", "mitsuba-llvm-direct-4": "mitsuba-llvm-direct",
+    }  # fmt: skip
+    assert {name: RENDERERS[name].family for name in families} == families
+
+
+@pytest.mark.parametrize(("name", "rung"), [("overlap", "lambert"), ("distorted", "shadow"), ("grazing", "shadow")])
+def test_the_python_loop_trimmed_or_not_is_the_tracer_in_float64(view, name, rung):
+    scene = view(name)
+    found = loop(scene, rung)
+    np.testing.assert_allclose(found, trace(scene, rung, "numpy64").mean, rtol=0, atol=2e-7)
+    np.testing.assert_array_equal(loop(scene, rung, "conic"), found)
+
+
+AMPLE = 3600
+"""Seconds: no test's outcome hangs on how busy the machine is."""
+
+GLOBS = "fill", "loop-lambert-conic", "numpy32-shadow-conic", "drjit32-shadow-conic", "twin-llvm-path-1", "*cuda*"
+
+HERE = [m for m in RENDERERS.values() if "cuda" not in m.library and m.samples <= 16]
+KINDS = sorted({type(m) for m in HERE}, key=lambda kind: kind.__name__)
+
+
+@pytest.fixture(scope="module")
+def truth(view):
+    """The truth of its name, made once."""
+    return functools.cache(lambda name: converged(view("overlap"), *name.split("-"), samples=64).image.mean)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_method_gives_an_image_near_its_truth(view, truth, kind):
+    scene = view("overlap")
+    for method in [m for m in HERE if type(m) is kind][-2:]:
+        try:
+            call = method.prepare(scene)
+        except InputError as error:
+            pytest.skip(f"{method.name}: {error}")
+        image = call(1).mean
+        assert image.shape == (36, 48, 3)
+        assert image.dtype == np.float32
+        bound = {Filled: 1.0, Plain: 0.3, Speculated: 0.2, SmoothedSpeculation: 0.2, Twin: 0.1}
+        assert METRICS["rmse"].function(image, truth(reference_of(method))) < bound.get(kind, 0.03), method.name
+
+
+def test_exact_methods_do_not_depend_on_the_seed_and_noisy_ones_do(view):
+    scene = view("overlap")
+    for name, same in (("drjit32-shadow-conic", True), ("twin-llvm-path-4", False), ("mitsuba-llvm-direct-4", False)):
+        method = choose((name,))[0]
+        call = method.prepare(scene)
+        assert method.noisy == (not same)
+        assert np.array_equal(call(1).mean.copy(), call(2).mean) == same
+
+
+def test_patterns_choose_methods_in_the_tables_order():
+    assert [m.name for m in choose(("loop-lambert-*", "fill"))] == [
+        "fill", "loop-lambert-none", "loop-lambert-corners", "loop-lambert-conic",
+    ]  # fmt: skip
+    with pytest.raises(InputError, match="nonsense"):
+        choose(("fill", "nonsense*"))
+    with pytest.raises(InputError, match=r"--methods: .*, got none"):
+        choose(())
+
+
+def test_sizes_keep_the_pictures_aspect(view):
+    camera = view("single", 640, 480).camera
+    for megapixels in (0.05, 0.2, 12, 48):
+        w, h = sized(camera, megapixels).image_size
+        assert w * 3 == h * 4
+        assert w * h == pytest.approx(megapixels * 1e6, rel=0.02)
+
+
+# ------------------------------------------------------------------------------------------ a whole run
+
+
+@pytest.fixture(scope="module")
+def small_run(scenes, tmp_path_factory):
+    """GLOBS, and a renderer of one's own that draws the background alone."""
+    mine = tmp_path_factory.mktemp("mine") / "mine.py"
+    mine.write_text(
+        "import numpy as np\n\n\ndef render(scene):\n"
+        "    return np.broadcast_to(scene['sky']['radiance'], (scene['height'], scene['width'], 3))\n"
+    )
+    methods = *GLOBS, find_subject(f"{mine}:render", "shadow")
+    return bench.bench(scenes / "overlap", methods=methods, sizes=(0.002,), budget=AMPLE, repeats=3, truth_samples=64)
+
+
+def test_a_run_accounts_for_every_method(small_run):
+    (own,) = (r for r in small_run.rows if "mine" in r.method)
+    asked = {m.name for m in choose(GLOBS)} | {own.method}
+    assert {r.method for r in small_run.rows} | small_run.left_out.keys() == asked
+    assert all(small_run.left_out.values())
+
+
+def test_errors_are_against_the_own_rung_and_against_the_whole_light(small_run):
+    own = {r.method: r.rmse for r in small_run.rows}
+    whole = {e.method: e.rmse for e in small_run.errors}
+    assert {e.truth for e in small_run.errors} == {"path-area"}
+    assert set(own) == set(whole)
+    assert own["numpy32-shadow-conic"] < 1e-5 < whole["numpy32-shadow-conic"]
+    assert own["loop-lambert-conic"] <= 1e-7
+    assert next(error for name, error in own.items() if "mine" in name) > 1e-2
+    assert all(r.truth_floor > 0 and r.seconds_median > 0 for r in small_run.rows)
+
+
+def test_a_row_has_exactly_the_promised_keys(small_run, tmp_path):
+    bench.write_bench([small_run], tmp_path / "a.json")
+    data = json.loads((tmp_path / "a.json").read_text())
+    assert all(list(row) == KEYS for row in (*data["rows"], *data["errors"]))
+    assert {row["precision"] for row in data["rows"]} <= {"float32", "float64"}
+
+
+def test_only_methods_whose_seeds_differ_have_an_error_bar(small_run):
+    bars = {row.method: row.rmse_sigma for row in small_run.rows}
+    assert {method for method, sigma in bars.items() if sigma is not None} == {"twin-llvm-path-1"}
+    assert bars["twin-llvm-path-1"] > 0
+
+
+def test_each_row_has_the_verdict_of_its_picture_beside_the_twin_at_its_own_light_level(small_run):
+    (own,) = small_run.subjects
+    found = {row.method: row.verdict for row in small_run.rows}
+    assert found == {
+        own: "fail", "fill": "fail", "loop-lambert-conic": "pass", "numpy32-shadow-conic": "pass",
+        "drjit32-shadow-conic": "pass", "twin-llvm-path-1": "undecided",
+    }  # fmt: skip
+    assert small_run.exit_code == 1
+    reasons = {row.method: row.reason for row in small_run.rows}
+    assert "are off by more than the tolerance" in reasons[own]
+    assert "too few random samples" in reasons["twin-llvm-path-1"]
+
+
+MINE = """
+import numpy as np
+from raytwin.renderers.scene_exchange import as_scene
+from raytwin.fast import walk
+from raytwin.tracer import trace
+def right(scene):
+    if scene["name"] == "single":
+        raise IndexError("seven")
+    return trace(as_scene(scene), scene["rung"]).mean
+def unlit(scene):
+    return trace(as_scene(scene), "lambert").mean
+def walked(scene, seed=0, samples=16):
+    return walk(as_scene(scene), "path", "numpy32", sampling="center", samples=samples, seed=seed)
+"""
+FEW = {"sizes": (0.002,), "budget": AMPLE, "repeats": 3, "truth_samples": 64}
+
+
+@pytest.fixture
+def mine(tmp_path):
+    (tmp_path / "mine.py").write_text(MINE)
+    return str(tmp_path / "mine.py")
+
+
+def test_several_scenes_have_a_result_each_and_a_crash_costs_its_own_row_alone(mine, scenes):
+    methods = ["fill", *(as_method(f"{mine}:{name}", name) for name in ("right", "unlit"))]
+    methods += [as_method("numpy32-shadow-none"), "numpy32-shadow-none"]
+    overlap, single = bench.bench_scenes([scenes / "overlap", scenes / "single"], methods=methods, **FEW)
+    rows = {(b.scene, r.method): r.verdict for b in (overlap, single) for r in b.rows}
+    assert rows == {
+        ("overlap", "right"): "pass", ("overlap", "unlit"): "fail", ("overlap", "numpy32-shadow-none"): "pass",
+        ("overlap", "fill"): "fail", ("single", "unlit"): "pass", ("single", "numpy32-shadow-none"): "pass",
+        ("single", "fill"): "fail",
+    }  # fmt: skip
+    assert single.left_out.keys() == {"right"}
+    assert "IndexError: seven" in single.left_out["right"]
+    assert overlap.subjects == single.subjects == ("right", "unlit", "numpy32-shadow-none")
+    assert (overlap.exit_code, single.exit_code) == (1, 2)
+
+
+def test_a_crash_in_a_later_render_leaves_the_renderer_out(scenes):
+    def moody(scene, seed):
+        if seed > 1:
+            raise IndexError("eight")
+        return np.zeros((scene["height"], scene["width"], 3))
+
+    found = bench.bench(scenes / "overlap", methods=["fill", as_method(moody)], **FEW)
+    assert [row.method for row in found.rows] == ["fill"]
+    assert "IndexError: eight" in found.left_out["moody"]
+    assert found.exit_code == 2
+
+
+def test_sampled_light_through_the_pixels_center_is_judged_by_the_twin_of_the_same(mine, scenes):
+    found = bench.bench(scenes / "overlap", methods=[as_method(f"{mine}:walked", "walked", rung="path")], **FEW)
+    assert {row.method: row.verdict for row in found.rows} == {"walked": "pass"}
+    assert [row.truth for row in (*found.rows, *found.errors)] == ["path-center", "path-area"]
+
+
+def test_the_budget_is_shared_by_all_scenes(scenes, monkeypatch):
+    left = []
+
+    def measured(scene, tolerance, methods, subjects, deadline, *rest):
+        left.append(deadline - time.perf_counter())
+        return [], [], {"fill": "no time"}
+
+    monkeypatch.setattr(run, "measure_size", measured)
+    with pytest.raises(InputError, match="--budget"):
+        bench.bench_scenes([scenes / "overlap", scenes / "single"], methods=["fill"], sizes=(0.001, 0.002), budget=400)
+    assert left == pytest.approx([100, 200, 200, 400], abs=20)
+
+
+@pytest.mark.parametrize(
+    ("names", "methods", "said"),
+    [
+        (("overlap", "nowhere"), ("fill",), "no such scene"),
+        (("overlap", "overlap"), ("fill",), "SCENE: expected each once, under a name of its own, got overlap twice"),
+        (("overlap",), (Filled(), Filled()), "--subject: expected each once, .*, got fill twice"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_anything_is_measured(scenes, monkeypatch, names, methods, said):
+    monkeypatch.setattr(run, "measure_size", None)
+    with pytest.raises(InputError, match=said):
+        bench.bench_scenes([scenes / name for name in names], methods=methods)
+
+
+def test_a_run_without_time_says_that_it_measured_nothing_and_what_to_give(scenes):
+    with pytest.raises(InputError, match=r"more seconds, or fewer --methods: none of 6 .* got 1e-09; prep") as error:
+        bench.bench(scenes / "single", methods=("fill", "loop-*"), sizes=(0.001,), budget=1e-9)
+    assert error.value.where == "--budget"
+
+
+def test_a_run_of_what_this_machine_lacks_says_what_is_lacking(scenes, monkeypatch):
+    def lacking(self, scene):
+        raise MachineError("variant", "a machine with it", "none")
+
+    monkeypatch.setattr(Filled, "prepare", lacking)
+    with pytest.raises(InputError, match="fill: variant: expected a machine with it") as error:
+        bench.bench(scenes / "single", methods=("fill",), sizes=(0.002,), truth_samples=4)
+    assert error.value.where == "--methods"
+
+
+class Clock:
+    """Seconds that pass only when a method takes them."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    made = Clock()
+    monkeypatch.setattr(run, "clock", made)
+    return made
+
+
+@dataclass(frozen=True)
+class Slow(Renderer):
+    """A method that takes `preparing` seconds, `calling` per sample for a call, and once `compiling` in the first."""
+
+    clock: Clock | None = None
+    kind: str = "a"
+    samples: int = 1
+    preparing: float = 0.0
+    calling: float = 0.0
+    compiling: float = 0.0
+    noisy: bool = False
+    VARIED = "samples"
+
+    @property
+    def name(self):
+        return f"{self.kind}-{self.samples}"
+
+    def prepare(self, scene):
+        self.clock.now += self.preparing
+
+        def call(seed):
+            self.clock.now += self.calling * self.samples + self.compiling * (seed == 0)
+
+        return call
+
+
+def silent_look(run, image):
+    pass
+
+
+@pytest.mark.parametrize(
+    ("preparing", "calling", "budget", "begun", "why"),
+    [
+        (1.0, 0.0, 2, ["a-1", "b-1"], "no time: a call would take about 2 s"),
+        (1.0, 0.0, 0.5, ["a-1"], "no time to prepare it"),
+        (0.0, 1.0, 4, ["a-1", "b-1", "a-2"], "no time: a call would take about 2 s"),
+    ],
+)
+def test_too_little_time_leaves_the_cheapest_of_every_family(clock, preparing, calling, budget, begun, why):
+    methods = [Slow("shadow", clock, kind, n, preparing, calling) for kind in "ab" for n in (1, 2, 4, 8)]
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        runs, left = run.first_calls(None, methods, (), silent_look, clock.now + budget, silent)
+    assert [r.method.name for r in runs] == begun
+    assert left.keys() == {m.name for m in methods} - set(begun)
+    assert left.get("b-2", left.get("b-1")) == why
+    assert [str(w.message) for w in said] == ([] if "b-1" in begun else ["--budget leaves out b"])
+
+
+def test_every_round_runs_each_method_once_in_an_order_of_its_own_with_another_seed(clock):
+    ran = []
+    runs = [run._Run(Slow("shadow", clock), lambda seed, name=name: ran.append((name, seed))) for name in "abcdef"]
+    run.rounds(runs, silent_look, clock.now + 1, 9)
+    rounds = ["".join(name for name, seed in ran if seed == number) for number in range(1, 10)]
+    assert len(ran) == 54
+    assert all(sorted(names) == list("abcdef") for names in rounds)
+    assert len(set(rounds)) > 5
+
+
+def test_no_call_begins_that_would_end_past_the_deadline(clock):
+    runs, _ = run.first_calls(
+        None, [Slow("shadow", clock, kind, 1, 0.0, seconds) for kind, seconds in (("quick", 0.01), ("slow", 30.0))],
+        (), silent_look, clock.now + 100, silent,
+    )  # fmt: skip
+    deadline = clock.now + 100
+    run.rounds(runs, silent_look, deadline, 50)
+    assert clock.now <= deadline
+    assert {r.method.kind: len(r.seconds) for r in runs} == {"quick": 50, "slow": 3}
+
+
+def test_what_only_the_first_call_cost_is_kept_apart(clock):
+    runs, _ = run.first_calls(
+        None, [Slow("shadow", clock, calling=0.5, compiling=4.0)], (), silent_look, clock.now + 9, silent
+    )
+    run.rounds(runs, silent_look, clock.now + 9, 5)
+    runs[0].judged, runs[0].errors = Judged(), {"path-area": [[1.0, 2.0, 3.0]]}
+    (row,) = run.measurements(runs, "path-area", 0.0, (4, 3))
+    assert (row.seconds_median, row.seconds_iqr, row.compile_seconds) == (0.5, 0, 4)
+
+
+@dataclass
+class Judged:
+    verdict: str = "pass"
+    reasons: tuple[str, ...] = ("they agree",)
+
+
+def test_an_error_bar_covers_the_mean_of_many_images(clock):
+    """The mean of 16 errors lies within its bar (one standard error) two times of three (Student's t: 0.667)."""
+    rng, covered = np.random.default_rng(5), 0
+    for _ in range(300):
+        errors = rng.normal(2.0, 0.3, (16, 1)) * np.ones(3)
+        one = run._Run(Slow("shadow", clock), lambda seed: None, seconds=[1.0], errors={"x": errors.tolist()})
+        one.judged = Judged()
+        (row,) = run.measurements([one], "x", 0.0, (4, 3))
+        covered += abs(row.rmse - 2.0) < row.rmse_sigma
+    assert 0.59 < covered / 300 < 0.75
+
+
+def test_the_command_writes_json_a_page_and_pictures(scenes, tmp_path):
+    run = raytwin(
+        "bench", scenes / "single", "--methods", "fill,numpy32-shadow-conic", "--sizes", "0.002", "--budget", AMPLE,
+        "--repeats", 3, "--truth-samples", 32, "--json", tmp_path / "a.json", "-o", tmp_path / "out",
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    assert "frontier against shadow-center" in run.stdout
+    data = json.loads((tmp_path / "a.json").read_text())
+    assert [row["method"] for row in data["rows"]] == ["fill", "numpy32-shadow-conic"]
+    w, h = data["rows"][0]["width"], data["rows"][0]["height"]
+    names = {p.name for p in (tmp_path / "out").iterdir()}
+    assert {"bench.html", "bench.json", f"{w}x{h}-path-area.svg"} <= names
+
+
+@pytest.mark.parametrize(("function", "code"), [("right", 2), ("unlit", 1), ("", 0)])
+def test_the_exit_code_is_that_of_the_subjects(mine, scenes, tmp_path, function, code):
+    given = ("--subject", f"{mine}:{function}") if function else ()
+    done = raytwin(
+        "bench", "overlap", scenes / "single", "--methods", "fill", *given, "--sizes", "0.002", "--budget", AMPLE,
+        "--repeats", 1, "--truth-samples", 16, "-o", tmp_path / "out",
+    )  # fmt: skip
+    assert done.returncode == code, done.stderr
+    assert (tmp_path / "out" / "bench.html").exists()
+    assert ("FAIL  overlap" in done.stdout, "UNDECIDED  single" in done.stdout) == (code == 1, code == 2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("nowhere",), "no such scene"),
+        (("--sizes", "0"), "--sizes"),
+        (("--methods", "nonsense"), "nonsense"),
+        (("--budget", "-3"), "--budget"),
+    ],
+)
+def test_wrong_options_are_refused_in_one_line(scenes, arguments, said):
+    refused(raytwin("bench", scenes / "single", *arguments), said)
+
+
+def test_methods_can_be_listed_without_a_scene():
+    run = raytwin("bench", "list")
+    assert run.returncode == 0
+    assert run.stdout.count("\n") == len(RENDERERS)

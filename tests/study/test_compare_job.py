@@ -1,0 +1,215 @@
+"""The halves together: the tracer against Mitsuba on every shipped scene, and the photographed one whole."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from scene_of import changed
+
+from raytwin import twin
+from raytwin.compare.report import Part
+from raytwin.errors import InputError
+from raytwin.explain.ledger import Ledger
+from raytwin.fast import trace
+from raytwin.photos import synthetic_photos
+from raytwin.photos.find_camera import find_camera
+from raytwin.renderers.subject_renderers import Traced, fast_engine
+from raytwin.renderers.user_renderers import UserRenderer
+from raytwin.scene.lens import Folds
+from raytwin.scene.scene_files import read_scene
+from raytwin.show.terminal_text import summary
+from raytwin.study.compare_scene import _left_out, compare_scene
+from raytwin.teach.contract.subject import find_subject
+
+
+@pytest.fixture(scope="module")
+def desk(scenes):
+    """`compare scenes/desk` at a quarter of the side: calibration in full, rendering small."""
+    twin.activate()
+    return compare_scene(scenes / "desk", size=(504, 378))
+
+
+def test_the_photographed_scene_agrees(desk):
+    c = desk.comparison
+    assert c.verdict == "pass", c.reasons
+    assert c.radiance.p999_abs <= 1e-5
+
+
+def test_the_calibration_finds_the_true_camera(scenes, desk):
+    true, found = synthetic_photos.read_truth(scenes / "desk" / "photos" / "truth.toml"), desk.calibration
+    places = {"fx": (0, 0), "fy": (1, 1), "cx": (0, 2), "cy": (1, 2)}
+    off = {name: abs(found.K[i][j] - true.K[i][j]) for name, (i, j) in places.items()}
+    assert max(off["fx"] / true.K[0][0], off["fy"] / true.K[1][1]) < 1e-3
+    assert max(off["cx"], off["cy"]) < 1
+    assert all(off[name] < 4 * found.sigma[name] for name in places)
+    R, t = (np.asarray(a) for a in true.photos[Path(desk.pose.photo).name])
+    camera = desk.scene.camera
+    assert np.degrees(np.linalg.norm(np.asarray(camera.R_cam_board) - R) / np.sqrt(2)) < 0.1
+    assert np.linalg.norm(np.asarray(camera.eye) + R.T @ t) < 1e-3
+    assert not found.warnings
+
+
+def test_another_photo_moves_the_camera(scenes, desk):
+    scene, path, _, _ = find_camera(scenes / "desk", "photo_00.jpg")
+    assert path.name == "photo_00.jpg"
+    assert np.linalg.norm(np.subtract(scene.camera.eye, desk.scene.camera.eye)) > 0.05
+
+
+def test_a_photo_that_is_not_there_is_named(scenes):
+    with pytest.raises(InputError, match=r"--photo: expected one of photo_00\.jpg.*got nope\.jpg"):
+        find_camera(scenes / "desk", "nope.jpg")
+    with pytest.raises(InputError, match="--photo"):
+        find_camera(read_scene(scenes / "single"), "photo_00.jpg")  # whose camera is given
+
+
+def test_the_rung_that_the_tracer_lacks_differs_as_it_must_and_says_what_is_missing(scenes):
+    result = compare_scene(scenes / "overlap", rung="path", size=(160, 120), samples=64, cache=False)
+    assert result.comparison.verdict == "differs"
+    assert result.comparison.exit_code == 0
+    assert "the tracer stops at shadows; the twin also models bounced light" in result.comparison.reasons[0]
+    assert not any("shifted" in reason for reason in result.comparison.reasons)
+    assert any("ignoring bounce 1 makes it" in reason for reason in result.comparison.reasons)
+    assert result.comparison.reasons[-1] == "compared at its own level, shadow, the tracer agrees with the twin"
+    assert result.settings["rung of the tracer"] == "shadow"
+    assert result.settings["rung of the twin"] == "path"
+
+
+def test_what_a_rung_ignores_is_said_with_its_sign_the_largest_part_first():
+    parts = (
+        Part("numerics", share_of_light=0.5),
+        Part("bounce 2", share_of_light=-0.002),
+        Part("sun's shadow", share_of_light=0.0344),
+        Part("bounce 1", share_of_light=-0.1),
+        Part("sky's occlusion", share_of_light=None),
+    )
+    assert _left_out(Ledger(parts, {}, np.zeros((1, 1, 3)), 1)) == (
+        "ignoring bounce 1 makes it 10 % too dark",
+        "ignoring what hides the sun makes it 3.4 % too bright",
+        "ignoring bounce 2 makes it 0.2 % too dark",
+    )
+    assert _left_out(None) == ()
+
+
+@dataclass(frozen=True)
+class Moved(Traced):
+    """The tracer with its first sphere 0.2 pixels to the right."""
+
+    def prepare(self, scene):
+        sphere, *others = scene.objects
+        K, R, t = (np.asarray(a) for a in (scene.camera.K, scene.camera.R_cam_board, scene.camera.t_cam_board))
+        aside = 0.2 * (R @ sphere.center + t)[2] / K[0, 0] * R[0]
+        moved = msgspec.structs.replace(sphere, center=tuple((sphere.center + aside).tolist()))
+        return super().prepare(changed(scene, objects=(moved, *others)))
+
+
+def test_a_bug_is_not_hidden_by_light_that_is_missing_on_purpose(scenes):
+    moved = Moved(surface=True)
+    result = compare_scene(scenes / "overlap", subject=moved, rung="path", size=(96, 72), samples=64, cache=False)
+    assert result.comparison.verdict == "fail"
+    own = "on its own rung, shadow: "
+    causes = [reason for reason in result.comparison.reasons if reason.removeprefix(own).startswith("cause")]
+    assert causes
+    assert any(reason.startswith(own) and reason not in causes for reason in result.comparison.reasons)
+    assert result.comparison.exit_code == 1
+
+
+def test_the_tracer_may_climb_as_high_as_the_twin(scenes):
+    engine = fast_engine(twin.activate().variant)
+    result = compare_scene(
+        scenes / "overlap", rung="path", tracer_rung="path", engine=engine, size=(80, 60), samples=64, cache=False
+    )
+    assert result.comparison.verdict == "pass"
+    assert result.settings["rung of the tracer"] == "path"
+    with pytest.raises(InputError, match=r"--tracer-rung: expected one of surface, lambert, shadow, got path"):
+        compare_scene(scenes / "overlap", rung="shadow", tracer_rung="path")
+
+
+def test_a_lens_that_folds_over_in_the_corners_is_compared_in_the_rest_and_said_so(scenes, tmp_path):
+    text = (scenes / "single" / "scene.toml").read_text()
+    (tmp_path / "scene.toml").write_text(text.replace("[[spheres]]", "dist = [-1.3]\n\n[[spheres]]", 1))
+    with pytest.warns(Folds, match="cannot be undone there"):
+        result = compare_scene(tmp_path, size=(160, 120))
+    assert result.comparison.verdict == "pass"
+    assert result.comparison.reasons[-1].startswith("no ray belongs to 30 % of the frame")
+
+
+@pytest.mark.parametrize(("level", "samples"), [("path", 1), ("sky", 3)])
+def test_few_samples_fail_no_right_tracer(scenes, level, samples):
+    """Of two random renders that hardly know their noise none is blamed: 1 sample always was, 2 in 22 of 450 pairs."""
+    engine = fast_engine(twin.activate().variant)
+    few = {"rung": level, "tracer_rung": level, "engine": engine, "size": (96, 72), "samples": samples, "cache": False}
+    for name in ("overlap", "weekend"):
+        result = compare_scene(scenes / name, **few)
+        assert result.comparison.verdict in ("pass", "undecided"), result.comparison.reasons
+        assert result.settings["twin's samples per pixel"] == str(samples)
+
+
+def test_a_tracer_of_centers_differs_from_areas_as_expected_and_a_wrong_one_still_fails(scenes, monkeypatch):
+    monkeypatch.setattr("raytwin.study.compare_scene.find_causes", lambda *_: ())  # takes longest
+    # Of 36 samples one seed of three does not show overlap's edges, which are rare events; distorted's always show.
+    asked = (("overlap", None, "differs"), ("distorted", None, "differs"), ("overlap", Moved(surface=True), "fail"))
+    for name, subject, verdict in asked:
+        result = compare_scene(scenes / name, subject=subject, sampling="area", size=(160, 120), seed=1, cache=False)
+        assert result.comparison.verdict == verdict
+        assert ("sends one ray through each pixel's center" in result.comparison.reasons[0]) == (verdict == "differs")
+
+
+def test_rounding_is_named_as_the_cause_and_stays_in_the_ledgers_numerics(scenes):
+    made = compare_scene(scenes / "single", engine="numpy32", solver="textbook", size=(160, 120))
+    assert made.comparison.verdict == "fail"
+    assert made.comparison.cause.startswith("rounding: the textbook quadratic in single precision")
+    assert not any(part.part.startswith("the subject's own error") for part in made.report.ledger)
+
+
+def test_a_subjects_error_is_its_own_in_the_ledger_and_named_on_the_first_line(scenes):
+    """A tracer that casts no shadows, beside a twin that does."""
+    without = UserRenderer("shadow", "no shadows", lambda given: given["made"], lambda scene, rung: {
+        "made": trace(scene, "lambert").mean
+    })  # fmt: skip
+    made = compare_scene(scenes / "overlap", subject=without, size=(120, 90))
+    assert made.comparison.verdict == "fail"
+    assert "shadow" in made.comparison.cause
+    first = summary(made).splitlines()[0].removesuffix(" (likely)")
+    assert first == f"FAIL  overlap, rung shadow: {made.comparison.cause}"
+    parts = {part.part: part.share_of_error for part in made.report.ledger}
+    assert parts["the subject's own error"] > 0.5
+    assert abs(parts["numerics"]) < 1e-3
+
+
+FORGOTTEN = """
+import numpy as np
+
+def shade(points, normals, albedo, to_light, irradiance, sky):
+    sun = np.asarray(irradiance) * np.maximum(normals @ np.asarray(to_light), 0)[:, None]
+    return albedo * (sun + np.asarray(sky))
+"""
+
+
+def test_a_subject_with_stages_is_asked_by_stages_first(scenes, tmp_path):
+    (tmp_path / "mine.py").write_text(FORGOTTEN)
+    subject = find_subject(str(tmp_path / "mine.py"), "shadow")
+    assert set(subject.stages) == {"shade"}
+    made = compare_scene(scenes / "overlap", subject=subject, size=(80, 60))
+    assert made.comparison.verdict == "fail"
+    wrong = "the sun's part is π times too bright: a Lambertian surface reflects albedo/π, not albedo"
+    assert made.comparison.cause.startswith(f"shade: {wrong}; a place to mend it: line 5: ")
+
+
+def test_a_scene_is_compared_under_a_photos_light(scenes, tmp_path):
+    """At the sphere's nearest point L = albedo / pi E n·l + albedo Ls of the light in the file, on both sides."""
+    light = tmp_path / "light.toml"
+    light.write_text(
+        "[sun]\nto_light = [0.0, 3.0, 4.0]\nirradiance = [2.0, 1.0, 0.5]\n[sky]\nradiance = [0.2, 0.3, 0.4]\n"
+        "[paper]\nalbedo = 0.85\ncolor = [1.0, 1.0, 1.0]\n"
+    )
+    result = compare_scene(scenes / "single", rung="lambert", size=(65, 49), light=light)
+    albedo = np.array([0.8, 0.4, 0.2])
+    expected = albedo / np.pi * (2.0, 1.0, 0.5) * 0.8 + albedo * (0.2, 0.3, 0.4)
+    for image in (result.subject, result.twin):
+        assert image.mean[24, 32] == pytest.approx(expected, rel=0.02)
+    assert result.verdict == "pass"
+    light.write_text("[sky]\nradiance = [0.2, 0.3, 0.4]\n")
+    with pytest.raises(InputError, match=r"light.toml: paper is missing"):
+        compare_scene(scenes / "single", light=light)

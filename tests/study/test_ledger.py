@@ -1,0 +1,150 @@
+"""The ledger against closed forms, the twin, and errors that were put in."""
+
+from math import cos, inf, pi, radians, sin
+
+import msgspec
+import numpy as np
+import pytest
+from measure.planted_ledger import results
+from scene_of import changed, scene_of
+from truths import WHITE, in_wedge, view_of, wedge
+
+from raytwin import fast as fast_package
+from raytwin import twin
+from raytwin.explain import ledger, light_parts
+from raytwin.explain.ledger import make_ledger
+from raytwin.rungs import RUNGS
+from raytwin.scene.scene_files import read_scene
+
+LIT = [name for name, row in RUNGS.items() if row.lit]
+
+
+@pytest.fixture(scope="module")
+def fast() -> str:
+    twin.activate()
+    return "drjit32"
+
+
+def rows(found):
+    return {part.part: part for part in found.parts}
+
+
+@pytest.mark.parametrize("rung", LIT)
+def test_parts_add_up_to_what_is_shown_less_the_whole_light(overlap, fast, rung):
+    """The error's mean beside that from the twin's own path tracing: 4.5 standard errors."""
+    small = overlap.with_camera(overlap.camera.resized(64, 48))
+    shown = fast_package.walk(small, rung, fast, seed=9) if RUNGS[rung].noisy else fast_package.trace(small, rung, fast)
+    found = make_ledger(small, shown, rung, fast)
+    whole = twin.render(small, "path", sampling="area", samples=256, cache=False)
+    total = sum(picture.astype(float) for picture in found.pictures.values())
+    np.testing.assert_allclose(total, found.error, atol=1e-6)
+    assert whole.variance is not None
+    sigma = np.sqrt(whole.variance.mean(dtype=float) + rows(found)["noise"].rmse ** 2) / np.sqrt(total.size)
+    assert total.mean() == pytest.approx((shown.mean - whole.mean).mean(dtype=float), abs=4.5 * sigma)
+    shares = [part.share_of_error for part in found.parts if part.share_of_error is not None]
+    assert sum(shares) == pytest.approx(1, abs=1e-5)
+    # What a rung has is not among what it leaves out.
+    left = {name for name in found.pictures if name in ledger.LEFT_OUT}
+    assert len(left) == {"lambert": 5, "shadow": 4, "sky": 3, "path": 0}[rung]
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", ["distorted", "wedge", "weekend", "studio"])
+def test_on_every_scene_the_parts_are_the_whole_error_pixel_by_pixel(scenes, fast, name):
+    """What is shown less the walks of the ledger's own seeds, to float32's rounding of a handful of sums."""
+    scene = read_scene(scenes / name)
+    small = scene.with_camera(scene.camera.resized(64, 48))
+    shown = fast_package.trace(small, "lambert", fast)
+    halves = [
+        fast_package.walk(small, "path", fast, samples=light_parts.SAMPLES, seed=seed, surface=False).mean
+        for seed in light_parts.SEEDS
+    ]
+    found = make_ledger(small, shown, "lambert", fast)
+    total = sum(picture.astype(float) for picture in found.pictures.values())
+    np.testing.assert_allclose(total, shown.mean - (halves[0] + halves[1]) / 2, atol=2e-6 * max(1, shown.mean.max()))
+
+
+def test_in_a_wedge_each_part_is_its_term_of_the_series(fast):
+    """90 degrees, albedo 1/2, sky of 1: 1/2 open, 1/4 occluded, bounces 1/16, 1/64 and 1/192 in all that follow."""
+    eye = (0.005 + 0.15 * cos(radians(35)), 0.04, 0.15 * sin(radians(35)))
+    scene = scene_of("wedge", view_of((0.005, 0, 0), eye, 1e-5, 32), wedge(90, 0.5, 0.5, 500.0), WHITE)
+    found = make_ledger(scene, fast_package.trace(scene, "shadow", fast), "shadow", fast, depth=30)
+    terms = [in_wedge(90, 0.5, 0.5, n) for n in (0, 1, 2, inf)]
+    for name, missing in {
+        "sky's occlusion": terms[0] - 0.5, "bounce 1": terms[1] - terms[0], "bounce 2": terms[2] - terms[1],
+        "bounces 3 and more": terms[3] - terms[2],
+    }.items():  # fmt: skip
+        part = rows(found)[name]
+        error = 4.5 * part.noise / 32 / terms[3]
+        assert part.share_of_light == pytest.approx(-missing / terms[3], abs=error)
+        assert part.rmse == pytest.approx(abs(missing), rel=0.08)
+    assert rows(found)["numerics"].rmse < 1e-6
+    assert rows(found)["pixel sampling"].rmse < 1e-6
+
+
+PLANTED = {
+    "what shadows take away is missing": lambda scene, fast: fast_package.trace(scene, "lambert", fast),
+    "the sun's part is 3.142 = π times too bright": lambda scene, fast: fast_package.trace(
+        _sun(scene, pi), "shadow", fast
+    ),
+    "the sun's part is missing": lambda scene, fast: fast_package.trace(_sun(scene, 0.0), "shadow", fast),
+}
+
+
+def _sun(scene, factor):
+    sun = msgspec.structs.replace(scene.sun, irradiance=tuple(factor * x for x in scene.sun.irradiance))
+    return changed(scene, lights=tuple(sun if x is scene.sun else x for x in (scene.sun, scene.sky)))
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_a_fault_of_a_subject_that_fails_is_its_own_error_and_no_numerics(overlap, fast, name):
+    small = overlap.with_camera(overlap.camera.resized(64, 48))
+    found = make_ledger(small, PLANTED[name](small, fast), "shadow", fast, faulty=True)
+    named = rows(found)["the subject's own error"]
+    right = make_ledger(small, fast_package.trace(small, "shadow", fast), "shadow", fast)
+    assert named.rmse > 0.05
+    assert rows(found)["numerics"].rmse < 1e-6
+    assert rows(found)["pixel sampling"].rmse == rows(right)["pixel sampling"].rmse
+    assert sum(part.share_of_error for part in found.parts if part.share_of_error) == pytest.approx(1, abs=1e-3)
+
+
+def test_a_right_subject_has_no_error_of_its_own(overlap, fast):
+    """Whatever the verdict: rounding is not taken for it."""
+    small = overlap.with_camera(overlap.camera.resized(64, 48))
+    found = rows(make_ledger(small, fast_package.trace(small, "shadow", fast), "shadow", fast, faulty=True))
+    assert found["the subject's own error"].rmse < 1e-5
+
+
+def test_no_planted_bug_is_taken_for_rounding():
+    found = list(results(8))
+    assert len(found) > 6
+    assert max(one.innocent for _, _, one in found) < 1e-6
+
+
+def test_of_a_sampled_level_the_subjects_error_and_its_samples_are_one_part(overlap, fast):
+    """Bounces are missing: their light is that part's mean. No row of samples alone says that all is well."""
+    small = overlap.with_camera(overlap.camera.resized(64, 48))
+    shown = [fast_package.walk(small, "path", fast, samples=64, depth=depth) for depth in (8, 2)]
+    right, wrong = (make_ledger(small, image, "path", fast, faulty=image is shown[1]) for image in shown)
+    both = rows(wrong)["the subject's own error and its own samples"]
+    assert not any(name.startswith("the subject") for name in rows(right))
+    assert "its own samples" not in rows(wrong)
+    missing = (shown[1].mean - shown[0].mean).mean(dtype=float)
+    assert both.share_of_light == pytest.approx(missing / shown[0].mean.mean(dtype=float), rel=0.1)
+    assert both.share_of_error == pytest.approx(1, abs=1e-6)
+
+
+def test_a_large_frame_is_judged_by_every_kth_pixel_with_that_pixels_own_area(overlap, fast, monkeypatch):
+    small = overlap.with_camera(overlap.camera.resized(160, 120))
+    shown = fast_package.trace(small, "shadow", fast)
+    monkeypatch.setattr(light_parts, "PIXELS_NUMPY", 160 * 120)
+    whole = make_ledger(small, shown, "shadow", fast)
+    monkeypatch.setattr(light_parts, "PIXELS", 160 * 120 // 4)
+    monkeypatch.setattr(light_parts, "PIXELS_NUMPY", 160 * 120 // 4)
+    thin = make_ledger(small, shown, "shadow", fast)
+    assert (whole.step, thin.step) == (1, 2)
+    assert thin.error.shape == (60, 80, 3)
+    # The centres are the same rays: what is left of the tracer's own error is float32's rounding, no shifted picture.
+    assert rows(thin)["numerics"].rmse < 1e-6
+    assert rows(thin)["bounce 1"].rmse == pytest.approx(rows(whole)["bounce 1"].rmse, rel=0.2)
+    assert rows(thin)["pixel sampling"].rmse == pytest.approx(rows(whole)["pixel sampling"].rmse, rel=0.5)

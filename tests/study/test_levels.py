@@ -1,0 +1,199 @@
+"""Light levels: the recommendation holds for another seed, costs are counted, and parts are their closed forms."""
+
+from math import cos, inf, radians, sin
+
+import msgspec
+import numpy as np
+import pytest
+from program import raytwin, refused
+from scene_of import scene_of
+from truths import WHITE, in_wedge, view_of, wedge
+
+from raytwin import twin
+from raytwin.errors import InputError
+from raytwin.fast import light_parts
+from raytwin.renderers.subject_renderers import fast_engine
+from raytwin.scene import Camera, Scene
+from raytwin.scene.lens import distort
+from raytwin.scene.scene_files import read_scene
+from raytwin.study import levels as room
+from raytwin.study.converged import converged
+from raytwin.study.levels import Table, levels, method_of, still_terms, surfaces_met
+
+SIZE = 80, 60
+
+
+@pytest.fixture(scope="module")
+def corner() -> Scene:
+    """90 degrees, albedo 1/2, sky of 1: half of all paths go on at each surface."""
+    eye = (0.005 + 0.15 * cos(radians(35)), 0.04, 0.15 * sin(radians(35)))
+    return scene_of("corner", view_of((0.005, 0, 0), eye, 1e-5, 24), wedge(90, 0.5, 0.5, 500.0), WHITE)
+
+
+@pytest.fixture(scope="module")
+def table(scenes) -> Table:
+    return levels(scenes / "overlap", size=SIZE).found
+
+
+@pytest.mark.nightly
+def test_errors_fall_with_light_and_samples_and_both_sides_agree(table):
+    errors = {row.method.partition("-")[2] if row.side == "tracer" else row.method: row.error for row in table.rows}
+    assert errors["lambert-conic"] > 2 * errors["shadow-conic"] > 2 * errors["path-depth8-64"]
+    assert errors["path-depth8-1"] > errors["path-depth8-4"] > errors["path-depth8-16"] > errors["path-depth8-64"]
+    twins = {row.rung: row for row in table.rows if row.side == "twin"}
+    assert twins["lambert"].error == pytest.approx(errors["lambert-conic"], rel=1e-3)
+    assert twins["shadow"].error == pytest.approx(errors["shadow-conic"], rel=1e-3)
+    assert [row.rays for row in table.rows] == sorted(row.rays for row in table.rows)
+    assert (table.choice, {part.can_be_dropped for part in table.parts}) == (None, {None})
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "rungs"), [(0.1, {"lambert"}), (0.03, {"shadow"}), (0.012, {"path", "sky", "shadow"})]
+)
+def test_the_choice_meets_the_tolerance_with_another_seed_and_the_next_cheaper_fails(scenes, tolerance, rungs):
+    """Against another reference; a twentieth is granted to another seed's noise, in so small a picture."""
+    scene = read_scene(scenes / "overlap")
+    scene = scene.with_camera(scene.camera.resized(*SIZE))
+    found = levels(scene, tolerance).found
+    assert found.choice.rung in rungs
+    assert found.choice.error_most <= tolerance
+    assert found.floor <= tolerance / 10
+    whole = converged(scene, samples=1024, depth=16)
+    rows = [row for row in found.rows if row.side == "tracer"]
+    place = rows.index(found.choice)
+    right, wrong = (whole.error(method_of(row)(scene, 5).mean).value for row in (rows[place], rows[place - 1]))
+    assert right <= 1.05 * tolerance
+    assert wrong > 0.95 * tolerance
+    assert all(row.error_most > tolerance for row in rows[:place])
+
+
+@pytest.mark.nightly
+def test_rays_are_counted_from_the_share_of_paths_that_meet_a_surface(corner):
+    """1/2 of the hemisphere over each plane is the other: 1, 1/2, 1/4, ... of the paths go on."""
+    engine = fast_engine(twin.activate().variant)
+    met = surfaces_met(corner, engine)
+    assert met == pytest.approx([0.5**k for k in range(len(met))], abs=0.02)
+    rays = {(row.rung, row.depth, row.samples): row.rays for row in levels(corner).found.rows if row.side == "tracer"}
+    assert rays["lambert", None, 1] == 1
+    assert rays["shadow", None, 1] == 2
+    assert rays["path", 3, 16] == pytest.approx(16 * (1 + 2 * 1.5), rel=0.02)
+    assert rays["path", 4, 1] == pytest.approx(1 + 2 * 1.75, rel=0.02)
+
+
+@pytest.mark.nightly
+def test_each_part_is_its_term_of_the_series_and_can_be_dropped_below_the_tolerance(corner):
+    """1/2 open, 1/4 occluded, bounces of 1/16, 1/64, ..., 1/3 in all."""
+    parts = {part.part: part for part in levels(corner, 0.03).found.parts}
+    whole = in_wedge(90, 0.5, 0.5, inf)
+    for name, n in {"all bounces": 0, "bounces beyond 1": 1, "bounces beyond 2": 2}.items():
+        left_out = whole - in_wedge(90, 0.5, 0.5, n)
+        assert parts[name].error == pytest.approx(left_out, rel=0.02)
+        assert parts[name].share_of_light == pytest.approx(left_out / whole, rel=0.02)
+        assert parts[name].can_be_dropped == (left_out < 0.03)
+    assert parts["occlusion of the sky"].error == pytest.approx(0.25, rel=0.01)
+    assert parts["shadows of the sun"].can_be_dropped
+
+
+@pytest.mark.parametrize("name", ["overlap", "studio"])
+def test_no_part_of_the_light_exceeds_what_is_certain_without_a_render(scenes, name):
+    """a E/π, a L, and a (E/π + L) a^(n+1) / (1 - a) with F <= 1. A pixel's noise is granted 4.5 standard errors."""
+    scene = read_scene(scenes / name)
+    small = scene.with_camera(scene.camera.resized(*SIZE))
+    albedo = max(max(thing.material.albedo) for thing in scene.objects)
+    sun = max(scene.sun.irradiance) / np.pi
+    sky = scene.environment.radiance.max() if scene.environment else max(scene.sky.radiance)
+    parts = light_parts(small, fast_engine(twin.activate().variant), samples=64, depth=16)
+
+    def largest(*names):
+        mean, variance = (sum(getattr(parts[n], of).astype(float) for n in names) for of in ("mean", "variance"))
+        return (np.abs(mean) - 4.5 * np.sqrt(len(names) * variance)).max()
+
+    assert largest("shadow") <= albedo * sun
+    assert 0 < largest("occlusion") <= albedo * sky
+    for n, names in enumerate((("bounce 1", "bounce 2", "bounce 3+"), ("bounce 2", "bounce 3+"))):
+        assert 0 < largest(*names) <= albedo * (sun + sky) * albedo ** (n + 1) / (1 - albedo)
+
+
+@pytest.mark.nightly
+def test_the_answer_does_not_depend_on_how_long_anything_takes(scenes, monkeypatch):
+    """A clock that runs by leaps, as on a machine with other things to do."""
+    answers = []
+    for seed in (0, 1):
+        rng = np.random.default_rng(seed)
+        monkeypatch.setattr(
+            "time.perf_counter", lambda rng=rng, now=[0.0]: now.append(now[-1] + rng.exponential()) or now[-1]
+        )
+        found = levels(scenes / "overlap", 0.02, size=SIZE).found
+        rows = tuple(msgspec.structs.replace(row, seconds=0.0) for row in found.rows)
+        answers.append(msgspec.structs.replace(found, seconds=0.0, rows=rows, choice=None))
+    assert answers[0] == answers[1]
+
+
+def test_an_empty_scene_needs_no_tracer():
+    found = levels(scene_of("empty", view_of((0, 0, 0), (0, 0, 3), 3), (), WHITE), 1e-6).found
+    assert (found.choice.method, found.choice.rays, found.choice.error) == ("fill", 0.0, 0.0)
+    assert {part.can_be_dropped for part in found.parts} == {True}
+
+
+def test_a_reference_too_noisy_for_the_tolerance_says_so(scenes, monkeypatch):
+    monkeypatch.setattr(room, "MAX_REFERENCE_SAMPLES", 2)
+    found = levels(scenes / "overlap", 1e-3, size=SIZE).found
+    assert found.choice is None
+    assert found.reason.startswith("cannot tell")
+
+
+@pytest.mark.nightly
+def test_where_no_method_meets_the_tolerance_the_nearest_is_named(scenes, monkeypatch):
+    monkeypatch.setattr(room, "MAX_SAMPLES", 4)
+    found = levels(scenes / "overlap", 2e-3, size=SIZE).found
+    assert found.choice is None
+    assert found.reason.startswith("no method meets it; the nearest is")
+
+
+def test_a_tolerance_or_metric_that_is_none_is_refused(scenes):
+    for tolerance in (0.0, -1.0, float("nan"), inf):
+        with pytest.raises(InputError, match="--tolerance: expected a finite number > 0"):
+            levels(scenes / "single", tolerance)
+    with pytest.raises(InputError, match="--metric: expected one of rmse"):
+        levels(scenes / "single", 0.1, "psnr")
+
+
+@pytest.mark.nightly
+def test_the_command_writes_what_it_says(tmp_path):
+    run = raytwin("levels", "single", "--tolerance", "0.1", "--size", "80x60", "--json", tmp_path / "a.json",
+                  "-o", tmp_path / "page")  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    assert "Cheapest with rmse <= 0.1: sun and sky without shadows" in run.stdout
+    found = msgspec.json.decode((tmp_path / "a.json").read_bytes(), type=Table)
+    assert (found.tolerance, found.rows[0].method) == (0.1, "fill")
+    assert {p.name for p in (tmp_path / "page").iterdir()} == {"levels.html", "levels.json", "levels.svg"}
+    refused(raytwin("levels", "single", "--tolerance", "0"), "--tolerance")
+
+
+# ------------------------------------------------------------------------------------------------ the lens
+
+
+def camera(*dist: float) -> Camera:
+    K = ((420.0, 0.0, 404.2), (0.0, 418.0, 297.1), (0.0, 0.0, 1.0))
+    return Camera((800, 600), K, ((1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0)), (0.0, 0.0, 1.0), dist)
+
+
+def test_terms_that_move_no_pixel_are_found_by_projecting_every_pixel_without_them():
+    lens = camera(-0.05, 2e-6, 1e-5, -3e-6, 4e-6)
+    terms, move = still_terms(lens)
+    assert set(terms) == {"k2", "p1", "p2", "k3"}
+    # Ideal points all over what the frame sees: the border's are the farthest.
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-1.3, 1.3, 800), np.linspace(-1.0, 1.0, 800)))
+    u, v = distort(x, y, lens.coefficients)
+    inside = (abs(420 * u + 404.2 - 399.5) <= 400) & (abs(418 * v + 297.1 - 299.5) <= 300)
+    plain = distort(x, y, (-0.05, 0, 0, 0, 0))
+    farthest = np.hypot(420 * (u - plain[0]), 418 * (v - plain[1]))[inside].max()
+    assert farthest <= move < 0.05
+    assert farthest == pytest.approx(move, rel=0.05)
+
+
+def test_terms_are_left_out_together_only_while_all_of_them_stay_still():
+    assert still_terms(camera(0.0, 0.0, 3e-5))[0] == ("p1",)
+    assert len(still_terms(camera(0.0, 0.0, 3e-5, 3e-5))[0]) == 1
+    assert still_terms(camera(-0.05, 0.01)) == ((), 0.0)
+    assert still_terms(camera()) == ((), 0.0)

@@ -1,0 +1,80 @@
+"""Other tools' tests against closed forms."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from measure.other_tools import (
+    Tiles,
+    sees_welch,
+    sees_welch_of_images,
+    sees_z_test,
+    sign_flip_p,
+    tile_sums,
+    tiles_of_image,
+    tiles_of_renders,
+    welch_p,
+)
+from scipy.stats import ttest_ind
+
+from raytwin.images.image import Image
+from raytwin.images.image_pool import ImagePool
+
+SHAPE = (24, 32, 3)
+
+
+def renders(rng: np.random.Generator, n: int, mean: float = 1.0, sd: float = 0.3) -> list[Image]:
+    return [Image(rng.normal(mean, sd, SHAPE).astype(np.float32), samples=1) for _ in range(n)]
+
+
+def pooled(images: list[Image]) -> Image:
+    pool = ImagePool()
+    for image in images:
+        pool.add(image)
+    return pool.image
+
+
+def test_welchs_p_values_are_scipys():
+    rng = np.random.default_rng(0)
+    a, b = renders(rng, 7), renders(rng, 5, sd=0.9)
+    expected = ttest_ind(tile_sums(a), tile_sums(b), equal_var=False).pvalue
+    np.testing.assert_allclose(welch_p(tiles_of_renders(a), tiles_of_renders(b)), expected, rtol=1e-9)
+    assert expected.shape == (12, 3)
+
+
+def test_welch_sees_a_bias_and_where_nothing_is_wrong_its_p_values_are_level():
+    """36 p-values each of 30 pairs: the Kolmogorov distance of 1080 is above 0.05 once in 100."""
+    rng = np.random.default_rng(1)
+
+    def found(tiles: Callable[[list[Image]], Tiles]) -> np.ndarray:
+        return np.sort([welch_p(tiles(renders(rng, 8)), tiles(renders(rng, 8))).ravel() for _ in range(30)], axis=None)
+
+    for p in (found(tiles_of_renders), found(lambda images: tiles_of_image(pooled(images)))):
+        assert np.abs(p - (np.arange(p.size) + 0.5) / p.size).max() < 0.05
+    assert sees_welch(renders(rng, 8, 1.2), renders(rng, 8))
+    assert sees_welch_of_images(pooled(renders(rng, 8, 1.05)), pooled(renders(rng, 8)))
+
+
+def test_mitsubas_test_passes_what_it_is_known_to_pass():
+    """Up to a quarter per cent of the pixels may be black; one more fails."""
+    rng = np.random.default_rng(0)
+    variance = np.full((64, 64, 3), 1e-4, np.float32)
+    reference = Image(np.ones((64, 64, 3), np.float32), variance, samples=1000)
+    mean = (1 + 1e-3 * rng.standard_normal((64, 64, 3))).astype(np.float32)
+    mean.reshape(-1, 3)[:10] = 0
+    assert not sees_z_test(Image(mean, variance, 1000), reference)
+    mean.reshape(-1, 3)[:12] = 0
+    assert sees_z_test(Image(mean, variance, 1000), reference)
+
+
+def test_the_probability_by_sign_flips_is_level_and_no_less_than_its_signs_allow():
+    """Of 60 correct sets 2 or fewer, or 20 or more, are below 0.15 once in 250."""
+    rng = np.random.default_rng(2)
+    found = np.array(
+        [sign_flip_p(rng.exponential(size=(8, 9, 3)) - rng.exponential(size=(8, 9, 3))) for _ in range(60)]
+    )
+    assert 2 < np.count_nonzero(found < 0.15) < 20
+    shifted = rng.normal(3.0, 1.0, (14, 9, 3))
+    assert sign_flip_p(shifted[:8]) == pytest.approx(2 ** (1 - 8), rel=0.5)
+    assert sign_flip_p(shifted) < 1e-3
+    assert sign_flip_p(np.zeros((8, 9, 3))) == 1.0

@@ -1,0 +1,455 @@
+"""References: whole or refused, stale when their scene moves, resumed when interrupted, replaced only when asked."""
+
+import re
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from program import raytwin, refused
+from truths import from_element
+
+from raytwin import twin
+from raytwin.compare import compare
+from raytwin.errors import InputError
+from raytwin.fast import trace
+from raytwin.renderers import references
+from raytwin.scene import Tolerance
+from raytwin.scene.scene_files import read_scene, scene_and_photos
+from raytwin.scene_folders import REFERENCES
+from raytwin.study import make_reference
+
+SIZE = (48, 36)
+render_module = sys.modules["raytwin.twin.rendering"]
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("RAYTWIN_CACHE", str(tmp_path_factory.mktemp("cache")))
+    twin.activate()
+
+
+@pytest.fixture
+def overlap(scenes, tmp_path) -> Path:
+    """A copy of the scene that a test may change."""
+    return Path(shutil.copytree(scenes / "overlap", tmp_path / "scenes" / "overlap"))
+
+
+@pytest.fixture
+def folder(tmp_path) -> Path:
+    return tmp_path / "reference"
+
+
+def make(scene: Path, rung: str, folder: Path, **options) -> make_reference.Change:
+    change = make_reference.make(scene, rung, folder, **({"size": SIZE, "samples": 64} | options))
+    references.save(change.new)
+    return change
+
+
+def edit(scene: Path, old: str, new: str) -> None:
+    text = (scene / "scene.toml").read_text()
+    assert old in text
+    (scene / "scene.toml").write_text(text.replace(old, new))
+
+
+# ------------------------------------------------------------------------------------------ files
+
+
+@pytest.mark.parametrize("rung", ["surface", "shadow", "path"])
+def test_a_reference_is_read_back_as_it_was_made(overlap, folder, rung):
+    made = make(overlap, rung, folder).new
+    read = references.load(made.path)
+    assert read.header == made.header
+    assert read.scene == made.scene
+    assert np.array_equal(read.image.mean, made.image.mean)
+    noisy = rung in ("sky", "path")
+    assert (read.image.variance is not None) == noisy
+    assert read.image.batches == (64 if noisy else None)
+    assert (read.image.surface is not None) == (rung == "surface")
+    assert {
+        "raytwin",
+        "mitsuba",
+        "variant",
+        "samples",
+        "seed",
+        "filter",
+        "sampling",
+        "scene_hash",
+    } <= read.header.keys()
+
+
+def test_no_flipped_byte_goes_unnoticed(overlap, folder):
+    made = make(overlap, "path", folder, size=(12, 9)).new
+    whole = made.path.read_bytes()
+    noticed = 0
+    for at in np.linspace(0, len(whole) - 1, 250).astype(int):
+        made.path.write_bytes(whole[:at] + bytes([whole[at] ^ 0x10]) + whole[at + 1 :])
+        try:
+            read = references.load(made.path)
+        except InputError:
+            noticed += 1
+            continue
+        # What EXR itself does not read (a table of offsets, a window on the screen) may change unnoticed.
+        assert read.header == made.header
+        assert np.array_equal(read.image.mean, made.image.mean)
+        assert np.array_equal(read.image.variance, made.image.variance)
+    assert noticed > 200
+
+
+def test_a_file_cut_short_is_damaged(overlap, folder):
+    made = make(overlap, "shadow", folder).new
+    whole = made.path.read_bytes()
+    for part in (0, 100, len(whole) // 2, len(whole) - 1):
+        made.path.write_bytes(whole[:part])
+        with pytest.raises(InputError, match=r"shadow\.exr"):
+            references.load(made.path)
+
+
+def test_a_reference_under_another_name_is_refused(overlap, folder):
+    made = make(overlap, "shadow", folder).new
+    moved = made.path.with_name("lambert.exr")
+    shutil.copy(made.path, moved)
+    with pytest.raises(InputError, match="that of overlap, rung shadow"):
+        references.load(moved)
+
+
+@pytest.mark.parametrize("name", ["", "..", "a/b", "../overlap"])
+def test_a_name_cannot_lead_out_of_the_folder(folder, name):
+    with pytest.raises(InputError, match="scene"):
+        references.path_of(folder, name, "path")
+
+
+@given(seed=st.integers(0, 2**32 - 1), scale=st.sampled_from([1e-12, 1e-3, 1.0, 1e4]))
+def test_a_noisy_mean_is_kept_to_a_quarter_of_its_deviation_and_its_noise_free_pixels_to_the_bit(seed, scale):
+    rng = np.random.default_rng(seed)
+    mean = (scale * rng.random((6, 7, 3))).astype(np.float32)
+    sd = (scale * 10.0 ** rng.uniform(-5, 0, mean.shape)).astype(np.float32) * (rng.random(mean.shape) < 0.7)
+    kept = references.stepped(mean, np.square(sd))
+    assert np.array_equal(kept[sd == 0], mean[sd == 0])
+    assert (np.abs(kept - mean) <= sd / 4 * 1.001 + np.abs(mean) * 2.0**-24).all()
+    assert np.array_equal(references.stepped(kept, np.square(sd)), kept)
+    assert len(np.unique(references.stepped(mean, np.full_like(sd, scale * scale)))) < 5
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([1, 2**-20, 2.0**60]))
+def test_a_mean_without_noise_is_kept_to_float32s_rounding_and_then_keeps_its_steps(seed, scale):
+    # Scales within a rounding of a power of two: where the rounded image could have steps of twice the size.
+    near = (scale * (1 - np.random.default_rng(seed).random((4, 5, 3)) * 2.0**-20)).astype(np.float32)
+    dark = np.concatenate([near, near / 1000, -near])
+    kept = references.stepped(dark, None)
+    assert np.abs(kept.astype(float) - dark).max() <= scale * 2.0**-22
+    assert len(np.unique(kept)) < len(np.unique(dark))
+    assert np.array_equal(references.stepped(kept, None), kept)
+
+
+@given(st.lists(st.floats(0, 2.0**100, width=32), min_size=1, max_size=20))
+def test_rounding_keeps_eight_bits_to_nearest(values):
+    x = np.array(values, np.float32)
+    short = references.rounded(x, 8)
+    assert not (short.view(np.uint32) & 0xFFFF).any()
+    normal = x > 1e-37
+    assert (np.abs(short[normal] - x[normal]) <= x[normal] * np.float64(2.0**-8)).all()
+
+
+@given(st.integers(1, 20000), st.integers(1, 20000))
+def test_a_reference_keeps_its_cameras_aspect_ratio(width, height):
+    w, h = make_reference.size_of((width, height))
+    assert w <= width
+    assert h <= height
+    if (w, h) != (width, height) and min(w, h) > 10:
+        assert w * h == pytest.approx(make_reference.PIXELS, rel=0.06)
+        assert w / h == pytest.approx(width / height, rel=0.06)
+    assert make_reference.size_of((640, 480)) == (336, 252)
+
+
+# ------------------------------------------------------------------------------------------ scenes
+
+
+def test_the_hash_is_of_what_the_scene_says_not_of_how(overlap):
+    before = references.scene_hash(overlap)
+    edit(overlap, "# Three spheres", "# Some spheres")
+    edit(overlap, "[[760.0, 0.0,", "[[760, 0,")
+    assert references.scene_hash(overlap) == before
+    edit(overlap, "[-0.8, -0.1, 0.55]", "[-0.8, -0.1, 0.56]")
+    assert references.scene_hash(overlap) != before
+
+
+def test_the_hash_of_a_photographed_scene_is_of_its_photos_and_board(scenes, tmp_path):
+    desk = Path(shutil.copytree(scenes / "desk", tmp_path / "desk"))
+    before = references.scene_hash(desk)
+    (desk / "notes.txt").write_text("no part of the scene")
+    board = desk / "board.toml"
+    board.write_text("# the same board\n" + board.read_text())
+    assert references.scene_hash(desk) == before
+    photo = desk / "photos" / "photo_03.jpg"
+    photo.write_bytes(photo.read_bytes() + b"\0")
+    assert references.scene_hash(desk) != before
+
+
+def test_a_camera_that_photos_gave_stays_with_its_reference_while_the_scene_is_the_same(scenes, folder):
+    desk, camera = scene_and_photos(scenes / "desk")[0], read_scene(scenes / "overlap").camera
+    first, moved = (desk.with_camera(camera.resized(width, 36)) for width in (48, 47))
+    made = make(scenes / "desk", "shadow", folder, found=first).new
+    again = make_reference.make(scenes / "desk", "shadow", folder, found=moved, again=True)
+    assert (again.kind, again.new.camera) == ("same", made.camera)
+    larger = make_reference.make(scenes / "desk", "shadow", folder, found=moved, size=(94, 72))
+    assert larger.new.camera == moved.camera.resized(94, 72)
+
+
+# ------------------------------------------------------------------------------------------ make
+
+
+def test_making_again_changes_nothing_and_renders_nothing(overlap, folder, monkeypatch):
+    before = make(overlap, "path", folder).new.path.read_bytes()
+    monkeypatch.setattr(twin, "render", None)
+    again = make(overlap, "path", folder, samples=None, size=None)
+    assert again.kind == "same"
+    assert again.new.path.read_bytes() == before
+
+
+def test_a_new_tolerance_needs_no_render(overlap, folder, monkeypatch):
+    make(overlap, "path", folder)
+    (overlap / "scene.toml").write_text((overlap / "scene.toml").read_text() + "\n[tolerance]\np999_abs = 2e-5\n")
+    assert "tolerance" in make_reference.check(overlap, "path", folder).problems[0]
+    monkeypatch.setattr(twin, "render", None)
+    change = make(overlap, "path", folder)
+    assert change.kind == "changed"
+    assert references.load(change.new.path).tolerance == Tolerance(p999_abs=2e-5)
+
+
+def test_a_change_is_told_in_words(overlap, folder):
+    make(overlap, "shadow", folder)
+    edit(overlap, "irradiance = [3.0, 2.9, 2.7]", "irradiance = [3.3, 3.19, 2.97]")
+    text = "\n".join(make(overlap, "shadow", folder).lines())
+    assert "scene_hash" in text
+    assert "the new beside the old: fail" in text
+    assert "ratio of the means 1.0" in text
+
+
+def test_an_interrupted_render_goes_on_where_it_stopped(overlap, folder, monkeypatch, tmp_path):
+    uninterrupted = make(overlap, "path", folder).new.image
+    monkeypatch.setenv("RAYTWIN_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("raytwin.twin.render_cache.WORTH_KEEPING", 0.0)
+    sampled, rendered = render_module._sampled, []
+
+    def break_off(*arguments):
+        if len(rendered) == 3:
+            raise KeyboardInterrupt
+        rendered.append(1)
+        return sampled(*arguments)
+
+    fresh = tmp_path / "fresh"
+    with monkeypatch.context() as patch:
+        patch.setattr(render_module, "_sampled", break_off)
+        with pytest.raises(KeyboardInterrupt):
+            make(overlap, "path", fresh)
+        assert not list(tmp_path.glob("fresh/**/*.*"))
+        rendered = [1] * -5
+        patch.setattr(render_module, "_sampled", lambda *a: (rendered.append(1), sampled(*a))[1])
+        resumed = make(overlap, "path", fresh).new.image
+    assert len(rendered) == 8 - 3
+    assert np.array_equal(resumed.mean, uninterrupted.mean)
+    assert np.array_equal(resumed.variance, uninterrupted.variance)
+
+
+def test_every_stint_and_every_check_has_random_numbers_of_its_own(overlap, folder, monkeypatch):
+    seeds, rendered = [], twin.render
+    monkeypatch.setattr(twin, "render", lambda *a, **o: (seeds.append(o["seed"]), rendered(*a, **o))[1])
+    make(overlap, "path", folder)
+    make_reference.check(overlap, "path", folder)
+    assert len(set(seeds)) == len(seeds) > 8
+
+
+def test_samples_that_do_not_divide_are_refused(overlap, folder):
+    with pytest.raises(InputError, match="multiple of 64"):
+        make(overlap, "path", folder, samples=100)
+
+
+# ------------------------------------------------------------------------------------------ check
+
+
+def test_a_reference_older_than_its_scene_fails(overlap, folder):
+    make(overlap, "shadow", folder)
+    edit(overlap, "radius = 0.05", "radius = 0.051")
+    (problem,) = make_reference.check(overlap, "shadow", folder).problems
+    assert re.search(r"stale: the scene has changed since: spheres\[\d\]\.radius 0\.05 -> 0\.051$", problem)
+
+
+@pytest.mark.parametrize("rung", ["shadow", "path"])
+def test_a_reference_that_todays_mitsuba_does_not_make_fails(overlap, folder, rung):
+    """Whole, fresh, signed, and 1 % too bright; as it was made it agrees."""
+    made = make(overlap, rung, folder, size=(96, 72), samples=256).new
+    assert make_reference.check(overlap, rung, folder).passed
+    bright = replace(made.image, mean=made.image.mean * np.float32(1.01))
+    references.save(references.sealed(made.path, bright, made.header, made.scene))
+    problems = make_reference.check(overlap, rung, folder).problems
+    assert "today's render disagrees" in problems[0]
+    assert "%" in problems[1]
+
+
+# ------------------------------------------------------------------------------------------ the command
+
+
+def test_the_command_replaces_only_when_told_to(overlap, folder, tmp_path):
+    asked = ("make", "overlap", "--rung", "shadow", "--rung", "path", "--size", "48x36", "--samples", "64")
+    first = raytwin("reference", *asked, cwd=tmp_path)
+    assert first.returncode == 0, first.stderr
+    assert first.stdout.count("written") == 2
+    assert raytwin("reference", "check", "--rung", "shadow", cwd=tmp_path).returncode == 0
+    edit(overlap, "radius = 0.05\n", "radius = 0.051\n")
+    before = (folder / "overlap" / "shadow.exr").read_bytes()
+    stale = raytwin("reference", "check", "--rung", "shadow", cwd=tmp_path)
+    assert stale.returncode == 1
+    assert "FAIL  overlap/shadow" in stale.stdout
+
+    refused = raytwin("reference", "make", "overlap", "--rung", "shadow", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert "the new beside the old: fail" in refused.stdout
+    assert refused.stderr.count("\n") == 1
+    assert "--yes" in refused.stderr
+    assert (folder / "overlap" / "shadow.exr").read_bytes() == before
+
+    assert raytwin("reference", "make", "overlap", "--rung", "shadow", "--yes", cwd=tmp_path).returncode == 0
+    assert (folder / "overlap" / "shadow.exr").read_bytes() != before
+    assert raytwin("reference", "check", "scenes/overlap", "--rung", "shadow", cwd=tmp_path).returncode == 0
+
+
+def test_show_tells_a_line_of_each_reference_and_all_of_a_single_one(overlap, folder, tmp_path):
+    found = [make(overlap, rung, folder).new for rung in ("lambert", "shadow")]
+    lines = raytwin("reference", "show", cwd=tmp_path).stdout.splitlines()
+    assert [line.split()[0] for line in lines] == ["reference", "overlap/lambert", "overlap/shadow"]
+    assert f"{float(found[1].image.mean.mean()):.4g}" in lines[2]
+    single = raytwin("reference", "show", "--rung", "shadow", cwd=tmp_path).stdout
+    assert found[1].header["scene_hash"] in single
+    assert "mitsuba" in single
+    assert raytwin("reference", "show", "--all", cwd=tmp_path).stdout.endswith(single)
+    shown = raytwin("reference", "show", found[1].path.relative_to(tmp_path), cwd=tmp_path)
+    assert (shown.stdout, shown.returncode) == (single, 0)
+    written = raytwin("reference", "show", overlap / "scene.toml", "--rung", "shadow", cwd=tmp_path)
+    assert written.stdout == single
+    damaged = raytwin("reference", "show", "nosuch.exr", cwd=tmp_path)
+    assert (damaged.stdout.strip().endswith("no such file"), damaged.returncode) == (True, 2)
+    refused(raytwin("reference", "check", found[1].path, cwd=tmp_path), "expected a scene's folder", "got an image")
+    refused(raytwin("reference", "show", "overlpa", cwd=tmp_path), "did you mean overlap?")
+
+
+def test_check_exits_with_2_on_what_it_cannot_read_once_all_others_were_checked(overlap, folder, tmp_path):
+    """Missing, cut short, or no reference at all is bad input; 1 says that a comparison failed, and nothing else."""
+    path = make(overlap, "lambert", folder).new.path
+    make(overlap, "shadow", folder)
+    asked = ("check", "overlap", "--rung", "lambert", "--rung", "shadow")
+    for spoil in (lambda: path.write_bytes(path.read_bytes()[:-50]), lambda: path.write_text("no EXR"), path.unlink):
+        spoil()
+        done = raytwin("reference", *asked, cwd=tmp_path)
+        assert done.returncode == 2, done.stdout + done.stderr
+        assert "?     overlap/lambert" in done.stdout
+        assert "PASS  overlap/shadow" in done.stdout
+        assert "2 references, 0 failed, 1 could not be checked" in done.stdout
+    edit(overlap, "radius = 0.05\n", "radius = 0.051\n")
+    assert raytwin("reference", *asked, cwd=tmp_path).returncode == 1
+    path.write_bytes(b"no EXR")
+    assert raytwin("reference", "show", cwd=tmp_path).returncode == 2
+    for words in (("show", "nosuch"), ("show", "--rung", "sun"), ("check", "nosuch")):
+        done = raytwin("reference", *words, cwd=tmp_path)
+        assert (done.returncode, done.stderr[:9], done.stderr.count("\n")) == (2, "raytwin: ", 1)
+
+
+# ------------------------------------------------------------------------------------------ the shipped ones
+
+NAMES = ["ball", "desk", "distorted", "eclipse", "gloss", "grazing", "overlap", "single", "studio", "wedge", "weekend"]
+ALL = [(name, rung) for name in NAMES for rung in make_reference.RUNGS]
+
+
+def test_every_shipped_scene_has_all_its_references(scenes):
+    assert references.listed(references.SHIPPED) == sorted([*ALL, ("glass", "path")], key=lambda case: case[0])
+    assert {f.parent.name for f in scenes.glob("*/scene.toml")} == {name for name, _ in ALL}
+    assert sum(f.stat().st_size for f in references.SHIPPED.glob("*/*.exr")) < 40e6
+
+
+@pytest.mark.parametrize(("name", "rung"), ALL)
+def test_a_shipped_reference_is_whole_and_of_its_scene(scenes, name, rung):
+    found = references.load(references.path_of(references.SHIPPED, name, rung))
+    assert references.stale(found, scenes / name) is None
+    assert found.image.samples >= (4096 if rung in ("sky", "path") else 1)
+    if rung in ("surface", "lambert", "shadow"):  # what the tracer can do too
+        made = compare(trace(found.scene, rung), found.image, tolerance=found.tolerance)
+        assert made.passed, made.reasons
+
+
+@pytest.mark.parametrize(("name", "rung"), [("desk", "shadow"), ("distorted", "surface"), ("overlap", "path")])
+def test_todays_mitsuba_agrees_with_shipped_references(scenes, name, rung):
+    done = make_reference.check(scenes / name, rung, references.SHIPPED)
+    assert done.passed, done.problems
+
+
+def test_in_the_scene_single_the_sky_and_the_bounces_add_what_the_closed_form_says():
+    """A convex sphere alone: no part of it sees another, so `lambert` is exact at every rung.
+
+    But for one ray in 4096, here and there, that leaves the sphere so flatly that rounding lets it hit.
+    """
+    images = [references.load(references.path_of(references.SHIPPED, "single", r)).image for r in ("lambert", "path")]
+    np.testing.assert_allclose(images[1].mean, images[0].mean, atol=1e-4)
+
+
+def test_in_the_scene_weekend_the_ground_ends_where_the_cone_that_grazes_it_does():
+    """Every ray within asin(R / D) of the direction to the ground's centre meets something, and no ray outside that
+    misses the balls does: none of 84 000 pixels is on the wrong side.
+    """
+    found = references.load(references.path_of(REFERENCES, "weekend", "surface"))
+    surface, d, eye = found.image.surface, board_rays(found.scene.camera), np.array(found.scene.camera.eye)
+    inside = np.zeros(surface.ids.shape, bool)
+    for ball in found.scene.objects:
+        away = np.array(ball.center) - eye
+        far = np.linalg.norm(away)
+        # 1 - cos of a small angle has half of its digits only: the sines are compared.
+        inside |= (np.linalg.norm(np.cross(d, away / far), axis=-1) < ball.radius / far) & (d @ away > 0)
+    assert (surface.mask == inside).all()
+    assert 0.5 < inside.mean() < 0.9
+
+
+def test_in_the_scene_weekend_the_open_ground_lacks_the_sky_that_the_balls_hide_and_no_more():
+    """a (E cos V / pi + Ls (1 - sum of the balls' F)) where no two balls stand before each other: in 1278 pixels.
+
+    Balls may that take 3e-5 of the sky at most. A sample sees the sky or it does not, so the variance is that of a
+    binomial, too: z's mean is within 4 standard errors of 0, its square within 16 %, 4 again, of 1.
+    """
+    found, direct = (references.load(references.path_of(REFERENCES, "weekend", r)) for r in ("sky", "surface"))
+    scene, surface = found.scene, direct.image.surface
+    points = np.array(scene.camera.eye) + board_rays(scene.camera) * surface.depth[..., None]
+    n = (points - scene.objects[0].center) / scene.objects[0].radius
+    shadow = references.load(references.path_of(REFERENCES, "weekend", "shadow")).image.mean
+    open_ground = surface.ids == 0
+    cones = []
+    for ball in scene.objects[1:]:
+        away = ball.center - points
+        far = np.linalg.norm(away, axis=-1)
+        cosine = (away * n).sum(axis=-1) / far
+        F = np.zeros(far.shape)
+        F[surface.ids == 0] = np.vectorize(from_element)(
+            (far / ball.radius)[surface.ids == 0], cosine[surface.ids == 0]
+        )
+        cones.append((away / far[..., None], np.arcsin(np.minimum(ball.radius / far, 1)), F))
+    for i, (one, half, F) in enumerate(cones):
+        for other, beside, G in cones[:i]:
+            apart = np.arccos(np.clip((one * other).sum(axis=-1), -1, 1)) > half + beside
+            open_ground &= apart | (np.minimum(F, G) < 3e-5)
+    hidden = sum(F for *_, F in cones)
+    open_ground &= hidden > 1e-3
+    assert open_ground.sum() > 1200
+    sky = scene.objects[0].material.albedo[1] * scene.sky.radiance[1]
+    off = found.image.mean[..., 1].astype(float) - (shadow[..., 1] - sky * hidden)
+    F, off = hidden[open_ground], off[open_ground]
+    z = off / (sky * np.sqrt(F * (1 - F) / found.image.samples))
+    assert abs(z.mean()) < 4 / np.sqrt(len(z))
+    assert np.mean(z**2) == pytest.approx(1, rel=0.16)
+
+
+def board_rays(camera) -> np.ndarray:
+    """Unit directions (H, W, 3) through the pixels of a camera without distortion, in the board frame."""
+    v, u = np.indices((camera.height, camera.width), float)
+    d = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(u)], axis=-1)
+    return d / np.linalg.norm(d, axis=-1, keepdims=True) @ np.asarray(camera.R_cam_board)

@@ -1,0 +1,111 @@
+"""Rounds of samples until the verdict is certain: what is rendered, what ends them, and who may take part."""
+
+import math
+
+import numpy as np
+import pytest
+
+from raytwin import twin
+from raytwin.compare import SequentialComparison
+from raytwin.errors import InputError
+from raytwin.images.image import Image
+from raytwin.progress import Stages
+from raytwin.study.compare_scene import compare_scene
+from raytwin.study.rounds import Budget, Rounds, parse_budget
+from raytwin.study.settings import CompareSettings
+
+SMALL = {"rung": "path", "tracer_rung": "path", "engine": "numpy32", "size": (48, 36), "cache": False}
+
+MINE = """
+from raytwin.renderers.scene_exchange import as_scene
+from raytwin.fast import walk
+
+
+def render(scene, samples=16, seed=0):
+    image = walk(as_scene(scene), "path", "numpy32", sampling="center", samples=samples, seed=seed, surface=False)
+    return image.mean * {gain}
+"""
+
+
+@pytest.mark.parametrize("text", ["", "0", "-3", "1.5", "ten", "30 parsecs", "0s", "nan", "1e3"])
+def test_a_budget_is_samples_or_a_time(text):
+    with pytest.raises(InputError, match="--budget: expected samples per pixel, as 256, or a time, as 30s"):
+        parse_budget(text)
+    assert parse_budget(" 2min ").seconds == 120
+    assert parse_budget("256") == Budget(samples=256)
+
+
+@pytest.mark.parametrize("calls", [1, 4, math.inf])
+def test_every_sample_is_rendered_once_with_a_seed_of_its_own(calls):
+    truth, asked = np.full((16, 16, 3), 0.5), {"test": [], "reference": []}
+
+    def side(name):
+        def render(samples, seed):
+            asked[name].append((samples, seed))
+            batches = np.random.default_rng([seed, name == "test"]).normal(truth, 0.1, (samples, 16, 16, 3))
+            variance = batches.var(axis=0, ddof=1) / samples if samples > 1 else None
+            return Image(batches.mean(0), variance, samples, None, samples)
+
+        return render
+
+    check = SequentialComparison(detectable_bias=1e-9)
+    made = Rounds(check, side("test"), side("reference"), 7, Stages(), calls).decide(Budget(samples=24))
+    assert made.verdict == "undecided"
+    for found in asked.values():
+        assert sum(samples for samples, _ in found) == check.samples == 24
+        assert len({seed for _, seed in found}) == len(found)
+    assert len(asked["test"]) == {1: len(asked["reference"]), math.inf: 24}.get(calls, len(asked["test"]))
+    assert "24 samples" in made.reasons[0]
+
+
+def test_a_budget_of_seconds_ends_the_rounds_and_is_named():
+    noisy = lambda samples, seed: Image(  # noqa: E731
+        np.random.default_rng(seed).normal(0.5, 0.1, (16, 16, 3)), np.full((16, 16, 3), 0.01), samples, None, samples
+    )
+    check = SequentialComparison(detectable_bias=1e-9)
+    made = Rounds(check, noisy, noisy, 0, Stages()).decide(Budget(math.inf, 1e-9, "1ns of the budget"))
+    assert made.verdict == "undecided"
+    assert check.samples == 4
+    assert "after 1ns of the budget" in made.reasons[0]
+
+
+def test_both_sides_stop_when_they_agree_and_again_cost_the_same(scenes, monkeypatch):
+    seeds, rendered = [], twin.render
+    monkeypatch.setattr(twin, "render", lambda *a, **o: (seeds.append((o["samples"], o["seed"])), rendered(*a, **o))[1])
+    first = compare_scene(scenes / "overlap", **SMALL)
+    assert first.comparison.verdict == "pass"
+    assert 8 <= first.comparison.statistics.samples_to_certainty == first.twin.samples == first.subject.samples <= 64
+    assert len(set(seeds)) == len(seeds)
+    before = list(seeds)
+    again = compare_scene(scenes / "overlap", **SMALL)
+    assert seeds == [*before, *before]  # the cache would have had them all
+    np.testing.assert_array_equal(again.subject.mean, first.subject.mean)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("gain", [1.0, 1.1])
+def test_a_function_that_takes_samples_and_a_seed_is_asked_for_no_more_than_it_needs(scenes, tmp_path, gain):
+    (tmp_path / "mine.py").write_text(MINE.format(gain=gain))
+    options = {"rung": "path", "size": (32, 24), "cache": False}
+    result = compare_scene(scenes / "overlap", subject=str(tmp_path / "mine.py"), **options)
+    assert result.comparison.verdict == ("pass" if gain == 1 else "fail")
+    certain = result.comparison.statistics.samples_to_certainty
+    assert certain <= 64 if gain == 1 else certain == 4
+    assert result.subject.samples == (certain if gain == 1 else 64)  # a cause is hard to find in noise
+
+
+def test_settings_that_contradict_each_other_are_refused():
+    with pytest.raises(InputError, match=r"--budget: expected no --samples beside it"):
+        CompareSettings(samples=4, budget="30s")
+    with pytest.raises(InputError, match=r"--detectable-tile-bias: expected a number > 0, got 0"):
+        CompareSettings(detectable_tile_bias=0.0)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("its_seed", "verdict"), [("max(seed, 1)", "pass"), ("0", "undecided")])
+def test_a_correct_renderer_whose_seeds_0_and_1_are_the_same_does_not_fail(scenes, tmp_path, its_seed, verdict):
+    (tmp_path / "mine.py").write_text(MINE.format(gain=1).replace("seed=seed", f"seed={its_seed}"))
+    options = {"rung": "path", "size": (32, 24), "cache": False}
+    result = compare_scene(scenes / "overlap", subject=str(tmp_path / "mine.py"), **options)
+    assert result.verdict == verdict
+    assert any("does your program use {seed}?" in reason for reason in result.reasons)

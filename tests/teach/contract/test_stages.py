@@ -1,0 +1,294 @@
+"""The stages' tests: what is right passes however it is done, and each typical mistake is found and named."""
+
+import numpy as np
+import pytest
+import shape_checks
+from starter_submissions import FOOT
+
+import raytwin
+from raytwin import tracer
+from raytwin.errors import InputError
+from raytwin.explain.catalogue import FAULTS
+from raytwin.explain.textbook import tracer_with
+from raytwin.renderers.scene_exchange import as_arrays
+from raytwin.scene.scene_files import read_scene
+from raytwin.teach.contract import check_function as judging
+from raytwin.teach.contract.check_function import judge, judge_function
+from raytwin.teach.contract.composed_tracer import compose
+from raytwin.teach.contract.stage_result import MEND, CaseResult, StageResult
+from raytwin.teach.contract.stage_table import CONTRACT, LESSONS
+
+STAGES = pytest.mark.parametrize("stage", LESSONS.values(), ids=list(LESSONS))
+OWN = pytest.mark.parametrize("stage", CONTRACT.values(), ids=list(CONTRACT))
+
+BY_HAND: dict = {}
+"""A student's functions, by other formulas than the references'."""
+exec(FOOT, BY_HAND)
+
+SIGNATURES = {
+    "back_project(K, dist, width, height)",
+    "estimate_pose(K, dist, object_points, image_points)",
+    "intersect_sphere(origins, directions, center, radius)",
+    "shade(points, normals, albedo, to_light, irradiance, sky)",
+    "hit_points(scene)",
+    "render(scene)",
+}
+
+
+def test_the_contract_is_what_courses_were_told():
+    assert {stage.signature for stage in CONTRACT.values()} == SIGNATURES
+
+
+@STAGES
+def test_the_reference_passes_its_own_test(stage):
+    found = judge_function(stage, stage.reference, seed=1)
+    assert found.passed, found.sentence
+    assert (found.stage, found.wrong, found.causes) == (stage.name, 0, ())
+
+
+@OWN
+def test_another_way_to_do_it_right_passes(stage):
+    found = judge_function(stage, BY_HAND[stage.name])
+    assert found.passed, found.sentence
+
+
+@STAGES
+def test_every_mistake_is_found_and_called_by_its_name_and_by_no_other(stage):
+    """All variants' answers to the cases of a seed, held against one another as `explain` does."""
+    cases = [*stage.cases(3), *stage.last(3)]
+    shape_checks.next_test()  # whatever was kept of these cases: it is the variants' first calls that are checked
+
+    def passes(answer):
+        return all(judging._passes(stage, case, one) for case, one in zip(cases, answer, strict=True))
+
+    def alike(a, b):
+        return all(judging._agrees(stage, x, y) for x, y in zip(a, b, strict=True))
+
+    answers = [(v.name, judging.call_stage(stage, v.change(stage.reference), cases)) for v in stage.variants]
+    shown = [(name, answer) for name, answer in answers if not passes(answer)]
+    assert {name for name, _ in answers} - {name for name, _ in shown} <= {"too few steps"}
+    assert not [(name, one) for name, answer in shown for one in answer if isinstance(one, str)]
+    for name, answer in shown:
+        names = {other for other, given in shown if alike(given, answer)}
+        assert names == {name}, name
+
+
+@pytest.mark.parametrize(
+    ("name", "cause"),
+    [
+        ("back_project", "half-pixel"),
+        ("back_project", "tangential-swapped"),
+        ("estimate_pose", "inverse pose"),
+        ("intersect_sphere", "far-root"),
+        ("intersect_sphere", "t-of-unit-rays"),
+        ("shade", "no-clamp"),
+        ("shade", "pi-missing"),
+    ],
+)
+def test_a_planted_mistake_is_the_cause_that_is_told(name, cause):
+    stage = CONTRACT[name]
+    variant = next(v for v in stage.variants if v.name == cause)
+    found = judge_function(stage, variant.change(stage.reference), seed=2)
+    assert not found.passed
+    assert (found.causes, found.sentence) == ((cause,), variant.sentence)
+    assert ("pixel u = " in found.inputs) == (name == "back_project")
+
+
+def test_a_slip_in_the_textbook_is_the_cause_that_its_picture_names():
+    slipped = compose({"intersect_sphere": tracer_with(changes=(("np.sqrt(disc)", "disc"),)).intersect_sphere})
+    found = judge_function(CONTRACT["hit_points"], slipped.hit_points, seed=2)
+    assert found.causes == ("root-missing",)
+    assert next(f.sentence for f in FAULTS if f.name == "root-missing") in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("marks", "named"),
+    [
+        ((1e10,), "1e+10"),
+        ((-1.0,), "-1"),
+        ((np.nan,), "nan"),
+        ((0.0,), "0"),
+        ((-np.inf,), "-inf"),
+        ((np.nan, -1.0), "-1 or nan"),
+    ],
+)
+def test_misses_that_are_marked_by_another_number_are_named_with_it(marks, named):
+    def found(origins, directions, center, radius):
+        t = BY_HAND["intersect_sphere"](origins, directions, center, radius)
+        behind = ((center - origins) * directions).sum(axis=-1) < 0
+        return np.where(np.isinf(t), np.where(behind, marks[-1], marks[0]), t)
+
+    def far_root(*args):
+        return np.where(np.isinf(t := found(*args)), t, 1.01 * t)
+
+    said = judge_function(CONTRACT["intersect_sphere"], found)
+    assert said.causes == ("misses-not-infinite",)
+    assert f"np.inf, not {named}:" in said.sentence
+    assert "misses-not-infinite" not in judge_function(CONTRACT["intersect_sphere"], far_root).causes
+
+
+OUTSIDE = 'own = own & (np.linalg.norm(eye - thing["center"]) > thing["radius"])', "pass"
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("dark", [(), (("return visible", "return visible & (which < 1)"),)])
+def test_a_wall_that_is_lit_from_inside_its_sphere_is_seen_once_all_else_is_right(dark):
+    """The pictures from inside are asked for last: what is wrong elsewhere is told as ever."""
+    stage = CONTRACT["render"]
+    tracer = tracer_with(changes=(OUTSIDE, *dark)).render
+    found = judge_function(stage, tracer, seed=2)
+    assert not found.passed
+    assert (found.causes == ("own-wall",)) == (not dark)
+    assert len(found.cases) == len(stage.cases(2)) + (0 if dark else len(stage.last(2)))
+    if not dark:
+        assert [case.passed for case in found.cases[:5]] == [True] * 5
+        assert "from inside a sphere its own wall is lit" in found.sentence
+
+
+def test_what_nothing_explains_is_told_by_where_it_is():
+    stage = CONTRACT["intersect_sphere"]
+
+    def drifting(origins, directions, center, radius):
+        t = stage.reference(origins, directions, center, radius)
+        return t * np.where(np.linalg.norm(origins - center, axis=1) < radius, 1 + 0.1 * np.sin(origins[:, 0]), 1)
+
+    found = judge_function(stage, drifting)
+    assert found.causes == ()
+    assert "Fails: rays that start inside" in found.sentence
+    assert "Passes: rays that meet it from outside" in found.sentence
+
+
+@pytest.mark.parametrize("name", ["intersect_sphere", "shade"])
+def test_what_is_hardly_wrong_is_blamed_on_nothing(name):
+    """Least on what shows nowhere, and is as near to the answer as the reference is."""
+    stage = CONTRACT[name]
+    found = judge_function(stage, lambda *args: stage.reference(*args) * (1 + 20 * stage.tolerance))
+    assert not found.passed
+    assert found.causes == ()
+
+
+# ------------------------------------------------------------------------------------------ what is no answer
+
+
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [
+        (lambda o, d, c, r: None, "it returned None: is there a return?"),
+        (lambda o, d, c, r: "t", "it returned text, not numbers"),
+        (lambda o, d, c, r: np.sqrt(-1 + 0j * o[:, 0]), "it returned complex numbers, not numbers"),
+        (lambda o, d, c, r: o, r"it returned an array \(32, 3\), where t \(32,\) is wanted: one number each"),
+        (lambda o, d, c, r: o[:, :1], r"\(32, 1\), where t \(32,\) is wanted: one number each is wanted"),
+        (lambda o, d, c, r: (o[:, 0], o[:, 0]), "both roots, or t and a mask"),
+        (lambda o, d, c: o, r"it is <lambda>\(o, d, c\), and is called as intersect_sphere\(origins, directions,"),
+        (lambda o, d, c, r: {}["t"], r"it raised KeyError: 't' \(line \d+: "),
+    ],
+)
+def test_what_is_no_answer_is_told_in_a_sentence(function, said):
+    found = judge_function(CONTRACT["intersect_sphere"], function)
+    assert not found.passed
+    assert found.error is None
+    with pytest.raises(AssertionError, match=said):
+        raise AssertionError(found.sentence)
+
+
+def test_a_mistake_in_some_cases_is_told_by_the_case():
+    def one_albedo(points, normals, albedo, to_light, irradiance, sky):
+        return CONTRACT["shade"].reference(points, normals, albedo.reshape(len(points), 3), to_light, irradiance, sky)
+
+    found = judge_function(CONTRACT["shade"], one_albedo)
+    assert found.sentence.startswith("it raised ValueError: cannot reshape")
+    assert found.sentence.endswith("(one albedo for all)")
+
+
+@pytest.mark.parametrize("written", [("normals",), ("normals", "sky"), ()])
+def test_a_function_that_writes_into_its_arguments_fails_one_case_that_says_so(written):
+    def greedy(points, normals, albedo, to_light, irradiance, sky):
+        right = CONTRACT["shade"].reference(points, normals, albedo, to_light, irradiance, sky)
+        for name in written:
+            {"normals": normals, "sky": sky}[name][...] = 7
+        return right
+
+    found = judge_function(CONTRACT["shade"], greedy)
+    assert [case.passed for case in found.cases].count(False) == bool(written)
+    assert all(f"`{name}`" in found.sentence and "in place" in found.sentence for name in written)
+    assert found.passed == (not written)
+
+
+def test_a_function_that_keeps_its_rays_by_the_size_of_the_picture_fails_the_case_of_another_camera():
+    kept, reference = {}, CONTRACT["back_project"].reference
+
+    def lazy(K, dist, width, height):
+        return kept.setdefault((width, height, *dist), reference(K, dist, width, height))
+
+    found = judge_function(CONTRACT["back_project"], lazy)
+    assert [case.shows for case in found.cases if not case.passed] == ["another camera of the same size"]
+
+
+def test_answers_can_be_judged_without_the_function():
+    """As a grader does that runs it in another process."""
+    stage = CONTRACT["shade"]
+    cases = stage.cases(1)
+    assert judge(stage, cases, [case.expected for case in cases]).passed
+    found = judge(stage, cases, ["it took longer than 5 s", *(case.expected for case in cases[1:])])
+    assert (found.passed, found.sentence) == (False, f"it took longer than 5 s ({cases[0].shows})")
+
+
+# ------------------------------------------------------------------------------------------ against the tracer
+
+
+@pytest.mark.parametrize("name", ["overlap", "distorted"])
+@pytest.mark.parametrize("rung", ["lambert", "shadow"])
+def test_the_tracer_made_of_stages_is_the_tracer(scenes, name, rung):
+    scene = read_scene(scenes / name)
+    scene = scene.with_camera(scene.camera.resized(80, 60))
+    right = tracer.trace(scene, rung).mean
+    off = np.abs(compose({}).render(as_arrays(scene, rung)) - right).max(axis=-1)
+    assert (off > 1e-5).mean() < 1e-3  # a pixel on an outline may go either way
+
+
+# ------------------------------------------------------------------------------------------ raytwin.check
+
+
+def test_check_prints_its_sentence_and_returns_the_numbers(capsys):
+    found = raytwin.check("shade", BY_HAND["shade"])
+    assert capsys.readouterr().out == f"{found}\n"
+    assert str(found).startswith("PASS  shade: right in all 7 cases, to ")
+
+
+@pytest.mark.parametrize(
+    ("faults", "equal", "got", "said"),
+    [
+        (("no-cosine",), 1, "0.3", ("the cause", f"{MEND} line 7")),
+        (("no-cosine",), 2, "0.3", ("line 7", "the cause")),  # likely: another explains it as well
+        (("no-spheres",), 1, "0.3", ("line 7", "the cause")),  # says only what is seen
+        ((), 0, "0.3", ("line 7",)),
+        ((), 0, "", ("the cause", "line 7")),  # it raised an error
+    ],
+)
+def test_the_line_comes_behind_what_is_proved_and_before_what_is_likely(faults, equal, got, said):
+    cases = (CaseResult("one", False), CaseResult("another", False))
+    made = StageResult("shade", False, 1.0, 1e-5, "", "the cause", (*faults, "other")[:equal],
+                       tuple((f, "the cause") for f in faults), "line 7", got=got, cases=cases)  # fmt: skip
+    assert made.said == said
+
+
+@pytest.mark.nightly
+def test_check_names_in_a_picture_what_no_variant_has_with_its_number():
+    def bright_shadows(scene):
+        lit = CONTRACT["render"].reference(scene | {"rung": "lambert"})
+        return lit if scene["rung"] == "lambert" else 0.3 * lit + 0.7 * CONTRACT["render"].reference(scene)
+
+    found = judge_function(CONTRACT["render"], bright_shadows)
+    assert found.causes == ("shadow-strength",)
+    assert found.sentence.startswith("shadows let 30 % of the sun through: ")
+    assert "explains" not in found.sentence
+
+
+def test_check_raises_when_told_to_and_only_where_it_fails():
+    raytwin.check("shade", BY_HAND["shade"], raises=True)
+    with pytest.raises(
+        AssertionError, match=r"^shade: it returned an array \(24,\), where radiance \(24, 3\) is wanted"
+    ):
+        raytwin.check("shade", lambda *args: args[0][:, 0], raises=True)
+    with pytest.raises(InputError, match=r"got shad \(did you mean shade\?\)"):
+        raytwin.check("shad", BY_HAND["shade"])

@@ -1,0 +1,131 @@
+"""Points are arithmetic with what is stored: a mistake costs them once, a bonus hides none, a rubric may change."""
+
+import msgspec
+import pytest
+from class_handed_in import HANDED_IN, RUBRIC
+from submitted_tracers import tracer
+
+from raytwin.parallel import Workers
+from raytwin.teach.grade.class_run import RESULTS, jobs_of, run
+from raytwin.teach.grade.points import marked_by, with_points
+from raytwin.teach.grade.result import Again, Marked, Part, Result
+from raytwin.teach.grade.rubric import Exercise, Rubric, Speed, read_rubric
+
+CREDIT = ((0.1, 0.5), (1.0, 0.5))
+EXERCISES = (
+    Exercise("intersect_sphere", 20, "spheres"),
+    Exercise("hit_points", 10, "points", drawn=1),
+    Exercise("render", 15, "image", scenes=("single",), credit=CREDIT),
+    Exercise("render", 30, "shadows", drawn=2),
+)
+
+
+def rubric(**more) -> Rubric:
+    return Rubric("t", EXERCISES, **({"follow_through": 1.0} | more))
+
+
+def wrong(name: str, *mistakes: str, parts: str = "x", again: Again | None = None) -> Marked:
+    """An exercise whose parts are wrong (x) or not (o), by these mistakes."""
+    stage = next(e.stage for e in EXERCISES if e.name == name)
+    some = tuple(Part("", p == "o", error=0.0 if p == "o" else 0.5, wrong=0.5, seconds=1.0,
+                      again=None if p == "o" else again) for p in parts)  # fmt: skip
+    return Marked(name, stage, "fail" if "x" in parts else "pass", parts=some, mistakes=mistakes)
+
+
+def result(*exercises: Marked) -> Result:
+    of = {m.name: m for m in exercises}
+    return Result("a", "k", "t", tuple(of.get(e.name) or wrong(e.name, parts="oo") for e in EXERCISES))
+
+
+def points(made: Result) -> list[float]:
+    return [e.points for e in made.exercises]
+
+
+def test_a_mistake_in_a_helper_is_paid_for_once_by_the_function():
+    helper = "line 3: the sign is wrong"
+    found = result(wrong("spheres", helper, "far-root", parts="oox"), wrong("points", helper),
+                   wrong("image", helper), wrong("shadows", helper, parts="ox"))  # fmt: skip
+    made = with_points(found, rubric())
+    assert points(made) == [pytest.approx(40 / 3, abs=1e-3), 10, 15, 30]
+    assert [e.followed for e in made.exercises] == [0, 10, 7.5, 15]
+    assert [e.follows for e in made.exercises] == [False, True, True, True]
+    assert made.exercises[3].said == ("The same mistake in spheres has cost you points already, so you keep 15 here.",)
+    assert points(with_points(found, rubric(follow_through=0.5))) == [pytest.approx(40 / 3, abs=1e-3), 5, 7.5, 22.5]
+    assert points(with_points(found, rubric(follow_through=0.0))) == [pytest.approx(40 / 3, abs=1e-3), 0, 7.5, 15]
+
+
+def test_of_pictures_alone_the_one_that_loses_most_pays():
+    made = with_points(result(wrong("image", "gamma"), wrong("shadows", "gamma")), rubric())
+    assert points(made) == [20, 10, 15, 0]
+    assert [e.same_as for e in made.exercises] == ["", "", "shadows", ""]
+
+
+def test_mistakes_that_share_no_explanation_are_paid_for_each():
+    made = with_points(result(wrong("spheres", "a"), wrong("image", "b"), wrong("shadows")), rubric())
+    assert points(made) == [0, 10, 7.5, 0]
+    joined = with_points(result(wrong("spheres", "a"), wrong("image", "b"), wrong("shadows", "b", "a")), rubric())
+    assert points(joined) == [0, 10, 15, 30]
+
+
+def test_what_is_correct_with_correct_functions_keeps_the_share_that_is_their_own():
+    found = result(wrong("spheres"), wrong("shadows", parts="xx", again=Again(True, 0.0, 0.0, 2 / 3)))
+    assert points(with_points(found, rubric())) == [0, 10, 15, pytest.approx(20, abs=1e-4)]
+    still = result(wrong("spheres"), wrong("image", again=Again(False, 0.5, 0.5)))
+    assert with_points(still, rubric()).exercises[2].followed == 0
+
+
+def test_a_bonus_comes_once_everything_is_passed_and_hides_no_failed_exercise():
+    speed = Speed("shadows", bonus=5, fast=1.0, slow=10.0)
+    whole = with_points(result(), rubric(speed=speed))
+    assert (whole.points, whole.of, whole.speed) == (80, 75, (("shadows", 1.0, 0.0),))
+    failed = with_points(result(wrong("spheres", parts="ooooooooox")), rubric(speed=speed))
+    assert (failed.bonus, failed.points) == (0, 73)
+    assert failed.speed == whole.speed
+
+
+@pytest.mark.parametrize("stored", [1, 2, 3])
+def test_hints_of_another_level_take_the_place_of_the_stored_ones(stored):
+    hints = "look at line 3", "line 3: the sign", "line 3: the sign; `a` for `b`"
+    one = msgspec.structs.replace(wrong("spheres"), hints=hints, sentences=("far", f"mend: {hints[stored - 1]}"))
+    for level in (1, 2, 3):
+        made = with_points(result(one), rubric(hints=level))
+        assert made.exercises[0].sentences == ("far", f"mend: {hints[level - 1]}")
+
+
+def test_marking_twice_is_marking_once_and_a_result_of_other_exercises_stays():
+    found = result(wrong("spheres", "a", parts="ox"), wrong("shadows", "a"))
+    once = marked_by(found, rubric())
+    assert marked_by(once, rubric()) == once
+    assert marked_by(marked_by(found, rubric(follow_through=0.2)), rubric()) == once
+    broken = Result("a", "k", "", (), problem="the grader's own fault", grader_fault=True)
+    assert marked_by(broken, rubric()) == broken
+
+
+OTHER = (
+    RUBRIC.replace("Six < seven", "Ten").replace("points = 10", "points = 3.5").replace('name = "image"', 'name = "i"')
+    .replace('of = "image"\nbonus = 2', 'of = "i"\nbonus = 7').replace("[10.0, 0.25]", "[20.0, 0.125]")
+    .replace('visibility = "hidden"', 'name = "light"').replace("follow_through = 1.0", "follow_through = 0.25")
+)  # fmt: skip
+
+
+@pytest.mark.nightly
+def test_a_class_is_marked_by_a_changed_rubric_without_grading_anyone(graded, tmp_path, monkeypatch):
+    """The points are those of a class that is graded by the changed rubric from the start."""
+    (tmp_path / "r.toml").write_text(OTHER)
+    some = {name: HANDED_IN[f"{name}.py"] for name in ("pi", "beside", "no shadows")} | {"right": tracer()}
+    for name, text in some.items():
+        (tmp_path / f"{name}.py").write_text(text)
+    jobs = [jobs_of(tmp_path / f"{name}.py", tmp_path / "r.toml")[0] for name in some]
+    assert {j.key for j in jobs} <= {j.key for j in graded.jobs}
+    fresh = run(jobs, tmp_path / "out", Workers())
+    monkeypatch.setattr("raytwin.teach.grade.class_run.grade_submission", None)
+    again = run(jobs, graded.out, Workers())
+    read = read_rubric(tmp_path / "r.toml")
+    for one, other in zip(again, fresh, strict=True):
+        assert [(e.name, e.of, e.visibility) for e in one.exercises] == [(e.name, e.points, e.visibility) for e in
+                                                                         read.exercises]  # fmt: skip
+        assert points(one) == pytest.approx(points(other), abs=1e-3)
+        assert [p.exercise for p in one.pictures] == [p.exercise for p in other.pictures]
+        assert (one.title, one.bonus) == (other.title, pytest.approx(other.bonus, abs=0.1))
+    assert again[-1].points == 7 + 20 + 7
+    assert (tmp_path / "out" / RESULTS).is_dir()

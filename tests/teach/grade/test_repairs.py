@@ -1,0 +1,159 @@
+"""A submission that is graded gets the line to look at, in its sandbox, as far as the rubric's hints go."""
+
+from types import SimpleNamespace
+
+import msgspec
+import numpy as np
+import pytest
+from starter_submissions import PLAIN, SLIPS
+
+from raytwin.explain.repair import Repair
+from raytwin.parallel import Workers
+from raytwin.scene import Tolerance
+from raytwin.teach.contract.stage_table import LESSONS
+from raytwin.teach.grade.check_picture import _compare_points
+from raytwin.teach.grade.class_run import jobs_of, run
+from raytwin.teach.grade.result import Marked, Result
+from raytwin.teach.grade.sandboxed_repair import SecondLook, _helps, _with_hint
+from raytwin.teach.sandbox.sandbox import Code
+
+SOURCE = next(s.source for s in SLIPS if s.label == "sum of everything")
+LIAR = "\n\nimport marshal\nmarshal.loads = lambda b: compile('raise SystemExit', '', 'exec')\n"
+"""Answers nonsense for its repairs."""
+LONG = SOURCE + "# " + "x" * 100_000 + "\n"
+"""Too long to be read for a line."""
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("text", "told"), [(SOURCE, True), (SOURCE + LIAR, False), (LONG, False)])
+def test_the_line_of_a_slip_is_told_where_the_submission_lets_it_be_found(tmp_path, text, told):
+    (tmp_path / "r.toml").write_text('title = "t"\nhints = 3\n[[exercises]]\nstage = "intersect_sphere"\npoints = 20\n')
+    (tmp_path / "a.py").write_text(text)
+    (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
+    exercise = result.exercises[0]
+    assert exercise.status == "fail"
+    fix = "in place of `c = (oc * oc).sum() - radius ** 2` makes everything right"
+    for said in ("line 39", fix):
+        assert any(said in sentence for sentence in exercise.sentences) == told, exercise.sentences
+
+
+def test_a_function_that_changes_its_arguments_loses_one_case_and_is_told_the_line(tmp_path):
+    text = PLAIN.replace("    oc = origins - center\n", "    origins -= center\n    oc = origins\n")
+    (tmp_path / "r.toml").write_text(f'title = "t"\nhints = 3\n{SPHERES}')
+    (tmp_path / "a.py").write_text(text)
+    (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
+    (exercise,) = result.exercises
+    assert [part.passed for part in exercise.parts].count(False) == 1
+    assert any("`origins` in place" in said for said in exercise.sentences), exercise.sentences
+    assert any("`origins = origins - center` in place of `origins -= center`" in said for said in exercise.sentences)
+
+
+SPHERES = '[[exercises]]\nname = "spheres"\nstage = "intersect_sphere"\npoints = 20\n'
+RAYS = '[[exercises]]\nname = "rays"\nstage = "back_project"\npoints = 20\n'
+POINTS = '[[exercises]]\nname = "points"\nstage = "hit_points"\ndrawn = 1\npoints = 20\n'
+OWN_RAYS = PLAIN.replace("def back_project", "def own_rays").partition("def own_rays")[2].partition("def estimate")[0]
+COPIED = PLAIN.replace("tx = 2*p1*x*y", "tx = 2*p2*x*y").replace("rays = back_project", "rays = own_rays")
+COPIED += "\n\ndef own_rays" + OWN_RAYS
+"""Its pictures do not call the function that is tested, but what is wrong in it."""
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(
+    ("text", "of", "line", "told"),
+    [(SOURCE, SPHERES, "line 39", "Caused by `intersect_sphere`"), (COPIED, RAYS, "line 12", "line 12")],
+)
+def test_a_change_that_makes_a_function_right_explains_the_pictures(tmp_path, monkeypatch, text, of, line, told):
+    """No cause of the pictures is looked for; the function is its own again after pictures with a right one."""
+    monkeypatch.setattr("raytwin.teach.grade.marks.diagnose", lambda *_, **__: pytest.fail("looked at"))
+    (tmp_path / "r.toml").write_text(f'title = "t"\nhints = 3\n{of}{POINTS}')
+    (tmp_path / "a.py").write_text(text)
+    (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
+    function, points = result.exercises
+    assert (result.problem, function.sureness) == ("", "proved")
+    assert any(line in sentence for sentence in function.sentences), function.sentences
+    assert told in points.sentences[0]
+
+
+def wrong_image(*faults):
+    said = {
+        "sentences": ("the cause", "where"),
+        "faults": tuple((f, "the cause") for f in faults),
+        "sureness": "proved",
+    }
+    return Marked("image", "render", "fail", 0, 1, "visible", "", 1e-3, **said)
+
+
+@pytest.mark.parametrize(
+    ("faults", "sure", "place"),
+    [
+        (("nothing-met",), True, 0),  # says only what is seen
+        (("no-planes",), True, 0),
+        (("endless-planes",), True, 1),
+    ],
+)
+def test_whether_the_line_or_the_cause_comes_first(faults, sure, place):
+    made = _with_hint(wrong_image(*faults), Repair("", 7, "the sign is wrong", "-a", "a", sure=sure), 2, "")
+    assert [k for k, sentence in enumerate(made.sentences) if "line 7" in sentence] == [place]
+
+
+def test_a_repair_that_helps_nothing_else_is_likely():
+    unnamed = msgspec.structs.replace(wrong_image(), sureness="")
+    for sure, said in ((True, "proved"), (False, "likely")):
+        assert _with_hint(unnamed, Repair("", 7, "the sign is wrong", "-a", "a", sure=sure), 2, "").sureness == said
+
+
+@pytest.mark.parametrize(("fault", "said"), [("shadow-offset", "likely"), ("nothing-met", "proved")])
+def test_beside_a_likely_cause_of_pictures_that_says_why_the_line_comes_first_and_neither_is_proved(fault, said):
+    likely = msgspec.structs.replace(wrong_image(fault), sureness="likely")
+    made = _with_hint(likely, Repair("", 7, "a square is missing", "a", "a**2"), 2, "")
+    assert "line 7" in made.sentences[0]
+    assert made.sureness == said
+
+
+@pytest.mark.parametrize(("runs_it", "answers", "helps"), [
+    (True, [None, "right"], True), (True, [None, "wrong"], False), (False, [None, None], True),
+])  # fmt: skip
+def test_a_change_helps_what_runs_it_where_a_case_becomes_right(runs_it, answers, helps):
+    stage = LESSONS["shade"]
+    cases = stage.cases(1)[:2]
+    made = {"right": cases[1].expected, "wrong": tuple(2 * a for a in cases[1].expected), None: None}
+    left = iter([[made[answer]] for answer in answers])
+    trials = SimpleNamespace(lines=lambda *_: {}, run=lambda *_: next(left))
+    change = SimpleNamespace(runs_in=lambda lines: runs_it)
+    assert _helps(change, trials, (), [(stage, case) for case in cases]) == helps
+
+
+@pytest.mark.parametrize("other", [True, False])
+def test_a_picture_is_repaired_for_sure_where_no_other_picture_stays_wrong(monkeypatch, other):
+    repaired = {"hit_points": Repair("", 7, "the sign is wrong", "-a", "a")} | ({"render": Repair("", 8, "", "", "")}
+                                                                               if other else {})  # fmt: skip
+    monkeypatch.setattr("raytwin.teach.grade.sandboxed_repair._repair", lambda stage, *_: repaired.get(stage.name))
+    look = SecondLook(SimpleNamespace(hints=2), Code("a", "f = 1"))
+    child = SimpleNamespace(functions=("hit_points", "render"), spent=0.0)
+    tried = [msgspec.structs.replace(wrong_image(), stage=stage) for stage in ("hit_points", "render")]
+    look._repair(tried, (), (), (), (), SimpleNamespace(child=child))
+    assert look.found["hit_points"].sure == other
+
+
+def test_what_follows_from_another_function_is_looked_at_last():
+    follows = msgspec.structs.replace(wrong_image(), status="error", because=("shade",))
+    result = Result("a", "", "", (follows, wrong_image("no-clamp")))
+    assert result.first_problem == "the cause"
+
+
+@pytest.mark.parametrize(("miss", "passes"), [(np.nan, True), (np.inf, False), (0.0, False)])
+def test_points_of_rays_that_meet_nothing_are_nan(miss, passes):
+    right = np.zeros((4, 5, 3)) + np.arange(5)[:, None]
+    right[:2] = np.nan
+    got = np.where(np.isnan(right), miss, right)
+    assert _compare_points(right, got, Tolerance())[0] == passes
+
+
+def test_a_text_that_is_nested_too_deeply_is_graded(tmp_path):
+    """As deep as Python's own reader allows."""
+    deep = "    return albedo * (n * irradiance + sky * 1.3)" + " + 0 * n" * 800
+    head = "def shade(points, normals, albedo, to_light, irradiance, sky):\n    n = abs(normals @ to_light)[:, None]\n"
+    (tmp_path / "r.toml").write_text('title = "t"\n[[exercises]]\nstage = "shade"\npoints = 20\n')
+    (tmp_path / "a.py").write_text(head + deep)
+    (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
+    assert (result.problem, result.exercises[0].status) == ("", "fail")

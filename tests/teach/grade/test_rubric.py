@@ -1,0 +1,125 @@
+"""A rubric: what it says in TOML, what it earns, and what is wrong with it in one line."""
+
+import os
+import re
+
+import pytest
+from typer.testing import CliRunner
+
+from raytwin.cli import app
+from raytwin.errors import InputError
+from raytwin.teach.contract.stage_table import CONTRACT, LESSONS
+from raytwin.teach.grade.rubric import READY, Exercise, Speed, read_rubric
+from raytwin.teach.grade.submission_code import code_of
+
+GOOD = """
+title = "t"
+[[exercises]]
+stage = "intersect_sphere"
+points = 10
+[[exercises]]
+stage = "render"
+scenes = ["single"]
+drawn = 2
+rung = "lambert"
+points = 20
+visibility = "hidden"
+credit = [[1e-4, 0.8], [1e-2, 0.4]]
+"""
+
+
+@pytest.fixture
+def read(tmp_path):
+    def of(text: str):
+        (tmp_path / "r.toml").write_text(text)
+        return read_rubric(tmp_path / "r.toml")
+
+    return of
+
+
+def test_a_rubric_is_read_with_names_that_tell_its_rows(read):
+    rubric = read(GOOD)
+    assert [e.name for e in rubric.exercises] == ["intersect_sphere", "render (lambert: single, 2 drawn)"]
+    assert (rubric.points, rubric.stages) == (30, ("intersect_sphere", "render"))
+
+
+def test_speed_is_that_of_drawn_scenes_since_pictures_of_named_ones_may_be_stored(read):
+    speed = '[speed]\nof = "i"\n'
+    assert read(GOOD.replace("drawn = 2", 'drawn = 2\nname = "i"') + speed).speed.of == "i"
+    with pytest.raises(InputError, match=r"speed\.of: expected an exercise with drawn scenes, got 'i'"):
+        read(GOOD.replace("drawn = 2", 'name = "i"') + speed)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('"intersect_sphere"', '"intersect_spere"', "did you mean intersect_sphere?"),
+        ('"lambert"', '"path"', "a rung without noise"),
+        ("points = 10", "points = -1", "exercises[0].points"),
+        ("points = 10", "points = 10\ndrawn = 1", "has cases of its own"),
+        ("[[1e-4, 0.8], [1e-2, 0.4]]", "[[1e-2, 0.8], [1e-4, 0.4]]", "rows by rising error"),
+        ("points = 10", 'points = 10\nname = "render (lambert: single, 2 drawn)"', "names that differ"),
+        ('title = "t"', 'title = "t"\nfolder = "x"', "r.toml: folder (line 3) is no known key."),
+        ("points = 10", "point = 10", "exercises[0].point (line 5) is no known key. Did you mean points?"),
+        ('title = "t"', 'title = "t"\n[speed]\nof = "intersect_sphere"', "speed.of"),
+    ],
+)
+def test_what_is_wrong_with_a_rubric_is_said_with_its_field(read, old, new, said):
+    with pytest.raises(InputError, match=re.escape(said)):
+        read(GOOD.replace(old, new))
+
+
+def test_partial_credit_falls_with_the_logarithm_of_the_error():
+    row = Exercise("shade", 10, credit=((1e-6, 0.9), (1e-4, 0.5), (1e-2, 0.1)))
+    earned = [row.share(False, e, None) for e in (1e-9, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.011, None, float("nan"))]
+    assert earned == pytest.approx([0.9, 0.9, 0.7, 0.5, 0.3, 0.1, 0, 0, 0])
+    assert row.share(True, 1.0, None) == 1.0
+    assert Exercise("shade", 10).share(False, 1e-9, 0.0) == 0.0
+    by_pixels = Exercise("render", 10, measure="wrong", credit=((0.01, 0.8), (0.1, 0.2)))
+    assert by_pixels.share(False, 1e3, 0.01) == 0.8
+
+
+def test_a_bonus_for_speed_is_whole_at_fast_and_gone_at_slow():
+    speed = Speed("image", bonus=6, fast=0.01, slow=10)
+    assert [speed.earned(s) for s in (1e-12, 0.01, 0.1, 10, 100)] == [6, 6, 4, 0, 0]
+
+
+def test_a_seed_belongs_to_the_submission_and_the_rubric(read):
+    one, other = read(GOOD), read("seed = 1\n" + GOOD)
+    assert one.seed_of(b"a") == one.seed_of(b"a")
+    assert len({one.seed_of(b"a"), one.seed_of(b"b"), other.seed_of(b"a")}) == 3
+
+
+def test_the_ready_rubric_has_every_stage_and_a_hundred_points():
+    ready = read_rubric(READY)
+    assert set(ready.stages) == set(CONTRACT)
+    assert ready.points == 100
+
+
+def test_a_walks_lessons_are_stages_too_and_the_starter_has_those_that_are_asked_for(read, tmp_path):
+    lessons = [name for name in LESSONS if name not in CONTRACT]
+    rows = "".join(f'[[exercises]]\nstage = "{name}"\npoints = 1\n' for name in lessons)
+    assert read('title = "t"\n' + rows).stages == tuple(lessons)
+    words = [word for name in lessons[:2] for word in ("--stage", name)]
+    CliRunner().invoke(app, ["grade", "starter", "-o", str(tmp_path / "mine.py"), *words])
+    written = (tmp_path / "mine.py").read_text()
+    assert re.findall(r"^def (\w+)", written, re.MULTILINE)[1:] == lessons[:2]  # the first is the example
+    assert "scene[" not in written
+
+
+def test_what_a_picture_can_be_made_of_is_looked_for_too(read):
+    assert read(GOOD).functions == ("intersect_sphere", "render", "back_project", "shade")
+
+
+def test_the_starter_writes_it_and_nothing_over_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run = CliRunner().invoke
+    assert "change it" in run(app, ["grade", "starter", "--rubric"]).output
+    assert read_rubric(tmp_path / "rubric.toml").exercises == read_rubric(READY).exercises
+    assert isinstance(run(app, ["grade", "starter", "--rubric"]).exception, InputError)
+
+
+def test_a_pipe_handed_in_is_refused_and_not_waited_for(read, tmp_path):
+    os.mkfifo(tmp_path / "bob.py")
+    with pytest.raises(InputError, match=r"bob.py: expected a Python file.*a device or a pipe"):
+        code_of(tmp_path / "bob.py", read(GOOD))

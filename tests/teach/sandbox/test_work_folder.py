@@ -1,0 +1,180 @@
+"""A submission's folders: what is copied, what is too much, and that all of it goes."""
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import pytest
+
+from raytwin.errors import InputError
+from raytwin.parallel import Workers
+from raytwin.teach.grade.class_run import run
+from raytwin.teach.sandbox import work_folder
+from raytwin.teach.sandbox.work_folder import copy_files, excess, remove
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="tries what POSIX has")
+
+
+def goes(folder: Path) -> bool:
+    """Whether it is removed before a minute has passed."""
+    until = time.monotonic() + 60
+    while folder.exists() and time.monotonic() < until:
+        time.sleep(0.02)
+    return not folder.exists()
+
+
+def nested(folder: Path, depth: int) -> None:
+    home = os.open(".", os.O_RDONLY)
+    try:
+        os.chdir(folder)
+        for _ in range(depth):
+            Path("d").mkdir()
+            os.chdir("d")
+        Path("deepest").write_text("x")
+    finally:
+        os.fchdir(home)
+        os.close(home)
+
+
+def test_a_folder_is_removed_however_deep_whatever_its_rights_and_links_in_it_are_not_followed(tmp_path):
+    (tmp_path / "outside").mkdir()
+    (tmp_path / "outside" / "mine").write_text("mine")
+    folder = tmp_path / "work"
+    for i in range(3):
+        (folder / str(i) / "a" / "b").mkdir(parents=True)
+        (folder / str(i) / "file").write_text("x")
+        (folder / str(i) / "link").symlink_to(tmp_path / "outside")
+    (folder / "link").symlink_to(tmp_path / "outside")
+    (folder / "broken").symlink_to(tmp_path / "nowhere")
+    os.mkfifo(folder / "pipe")
+    nested(folder, 2500)  # longer than any path may be
+    (folder / "1" / "a").chmod(0)
+    (folder / "2").chmod(0o500)
+    remove(folder)
+    assert goes(folder)
+    assert (tmp_path / "outside" / "mine").read_text() == "mine"
+    remove(folder)  # which is gone
+
+
+def test_a_folder_is_removed_where_there_is_no_rm(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "name", "nt")
+    (tmp_path / "work" / "a").mkdir(parents=True)
+    (tmp_path / "work" / "a" / "file").write_text("x")
+    remove(tmp_path / "work")
+    assert not (tmp_path / "work").exists()
+    remove(tmp_path / "work")  # which is gone
+
+
+def test_what_is_too_much_is_said_and_links_are_not_followed(tmp_path, monkeypatch):
+    (tmp_path / "large").write_bytes(bytes(3_000_000))
+    work = tmp_path / "work"
+    (work / "a").mkdir(parents=True)
+    (work / "a" / "b").write_bytes(bytes(300_000))
+    (work / "a" / "link").symlink_to(tmp_path / "large")
+    (work / "up").symlink_to(tmp_path)
+    assert excess(work, 400_000) == ""
+    assert excess(work, 250_000) == "it wrote more than 0 MB: ended"
+    (work / "c").write_bytes(bytes(2_000_000))
+    assert excess(work, 2_000_000) == "it wrote more than 2 MB: ended"
+    monkeypatch.setattr(work_folder, "MOST_FILES", 5)
+    assert excess(work, 4_000_000) == ""
+    monkeypatch.setattr(work_folder, "MOST_FILES", 4)
+    assert excess(work, 4_000_000) == "it wrote more than 10 000 files: ended"
+
+
+def test_nobody_waits_for_a_folder_whose_removal_takes_long_and_it_goes_all_the_same(tmp_path, monkeypatch):
+    (tmp_path / "work").mkdir()
+    nested(tmp_path / "work", 500)
+    monkeypatch.setattr(work_folder, "REMOVAL_SECONDS", 0.0)
+    remove(tmp_path / "work")
+    assert (tmp_path / "work").exists()
+    assert goes(tmp_path / "work")
+
+
+def test_a_copy_has_the_files_and_who_may_run_them_without_links_devices_and_hidden_folders(tmp_path):
+    folder = tmp_path / "in"
+    (folder / "sub" / "deeper").mkdir(parents=True)
+    (folder / ".git").mkdir()
+    (folder / ".git" / "config").write_text("x")
+    (folder / "run").write_text("#!")
+    (folder / "run").chmod(0o711)
+    (folder / "sub" / "deeper" / "data").write_bytes(b"\0\1")
+    (folder / "sub" / "deeper" / "data").chmod(0o600)
+    (folder / "link").symlink_to("/etc/passwd")
+    (folder / "folder-link").symlink_to("/etc")
+    os.mkfifo(folder / "pipe")
+    (tmp_path / "to").mkdir()
+    copy_files(folder, tmp_path / "to", 1000)
+    found = {str(p.relative_to(tmp_path / "to")) for p in (tmp_path / "to").rglob("*")}
+    assert found == {"run", "sub", "sub/deeper", "sub/deeper/data"}
+    assert (tmp_path / "to" / "sub" / "deeper" / "data").read_bytes() == b"\0\1"
+    assert [oct((tmp_path / "to" / p).stat().st_mode & 0o777) for p in ("run", "sub/deeper/data")] == ["0o755", "0o644"]
+
+
+def test_a_submission_that_is_too_large_is_said_with_the_limit(tmp_path, monkeypatch):
+    (tmp_path / "in").mkdir()
+    for name in "ab":
+        (tmp_path / "in" / name).write_bytes(bytes(500_000))
+    (tmp_path / "to").mkdir()
+    copy_files(tmp_path / "in", tmp_path / "to", 1_000_000)
+    with pytest.raises(InputError, match="in: expected a submission of at most 0 MB and 10 000 files"):
+        copy_files(tmp_path / "in", tmp_path / "to", 999_999)
+    monkeypatch.setattr(work_folder, "MOST_FILES", 1)
+    with pytest.raises(InputError):
+        copy_files(tmp_path / "in", tmp_path / "to", 1_000_000)
+
+
+HOLDS_ONE = """
+from raytwin.teach.sandbox.work_folder import new_folder
+import time
+folder, held = new_folder()
+(folder / "work").mkdir()
+print(folder, flush=True)
+time.sleep(600)
+"""
+
+
+def test_the_next_run_removes_what_a_killed_one_left_and_nobody_elses(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    environment = os.environ | {"TMPDIR": str(tmp_path)}
+    running = [
+        subprocess.Popen([sys.executable, "-c", HOLDS_ONE], env=environment, stdout=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
+    try:
+        killed, living = (Path(process.stdout.readline().strip()) for process in running)
+        mine, held = work_folder.new_folder()
+        running[0].kill()
+        running[0].wait()
+        others = [tmp_path / "raytwin-of-others", tmp_path / f"{work_folder.PREFIX}file", tmp_path / "outside"]
+        (tmp_path / "outside").mkdir()
+        others[0].mkdir()
+        others[1].touch()
+        (tmp_path / f"{work_folder.PREFIX}link").symlink_to(tmp_path / "outside")
+        if os.getuid() == 0:
+            others.append(tmp_path / f"{work_folder.PREFIX}theirs")
+            others[-1].mkdir()
+            os.chown(others[-1], 12345, 12345)
+        work_folder.sweep()
+        assert goes(killed)
+        assert all(path.exists() for path in (living, mine, *others))
+    finally:
+        for process in running:
+            process.kill()
+            process.wait()
+            process.stdout.close()
+    os.close(held)
+    work_folder.sweep()
+    assert goes(mine)
+    assert goes(living)
+
+
+def test_a_run_of_a_class_removes_what_a_killed_one_left(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    left, held = work_folder.new_folder()
+    os.close(held)
+    assert run([], tmp_path / "out", Workers()) == []
+    assert goes(left)
