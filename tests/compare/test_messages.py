@@ -64,3 +64,20 @@ def test_a_filter_wider_than_the_pixel_is_told():
     c = compare(a, b)
     assert c.passed
     assert any("neighbouring pixels share their noise" in r for r in c.reasons)
+
+
+@pytest.mark.parametrize(("part", "words"), [(0.05, "its pixels share"), (0.0, "")])
+def test_a_tile_is_said_to_fail_unless_its_pixels_share_random_numbers(part, words):
+    """Correct renders whose tiles of 8 x 8 share this part of their variance: they fail, and the reason says why not."""
+    rng = np.random.default_rng(3)
+
+    def rendered() -> Image:
+        common = np.kron(rng.standard_normal((12, 16, 1)), np.ones((8, 8, 1)))
+        own = rng.standard_normal((96, 128, 3))
+        mean = 0.5 + 0.1 * (np.sqrt(part) * common + np.sqrt(1 - part) * own)
+        return Image(mean.astype(np.float32), np.full(mean.shape, 0.01, np.float32), 64, batches=64)
+
+    found = [compare(rendered(), rendered()) for _ in range(3)]
+    tiles = [f.text for c in found for f in c.findings if f.kind == "tile"]
+    assert bool(tiles) == bool(words)
+    assert all(words in text for text in tiles)
