@@ -7,7 +7,7 @@ import raytwin as package
 from raytwin import removed
 from raytwin.cli import COMMANDS as ALIVE
 from raytwin.errors import InputError
-from raytwin.renderers.renderer_table import RENDERERS, choose
+from raytwin.renderers.renderer_table import RENDERERS, renderers_of
 from raytwin.teach.contract.subject import find_subject
 
 
@@ -38,7 +38,7 @@ def test_a_removed_renderer_says_what_to_use_instead(start):
     with pytest.raises(InputError, match=said):
         find_subject(f"{start}shadow", "shadow")
     with pytest.raises(InputError, match=said):
-        choose([f"{start}shadow"])
+        renderers_of([f"{start}shadow"])
 
 
 def test_what_is_said_to_be_removed_is_gone():

@@ -68,7 +68,7 @@ def test_a_filter_wider_than_the_pixel_is_told():
 
 @pytest.mark.parametrize(("part", "words"), [(0.05, "its pixels share"), (0.0, "")])
 def test_a_tile_is_said_to_fail_unless_its_pixels_share_random_numbers(part, words):
-    """Correct renders whose tiles of 8 x 8 share this part of their variance: they fail, and the reason says why not."""
+    """Correct renders whose tiles of 8 x 8 share this part of their variance: they fail, and the reason names it."""
     rng = np.random.default_rng(3)
 
     def rendered() -> Image:

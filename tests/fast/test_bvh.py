@@ -36,7 +36,7 @@ def test_many_objects_give_the_same_light_as_one_after_the_other(overlap, engine
     scene = strewn(overlap.with_camera(overlap.camera.resized(16, 12)), rng, spheres, sheets)
     images = []
     for few in (16, 1000):
-        monkeypatch.setattr(bvh, "FEW", few)
+        monkeypatch.setattr(bvh, "MAX_OBJECTS_WITHOUT_TREE", few)
         images.append(walk(scene, "path", engine, samples=4, seed=2, depth=4).mean)
     off = np.abs(images[0] - images[1]).max(axis=-1)
     assert (off > 1e-6).mean() < (0.005 if ENGINES[engine].bits == 32 else 1e-9)
@@ -58,7 +58,7 @@ def test_a_step_that_meets_objects_beyond_their_boxes_is_asked_about_all(overlap
     )
     images = []
     for few in (16, 1000):
-        monkeypatch.setattr(bvh, "FEW", few)
+        monkeypatch.setattr(bvh, "MAX_OBJECTS_WITHOUT_TREE", few)
         images.append(walk(scene, "path", engine, samples=2, depth=3, stages=large).mean)
     np.testing.assert_array_equal(*images)
 

@@ -145,7 +145,7 @@ def test_a_cloud_of_spheres_is_the_plain_tracers_to_the_last_bit(engine, rng, si
     assert (exact.mean < plain_trace(scene, "lambert").mean).any(axis=-1).mean() > 0.05
     assert (image.surface.ids != exact.surface.ids).sum() <= (0 if ENGINES[engine].bits == 64 else 5)
     compared = [exact] if engine == "numpy64" else [trace(scene, "shadow", engine, trim="none")]
-    monkeypatch.setattr(frame, "LONG", 0)
+    monkeypatch.setattr(frame, "MAX_OBJECTS_PER_TILE", 0)
     for other in (*compared, trace(scene, "shadow", engine)):
         np.testing.assert_array_equal(image.mean, other.mean)
         for layer in ("ids", "depth", "normal"):

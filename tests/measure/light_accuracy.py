@@ -111,7 +111,7 @@ def judge(folder: Path, seed: int) -> list[dict]:
         if not (part.shadow or part.mirrors):
             row["failed"] = "no shadow"
             continue
-        light, trials, taken = models.choose(part)
+        light, trials, taken = models.simplest_light(part)
         found = replace(whole, evidence=part, light=light, trials=trials, taken=taken)
         row |= {"model": found.trials[found.taken].name, "seconds": time.process_time() - start}
         if light.to_light is None:

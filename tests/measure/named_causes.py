@@ -16,7 +16,7 @@ from tracers_by_students import CORRECT, MISTAKES, mistaken, run
 
 from raytwin.explain.catalogue import FAULTS
 from raytwin.explain.changes import Fault, chain
-from raytwin.explain.diagnosis import FEW, SubmittedImage, diagnose
+from raytwin.explain.diagnosis import FEWEST_PIXELS, SubmittedImage, diagnose
 from raytwin.explain.draw_scene import draw_scene
 from raytwin.explain.explanation import Explanation
 from raytwin.explain.predict import Pipeline, planted, written
@@ -94,7 +94,7 @@ def seen_of(faults: Sequence[tuple[Fault, Pipeline]]) -> list[Fault]:
         without = pictures_with([way for other, way in faults if other is not fault[0]])
         with np.errstate(invalid="ignore"):
             pairs = zip(whole, without, strict=True)
-            if any((~(np.abs(a.shown - b.shown) <= 1e-5)).any(axis=-1).sum() >= FEW for a, b in pairs):
+            if any((~(np.abs(a.shown - b.shown) <= 1e-5)).any(axis=-1).sum() >= FEWEST_PIXELS for a, b in pairs):
                 kept.append(fault[0])
     return kept
 

@@ -27,7 +27,7 @@ from raytwin.errors import InputError
 from raytwin.fast import TRIMS, trace
 from raytwin.images.image import Image
 from raytwin.renderers.renderer import Renderer
-from raytwin.renderers.renderer_table import choose
+from raytwin.renderers.renderer_table import renderers_of
 from raytwin.renderers.subject_renderers import PythonLoop, Speculated
 from raytwin.scene import Camera, Lambert, Scene, Sky, Sphere, Sun
 from raytwin.show.numbers import shown
@@ -93,7 +93,7 @@ def calibrations(folder: Path, count: int, size: tuple[int, int], repeats: int) 
 def frames(scene: Scene, patterns: tuple[str, ...], repeats: int) -> Iterator[Row]:
     """Yield a row per method that works on this machine: how much faster than the untrimmed one, and its error."""
     truth, calls, errors = trace(scene, RUNG, "numpy64", trim="none").mean, {}, {}
-    methods = [replace(method, rung=RUNG) for method in choose(patterns)]
+    methods = [replace(method, rung=RUNG) for method in renderers_of(patterns)]
     for method in methods:
         try:
             call = method.prepare(scene)

@@ -11,8 +11,8 @@ from raytwin.errors import InputError
 from raytwin.scene import Camera
 from raytwin.scene.lens import (
     CELLS,
-    LEAST,
-    MOST,
+    LEAST_DETERMINANT,
+    MAX_SHARE_WITHOUT_RAYS,
     Folds,
     check_lens,
     determinant,
@@ -127,7 +127,7 @@ def test_what_newtons_method_does_not_find_its_way_through_has_no_ray_either():
     xd, yd = ((known.pixels[~known.found] - (101.0, 409.0)) / 401).T
     share, least = march(xd, yd, camera.coefficients)
     assert (share == 1).all()
-    assert (least > LEAST).all()
+    assert (least > LEAST_DETERMINANT).all()
     u, v = known.pixels[~known.found].T
     with pytest.warns(Folds):
         lost = without_ray(camera)
@@ -145,7 +145,7 @@ def test_what_is_undone_comes_back_and_grows_all_along_the_line_to_it(camera):
         distort(x, y, dist), (xd, yd), rtol=0, atol=1e-11 * (1 + np.hypot(xd, yd).max(initial=0))
     )
     for part in np.linspace(0, 1, 500):
-        assert (determinant(part * x, part * y, dist) >= 0.99 * LEAST).all()
+        assert (determinant(part * x, part * y, dist) >= 0.99 * LEAST_DETERMINANT).all()
     # One to one: nothing else on the line is taken for the inverse there.
     for part in (0.25, 0.5, 0.999):
         hx, hy, found = inverse(*distort(part * x, part * y, dist), dist)
@@ -202,10 +202,10 @@ def test_a_march_by_another_route_ends_at_the_same_places(seed):
         with np.errstate(all="ignore"):
             share, least = march(xd[away], yd[away], camera.coefficients)
         found = known.found[some][away]
-        # Between 0 and LEAST, and within a step of either, both answers are right.
+        # Between 0 and LEAST_DETERMINANT, and within a step of either, both answers are right.
         assert (share[found] == 1).all()
         assert not found[least < 0].any()
-        missed = ~found & (least > 3 * LEAST) & (share == 1)
+        missed = ~found & (least > 3 * LEAST_DETERMINANT) & (share == 1)
         assert size >= 1 or not missed.any()
 
 
@@ -221,7 +221,7 @@ def test_tracer_and_twin_take_the_same_lenses_and_end_in_the_same_place(camera):
     known = undone(camera.K, camera.dist, SIZE)
     lost = without_ray(camera)
     assert (field_of_view(camera) is None) >= bool(fault_of(camera))
-    if lost is not None and lost.mean() > MOST:
+    if lost is not None and lost.mean() > MAX_SHARE_WITHOUT_RAYS:
         for ask in (check_lens, newton_steps, rays.lens_of):
             with pytest.raises(InputError, match="undone over most"):
                 ask(camera)
@@ -230,7 +230,7 @@ def test_tracer_and_twin_take_the_same_lenses_and_end_in_the_same_place(camera):
     here = np.full(len(u), True) if lost is None else ~lost[v, u]
     xd, yd = ((known.pixels[known.found][here] - (camera.cx, camera.cy)) / (camera.fx, camera.fy)).T
     dist, ideal = camera.coefficients, known.ideal[known.found][here]
-    allowed = 1e-9 * (1 + np.abs(ideal).max()) / determinant(*ideal.T, dist).clip(LEAST, 1).min()
+    allowed = 1e-9 * (1 + np.abs(ideal).max()) / determinant(*ideal.T, dist).clip(LEAST_DETERMINANT, 1).min()
     for x, y in (
         undistort(xd, yd, dist, newton_steps(camera)),
         undistort(xd, yd, dist),

@@ -16,7 +16,7 @@ from raytwin.fast import trace
 from raytwin.progress import silent
 from raytwin.renderers.python_loop import loop
 from raytwin.renderers.renderer import Renderer
-from raytwin.renderers.renderer_table import RENDERERS, choose
+from raytwin.renderers.renderer_table import RENDERERS, renderers_of
 from raytwin.renderers.subject_renderers import Filled, SmoothedSpeculation, Speculated
 from raytwin.renderers.twin_renderers import Plain, Twin
 from raytwin.scene.scene_files import read_scene
@@ -107,20 +107,20 @@ def test_every_kind_of_method_gives_an_image_near_its_truth(view, truth, kind):
 def test_exact_methods_do_not_depend_on_the_seed_and_noisy_ones_do(view):
     scene = view("overlap")
     for name, same in (("drjit32-shadow-conic", True), ("twin-llvm-path-4", False), ("mitsuba-llvm-direct-4", False)):
-        method = choose((name,))[0]
+        method = renderers_of((name,))[0]
         call = method.prepare(scene)
         assert method.noisy == (not same)
         assert np.array_equal(call(1).mean.copy(), call(2).mean) == same
 
 
 def test_patterns_choose_methods_in_the_tables_order():
-    assert [m.name for m in choose(("loop-lambert-*", "fill"))] == [
+    assert [m.name for m in renderers_of(("loop-lambert-*", "fill"))] == [
         "fill", "loop-lambert-none", "loop-lambert-corners", "loop-lambert-conic",
     ]  # fmt: skip
     with pytest.raises(InputError, match="nonsense"):
-        choose(("fill", "nonsense*"))
+        renderers_of(("fill", "nonsense*"))
     with pytest.raises(InputError, match=r"--methods: .*, got none"):
-        choose(())
+        renderers_of(())
 
 
 def test_sizes_keep_the_pictures_aspect(view):
@@ -148,7 +148,7 @@ def small_run(scenes, tmp_path_factory):
 
 def test_a_run_accounts_for_every_method(small_run):
     (own,) = (r for r in small_run.rows if "mine" in r.method)
-    asked = {m.name for m in choose(GLOBS)} | {own.method}
+    asked = {m.name for m in renderers_of(GLOBS)} | {own.method}
     assert {r.method for r in small_run.rows} | small_run.left_out.keys() == asked
     assert all(small_run.left_out.values())
 

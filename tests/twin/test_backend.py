@@ -23,7 +23,7 @@ def fresh(monkeypatch, tmp_path):
 
 @pytest.fixture
 def llvm() -> str:
-    found = backend.choose()
+    found = backend.find_backend()
     if found.libllvm is None:
         pytest.skip("no libLLVM works here")
     return found.libllvm
@@ -50,7 +50,7 @@ def test_a_wrong_path_falls_on_to_the_next_with_a_reason(monkeypatch, tmp_path, 
     monkeypatch.setattr(
         backend, "probe", lambda v, p: (backend.Tried(p, True, "renders"), "19") if p == llvm else probe(v, p)
     )
-    found = backend.choose()
+    found = backend.find_backend()
     assert [(t.ok, t.why) for t in found.tried] == [(False, "no such file"), (True, "renders")]
     assert found.libllvm == llvm
 
@@ -67,14 +67,14 @@ def test_the_answer_is_remembered_until_its_file_is_damaged_or_a_candidate_is_ne
     monkeypatch.setattr(backend, "probe", probe)
     monkeypatch.setattr(backend, "llvm_candidates", lambda: candidates)
     for expected in (1, 1):
-        assert backend.choose().libllvm == str(library)
+        assert backend.find_backend().libllvm == str(library)
         assert len(probed) == expected
     (memory,) = tmp_path.glob("backend-*.json")
     memory.write_text('{"variant": 3')
-    assert backend.choose().libllvm == str(library)
+    assert backend.find_backend().libllvm == str(library)
     assert len(probed) == 2
     candidates.append(str(tmp_path / "new.so"))
-    backend.choose()
+    backend.find_backend()
     assert len(probed) == 3
 
 
@@ -100,7 +100,7 @@ def test_a_candidate_that_hangs_aborts_or_draws_more_than_noise_wrong_is_passed_
     monkeypatch.setattr(backend, "PROBE", script)
     monkeypatch.setattr(backend, "PROBE_SECONDS", 1 if "sleep" in source else 60)
     monkeypatch.setattr(backend, "llvm_candidates", lambda: [str(script)])
-    found = backend.choose()
+    found = backend.find_backend()
     assert why in found.tried[0].why
     assert (found.variant == "llvm_ad_rgb") == found.tried[0].ok == (why == "renders")
 
@@ -119,7 +119,7 @@ def test_a_machine_where_nothing_works_is_asked_again_by_the_next_process(monkey
     probed = []
     probe = backend.probe
     monkeypatch.setattr(backend, "probe", lambda *a: probed.append(a) or probe(*a))
-    assert {backend.choose().variant for _ in range(2)} == {None}
+    assert {backend.find_backend().variant for _ in range(2)} == {None}
     assert len(probed) == asked
 
 
@@ -155,7 +155,7 @@ def test_an_unknown_variant_is_named(monkeypatch):
 def test_cuda_is_used_only_when_asked_for():
     outcome, _ = backend.probe("cuda_ad_rgb")
     if outcome.ok:
-        assert backend.choose().variant != "cuda_ad_rgb"
+        assert backend.find_backend().variant != "cuda_ad_rgb"
     else:
         with pytest.raises(MachineError, match="NVIDIA"):
             backend.activate("cuda_ad_rgb")

@@ -51,7 +51,7 @@ COMMANDS: dict[str, tuple[str, Any]] = {
     "doctor": (FURTHER, doctor_command.doctor_command),
 }
 """Command -> the heading that it stands under in `--help`, and what runs. An app is a group of commands."""
-ABOUT = {
+GROUP_HELP = {
     "reference": "Make, check, show or diff reference images.",
     "bench": "Measure speed against accuracy.",
     "photo": "Calibrate from photos, find their light, draw into them.",
@@ -105,7 +105,7 @@ def _options(
 
 for name, (_, command) in COMMANDS.items():
     if isinstance(command, typer.Typer):
-        app.add_typer(command, name=name, help=ABOUT[name], epilog=f"Example: {EXAMPLES[name]}")
+        app.add_typer(command, name=name, help=GROUP_HELP[name], epilog=f"Example: {EXAMPLES[name]}")
     else:
         register(app, {name: command})
 

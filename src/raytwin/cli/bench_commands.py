@@ -55,9 +55,9 @@ def scene_command(
 
 def list_command(methods: str = "*") -> None:
     """List all methods."""
-    from raytwin.study.bench import choose
+    from raytwin.study.bench import renderers_of
 
-    for method in choose(split(methods)):
+    for method in renderers_of(split(methods)):
         say(f"{method.name:<28} {method.family}")
 
 

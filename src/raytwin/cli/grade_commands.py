@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from raytwin.teach.grade.rubric import Rubric
 
 
-FEW = 20
+MOST_STORED_LISTED = 20
 """Most results that are listed although they were there already."""
 
 
@@ -59,7 +59,7 @@ def class_command(
             say(_line(result, read))
 
         results = run(found, out, workers, again, progress, each)
-    for result in results if len(results) <= FEW else ():
+    for result in results if len(results) <= MOST_STORED_LISTED else ():
         if result not in printed:
             say(_line(result, read))
     failed = [result.student for result in results if result.grader_fault]

@@ -95,7 +95,7 @@ OF_SHRINK = "subject", "rung", "samples", "seed", "size", "light"
 """Settings of `compare` that `shrink` has, too."""
 
 TRACER, CERTAINTY, PLACE, FILES = "raytwin's own tracer", "How certain a verdict is", "Camera and light", "Files"
-COMMON: dict[str, dict[str, Any]] = {
+SHARED_OPTIONS: dict[str, dict[str, Any]] = {
     "": {
         "scene": _arg("A scene's folder, its scene.toml, or its name.", among=_scenes, callback=_known_scene),
         "subject": _opt(
@@ -145,9 +145,9 @@ COMMON: dict[str, dict[str, Any]] = {
     },
 }  # fmt: skip
 """Heading in `--help` ("": Options) -> parameter -> the option that commands share."""
-ORDER = [name for rows in COMMON.values() for name in rows]
+ORDER = [name for rows in SHARED_OPTIONS.values() for name in rows]
 """Of parameters in `--help`; those of one command alone stand beside `size`."""
-for heading, shared in COMMON.items():
+for heading, shared in SHARED_OPTIONS.items():
     for name in shared:
         _info(shared[name]).rich_help_panel = heading
 
@@ -324,7 +324,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 def option(command: str, name: str) -> Any:
     """Return the option of a command's parameter: its own, its group's, or the common one; None without one."""
     own = OPTIONS.get(command, {}), OPTIONS.get(command.partition(".")[0], {})
-    return next((rows[name] for rows in (*own, *COMMON.values()) if name in rows), None)
+    return next((rows[name] for rows in (*own, *SHARED_OPTIONS.values()) if name in rows), None)
 
 
 def with_options(command: Callable[..., None], name: str) -> Callable[..., None]:
@@ -392,7 +392,11 @@ class UnderHeadings(TyperCommand):
     """A command whose options stand under headings in `--help`."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        rows: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": [], **{h: [] for h in COMMON if h}}
+        rows: dict[str, list[tuple[str, str]]] = {
+            "Arguments": [],
+            "Options": [],
+            **{h: [] for h in SHARED_OPTIONS if h},
+        }
         for param in self.get_params(ctx):
             if record := param.get_help_record(ctx):
                 argument = param.param_type_name == "argument"

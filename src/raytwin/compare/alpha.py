@@ -11,7 +11,7 @@ from raytwin.judging import Judging
 
 EIGHT_BITS = 0.5001 / 255
 """What rounding to 8 bits may change."""
-FEW = 1e-3
+ALLOWED_SHARE = 1e-3
 """Share of the pixels that may differ by more than is allowed, as of radiance."""
 SIDE = 8
 """Pixels across of the blocks whose means are compared where there is noise."""
@@ -42,7 +42,7 @@ def alpha_findings(
         allowed += math.sqrt(math.log(2 * a.size / judging.false_alarm_rate) * each / 2)
     with np.errstate(invalid="ignore"):
         off = ~(np.abs(a.astype(float) - b) <= allowed)
-    if off.sum() <= FEW * off.size:
+    if off.sum() <= ALLOWED_SHARE * off.size:
         return [], ()
     y, x = np.argwhere(off)[0].tolist()
     of = plural(int(off.sum()), "pixel" if size == 1 else f"block of {size} x {size} pixels")

@@ -72,7 +72,7 @@ TESTS = 4
 POWER = 0.9
 """The probability with which a minimum detectable bias is detected."""
 
-SILENT = 0.1
+SILENT_SHARE = 0.1
 """Standard deviations below this share of the tolerance count as no noise."""
 
 MOSTLY_FIREFLIES = 0.6
@@ -84,7 +84,7 @@ Else most events may be too close together to be recognised: tiles that hold few
 FEWEST_FIREFLIES = 50
 """Fireflies of an image that show whether they fall everywhere alike."""
 
-DIM = 0.1
+DIM_SHARE = 0.1
 """Channels dimmer than this share of the channels' mean are left out of the detectable relative bias."""
 
 
@@ -263,7 +263,7 @@ class Pair(NamedTuple):
             va = regularised(test.variance, a, y0, y1, rows)
             vb = regularised(reference.variance, b, y0, y1, rows)
             allowed, v = bound.of(r), va + vb
-            least = np.square(np.float32(SILENT) * allowed)
+            least = np.square(np.float32(SILENT_SHARE) * allowed)
             silent = v <= least
             v = larger_variance(va, vb, self.ratio, v)
             granted = allowed if self.rounding is None else allowed + self.rounding.value[y0:y1]
@@ -282,9 +282,9 @@ def _pair_of(test: Image, reference: Image, bound: Bound, share: float, rounding
     sides = tuple((i, None if i.variance is None else block_means(i.variance).astype(np.float32), degrees_of_freedom(i))
                   for i in (test, reference))  # fmt: skip
     noisy = [(float(blocks.mean()), nu) for _, blocks, nu in sides if blocks is not None]
-    behind = (samples_behind(image, blocks, SILENT * bound.least) for image, blocks, _ in sides)
+    behind = (samples_behind(image, blocks, SILENT_SHARE * bound.least) for image, blocks, _ in sides)
     unseen = max((1 / n for n in behind if n), default=0.0)
-    ratio = variance_ratio(test, reference, (SILENT * bound.least) ** 2)
+    ratio = variance_ratio(test, reference, (SILENT_SHARE * bound.least) ** 2)
     return Pair(
         sides,  # type: ignore[arg-type]
         rounding,
@@ -466,7 +466,7 @@ def third_against(s: Sums, scales: Scales) -> tuple[Means, Means]:
     return up_both + other_down, down_both + other_up
 
 
-FEW, RARE = 20.0, 60.0
+FEW_EVENTS, RARE_EVENTS = 20.0, 60.0
 """A sum that expects fewer events may have missed them all; a block that saw fewer tells of its neighbours' events."""
 
 
@@ -486,7 +486,7 @@ def rare_events(s: Sums, ratio: float | None, scales: Scales, share: float) -> S
     for way, third in zip(WAYS, third_against(s, scales), strict=True):
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             number = np.where(third > 0, variance**3 / np.square(third), np.inf)
-            rare = number < RARE
+            rare = number < RARE_EVENTS
             light = np.where(rare, variance * variance / third, 0)
         number, spread = np.where(rare, number, 0), np.where(rare, variance, 0)
         k = number.sum(axis=(0, 1))
@@ -641,7 +641,7 @@ def _missed(s: Sums, way: str, variance: Means) -> Means:
     """The light of the few events that a sum may have missed: all, unless it shows their variance."""
     spread = s[f"spread {way}"]
     shown = np.divide(variance, spread, out=np.zeros_like(variance), where=spread > 0)
-    return np.asarray(s[f"lent {way}"] * np.maximum(1 - shown, 0) * (s[f"number {way}"] < FEW))
+    return np.asarray(s[f"lent {way}"] * np.maximum(1 - shown, 0) * (s[f"number {way}"] < FEW_EVENTS))
 
 
 def _tiles(estimators: list[Estimator], share: float, size: Size) -> Family:
@@ -714,7 +714,7 @@ def _seen_somewhere(t: _Tested, level: float) -> float:
 
 
 def _image(estimators: list[Estimator], share: float, size: Size) -> Family:
-    """The mean over everything; `detectable`: relative to its mean, in the worst channel that is not DIM."""
+    """The mean over everything; `detectable`: relative to its mean, in the worst channel that is not DIM_SHARE."""
     from scipy.special import ndtri
 
     level = sidak(share, 3)
@@ -725,7 +725,7 @@ def _image(estimators: list[Estimator], share: float, size: Size) -> Family:
     c = int(t.z.argmax())
     worst = Worst(float(t.z[c]), float(p[c]), 0, 0, size[1], size[0], c, float(t.error[c]))
     least = t.granted + t.sd * (as_skewed(quantile(level, t.dof), t.skewness) + ndtri(POWER))
-    lit = t.radiance > DIM * t.radiance.mean()
+    lit = t.radiance > DIM_SHARE * t.radiance.mean()
     failed = p < level
     sure = int((failed & ~excusable(t.error, t.radiance, estimators[0].lacking)).sum())
     if not lit.any():

@@ -11,7 +11,7 @@ from raytwin.images.image import Image
 HARDLY_LIT = 1e4
 """Times too bright; beyond this the reference is nearly black, and the absolute error is written instead."""
 
-COMMON = 0.05
+COMMON_SHARE = 0.05
 """Share of a pixel's variance, common to all pixels of a tile or image, below which the reason names it (equal random
 numbers, one lamp's choice for all): 161 of 200 pairs of correct renders whose tiles shared 5 % failed."""
 
@@ -52,7 +52,7 @@ def noise_findings(made: Decision, reference: Image, unit: float) -> list[Findin
             "tile": f"the {w.width} x {w.height} tile at {at(w.x, w.y)}",
             "value": f"the pixel {at(w.x, w.y)}",
         }[kind]
-        if kind != "value" and (share := shared_share(w, family.level)) < COMMON:
+        if kind != "value" and (share := shared_share(w, family.level)) < COMMON_SHARE:
             sure += f", unless {'all' if kind == 'image' else 'its'} pixels share {percent(share)} of their variance"
         text = f"{where} is {off} ({sure}){_others(kind, family, made.failed_pixels)}"
         findings.append(Finding(kind, text, Place(w.x, w.y, w.width, w.height)))

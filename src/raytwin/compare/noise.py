@@ -58,7 +58,7 @@ def rare_light(image: Image) -> float:
     return float(np.vdot(lit, few)) / max(float(lit.sum(dtype=np.float64)), 1e-300)
 
 
-def spread(blocks: Float[np.ndarray, "by bx c"], width: int) -> Float[np.ndarray, "by 1 {width} c"]:
+def per_pixel(blocks: Float[np.ndarray, "by bx c"], width: int) -> Float[np.ndarray, "by 1 {width} c"]:
     """A number per block (by, bx, c) for each of its pixels, to be broadcast over rows: (by, 1, width, c)."""
     return np.asarray(np.repeat(blocks, SIDE, axis=1)[:, None, :width])
 
@@ -73,7 +73,7 @@ def samples_behind(image: Image, side: Blocks | None, least: float) -> int:
 def fireflies(v: Pixels, rows: int) -> Bool[np.ndarray, "h w 3"]:
     """Values of FIREFLY times the variance that is typical of their block, (mean sqrt(v))²: few events made them."""
     typical = np.square(block_sums(np.sqrt(v), rows) / block_counts(v, rows))
-    return np.asarray(unblock(v, rows) > spread((FIREFLY * typical).astype(np.float32), v.shape[1])).reshape(v.shape)
+    return np.asarray(unblock(v, rows) > per_pixel((FIREFLY * typical).astype(np.float32), v.shape[1])).reshape(v.shape)
 
 
 def regularised(
@@ -85,7 +85,7 @@ def regularised(
     out = np.array(v[y0:y1], np.float32)
     blocks = side[y0 // SIDE : y0 // SIDE + (y1 - y0) // rows]
     in_blocks = unblock(out, rows)
-    np.maximum(in_blocks, spread(blocks, v.shape[1]), out=in_blocks)
+    np.maximum(in_blocks, per_pixel(blocks, v.shape[1]), out=in_blocks)
     return out
 
 
@@ -128,7 +128,7 @@ def demeaned(d: Float32[np.ndarray, "h w 3"], rows: int) -> Float32[np.ndarray, 
     """`d` less its blocks' means, in place."""
     mean = (block_sums(d, rows) / block_counts(d, rows)).astype(np.float32)
     in_blocks = unblock(d, rows)
-    in_blocks -= spread(mean, d.shape[1])
+    in_blocks -= per_pixel(mean, d.shape[1])
     return d
 
 
@@ -140,7 +140,7 @@ def estimated(test: Pixels, reference: Pixels) -> Float32[np.ndarray, "h w 3"]:
         d *= d
         n = block_counts(d, rows)
         in_blocks = unblock(d, rows)
-        in_blocks *= spread((n / np.maximum(n - 1, 1)).astype(np.float32), d.shape[1])
+        in_blocks *= per_pixel((n / np.maximum(n - 1, 1)).astype(np.float32), d.shape[1])
     return np.asarray(out)
 
 
@@ -162,12 +162,12 @@ def capped(variance: Pixels, claimed: Blocks, shown: Residual) -> tuple[Pixels, 
     out = variance.copy()
     for y0, y1, rows in strips(out.shape):
         in_blocks = unblock(out[y0:y1], rows)
-        in_blocks *= spread(factor[y0 // SIDE : y0 // SIDE + (y1 - y0) // rows], out.shape[1])
+        in_blocks *= per_pixel(factor[y0 // SIDE : y0 // SIDE + (y1 - y0) // rows], out.shape[1])
     return out, much
 
 
-LAGS, FAR = 5, (7, 8, 9)
-"""Neighbours at 1 to LAGS pixels may share noise; at FAR pixels they share nothing that is not in all."""
+LAGS, FAR_LAGS = 5, (7, 8, 9)
+"""Neighbours at 1 to LAGS pixels may share noise; at FAR_LAGS pixels they share nothing that is not in all."""
 
 
 def standardised(
@@ -205,7 +205,7 @@ def inflation(test: Pixels, reference: Pixels, blocks: Float32[np.ndarray, "by b
 
 def _along(e: Float32[np.ndarray, "h w 3"], lines: Float64[np.ndarray, " n"], axis: int, values: float) -> float:
     """1 + 2 Σ ρ(h) along the axis, up to the first lag that is no more than chance. `lines`: sums of e² across it."""
-    if e.shape[axis] < 2 * FAR[-1]:
+    if e.shape[axis] < 2 * FAR_LAGS[-1]:
         return 1.0
 
     def gamma(h: int) -> float:
@@ -213,7 +213,7 @@ def _along(e: Float32[np.ndarray, "h w 3"], lines: Float64[np.ndarray, " n"], ax
         both = float(lines[h:].sum() + lines[:-h].sum())
         return float(np.vdot(step, step)) / both if both > 0 else 0.0
 
-    far = sum(gamma(h) for h in FAR) / len(FAR)
+    far = sum(gamma(h) for h in FAR_LAGS) / len(FAR_LAGS)
     total = 1.0
     for h in range(1, LAGS + 1):
         rho = 1 - gamma(h) / far if far > 0 else 0.0

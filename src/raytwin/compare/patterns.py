@@ -14,7 +14,7 @@ from raytwin.compare.noise import standardised
 LONGEST = 16
 """Pixels: the longest period looked for."""
 
-REPEATS, SURE = 0.3, 6.0
+REPEATING_CORRELATION, REPEATING_SIGMAS = 0.3, 6.0
 """The correlation of errors at a distance that no renderer's noise has, and the standard deviations it must be from 0:
 of a hundred thousand correlations of independent errors none is as far off.
 """
@@ -47,8 +47,8 @@ def patterned(test: Pixels, reference: Pixels, square: Blocks, inflation: float 
         near = min((1.0, *(x for alike, _ in lines for x in alike[:2])))
         for alike, sure in lines:
             nearer = np.minimum.accumulate(np.concatenate([[near], alike]))[:-1]
-            again = (alike - nearer > REPEATS) & (np.arange(len(alike)) > 0)
-            if bool((sure & ((alike < -REPEATS) | again)).any()):
+            again = (alike - nearer > REPEATING_CORRELATION) & (np.arange(len(alike)) > 0)
+            if bool((sure & ((alike < -REPEATING_CORRELATION) | again)).any()):
                 return True
     return False
 
@@ -56,7 +56,7 @@ def patterned(test: Pixels, reference: Pixels, square: Blocks, inflation: float 
 def _along(
     together: np.ndarray, power: np.ndarray, size: tuple[int, int], down: int, right: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How alike errors are at the distances 1 to LONGEST in a direction (fewer in small cells); whether that is SURE.
+    """How alike errors are at 1 to LONGEST pixels in a direction, fewer in small cells, and whether that repeats.
 
     `together` and `power` are those of `_correlations` in cells of `size`.
     """
@@ -65,7 +65,9 @@ def _along(
     far, pairs = far[pairs >= SIDE * SIDE], pairs[pairs >= SIDE * SIDE]
     at = together[down * far, right * far]
     alike = at / np.maximum(together[0, 0] * pairs / math.prod(size), 1e-30)
-    sure = np.abs(at) > SURE * np.sqrt(np.maximum(power[down * far, right * far], 0)) + 1e-6 * together[0, 0]
+    sure = (
+        np.abs(at) > REPEATING_SIGMAS * np.sqrt(np.maximum(power[down * far, right * far], 0)) + 1e-6 * together[0, 0]
+    )
     return alike, sure
 
 

@@ -60,7 +60,7 @@ SCALED = (
 MOSTLY_RARE = 0.25
 """Share of an image's light in rare events above which no tile shows how many it missed."""
 
-RARE = (
+FEW_EVENTS_SEEN = (
     "undecided: {:.0f} % of the light of {} comes from rare events, of which a pixel saw very few: take more samples, "
     "or sample the brightest light directly"
 )
@@ -184,7 +184,7 @@ class RadianceTest:
         local = outcome.findings and all(f.kind in ("tile", "value") for f in outcome.findings)
         if local and (rare := [(s, name) for name, i in (("the test", a), ("the reference", b))
                                if (s := rare_light(i)) > MOSTLY_RARE]):  # fmt: skip
-            return outcome._replace(doubts=(RARE.format(100 * max(rare)[0], max(rare)[1]),))
+            return outcome._replace(doubts=(FEW_EVENTS_SEEN.format(100 * max(rare)[0], max(rare)[1]),))
         if much > 0.5 and outcome.findings and self._shares_noise(shown):
             return outcome._replace(doubts=(SHARED,))
         if (

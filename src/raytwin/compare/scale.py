@@ -10,18 +10,18 @@ from raytwin.array_types import Float
 from raytwin.images.image import Image
 from raytwin.scene import Tolerance
 
-BRIGHT = 0.99
+BRIGHT_QUANTILE = 0.99
 """The scale is this quantile of the reference's positive values: what is lit best, but for a few highlights."""
 
 
 def scale_of(*images: Image) -> float:
-    """The BRIGHT quantile of the positive values of the first image that has any, every so many pixels; 1 without."""
+    """The BRIGHT_QUANTILE of some positive values of the first image that has any; 1 where none has."""
     for image in images:
         step = max(1, math.isqrt(image.mean.size // 3 // 50_000))
         values = np.asarray(image.mean[::step, ::step], np.float64)
         values = values[(values > 0) & np.isfinite(values)]
         if values.size:
-            return float(np.partition(values, k := int(BRIGHT * (values.size - 1)))[k])
+            return float(np.partition(values, k := int(BRIGHT_QUANTILE * (values.size - 1)))[k])
     return 1.0
 
 

@@ -13,9 +13,9 @@ from raytwin.explain.pixel_sample import CLOSE, DIGITS, SubmittedImage
 from raytwin.images.photo_files import srgb_encode
 
 Array = np.ndarray
-LEVELS = 32
+FEWEST_LEVELS = 32
 """Distinct wrong values of either image, below which nothing is told."""
-MOST = 500_000
+MAX_VALUES = 500_000
 """Values looked at."""
 OFF = 1e-3
 """Share of the values that may lie off a curve."""
@@ -54,7 +54,7 @@ ENCODINGS: dict[str, Callable[[Array], Array]] = {
 def curve_cause(view: SubmittedImage) -> str:
     """The sentence on an image without noise; empty where no curve holds."""
     assert view.right is not None
-    step = -(-view.shown.size // MOST)
+    step = -(-view.shown.size // MAX_VALUES)
     bounds = view.bounds or (view.right, view.right)
     half = np.zeros(view.shown.shape) if view.half is None else view.half
     s, r, low, high, half = (np.ravel(x)[::step].astype(float) for x in (view.shown, view.right, *bounds, half))
@@ -62,7 +62,7 @@ def curve_cause(view: SubmittedImage) -> str:
     slack = half + DIGITS * scale
     wrong = (s < low - slack) | (s > high + slack)
     width = 2 * float(np.median(slack))
-    if min(np.unique(r[wrong]).size, np.unique(np.rint(s[wrong] / width)).size) < LEVELS:
+    if min(np.unique(r[wrong]).size, np.unique(np.rint(s[wrong] / width)).size) < FEWEST_LEVELS:
         return ""
     if not _rises(s, slack, low, high):
         return ""
@@ -76,7 +76,7 @@ def curve_cause(view: SubmittedImage) -> str:
 
     said = "each value follows from the reference's by one curve"
     inner = (r > 0.01 * np.quantile(r, 0.99)) & (s > 0) & ~(view.clipped & ((s >= 1) | (r >= 1)))
-    if np.unique(r[inner]).size >= LEVELS:
+    if np.unique(r[inner]).size >= FEWEST_LEVELS:
         exponent, shift = np.polyfit(np.log(r[inner]), np.log(s[inner]), 1).tolist()
         factor = float(np.exp(shift))
         if holds(lambda x: factor * x**exponent):

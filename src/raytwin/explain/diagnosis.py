@@ -38,20 +38,20 @@ MATCHED = 0.5
 """Share of the wrong pixels that it has to hit: its values must not only come near."""
 PART, SPARED = 0.4, 0.99
 """Shares of the wrong pixels that a cause has to hit, and of the correct ones it has to spare, to explain a part."""
-FEW = 6
+FEWEST_PIXELS = 6
 """Wrong pixels below which nothing is named: rounding on outlines."""
 ALTERNATIVES = 3
 """Causes that explain it as well, at most so many of which are told."""
-RARE = 3e-3
+RARE_SHARE = 3e-3
 """Share of a picture's pixels: up to here, only single faults without fitted numbers are tried."""
 SPECKLED = 0.1
 """What `mixed` says from which on chance is asked: acne of seven tracers in five scenes has .11 to .26, and 981
 of 1006 pictures with faults of shapes and light have less."""
-MOST = 25_000
+MAX_PIXELS = 25_000
 """Pixels of a picture that are looked at in the end."""
 DOUBTED = 0.1
 """Share of the pixels: if more stay wrong, differences between correct tracers do not explain it."""
-BRIGHT = 1e6
+BRIGHTEST_WHITE = 1e6
 """What is stored as white may be anything up to this."""
 
 PLAIN = tuple(
@@ -112,7 +112,7 @@ def _view(
         slack = slack + 3 * np.sqrt(np.maximum(np.sum(variances, axis=0, dtype=float), 0))
     bounds: tuple[np.ndarray, ...] = ()
     if of_reference.half is not None:
-        above = np.where(of_reference.clipped & (right >= 1), BRIGHT, right + of_reference.half)
+        above = np.where(of_reference.clipped & (right >= 1), BRIGHTEST_WHITE, right + of_reference.half)
         bounds = right - of_reference.half, above
     clipped = rounding.clipped or of_reference.clipped
     fits = scene and shown.shape == (scene.camera.height, scene.camera.width, 3)
@@ -140,7 +140,7 @@ def diagnose(
         return Explanation("correct", where=where, explained=1.0)
     if cause := _one_value(views):
         return Explanation("proved", (cause,), (cause.sentence,), explained=1.0)
-    if count < FEW:
+    if count < FEWEST_PIXELS:
         return Explanation("unknown", where=where)
     if words := points_of_misses(samples):
         text = f"rays that meet nothing have points, too ({words}): NaN is wanted there"
@@ -155,7 +155,7 @@ def diagnose(
     scenes = {s.view.scene for s in samples}
     if families is FAMILIES and len(scenes) == 1 and (scene := samples[0].view.scene):
         families = (*FAMILIES, *radii_of(scene))
-    thorough = max(float((s.weight * s.wrong).sum()) for s in samples) > RARE
+    thorough = max(float((s.weight * s.wrong).sum()) for s in samples) > RARE_SHARE
     try:
         search = Search(samples)
         return _said(search.causes(faults, families if thorough else ()), search, where)
@@ -216,10 +216,10 @@ def _said(found: list[Hypothesis], search: Search, where: str) -> Explanation:
     count, left = left_over([s.everywhere(_most(s)) for s in samples], best.steps)
     # Each scene confirms what the others select: one alone proves nothing.
     confirmed = fit.least > NOTHING_LEFT and sum(bool(s.wrong.any()) for s in samples) > 1
-    whole = count < FEW and fit.is_good and (fit.exact or not best.cause.numbers)
+    whole = count < FEWEST_PIXELS and fit.is_good and (fit.exact or not best.cause.numbers)
     certainty: Certainty = "proved" if confirmed and whole and not others else "likely"
     said = [best.cause.sentence, *(f"or, with the same effect here: {other.sentence}" for other in others)]
-    if count >= FEW or fit.hit < EXPLAINED:
+    if count >= FEWEST_PIXELS or fit.hit < EXPLAINED:
         said.append(f"something else is wrong, too: {left}".rstrip(": "))
     return Explanation(certainty, (best.cause, *others), tuple(said), where, fit.explained)
 
@@ -273,4 +273,4 @@ def left_over(samples: Sequence[PixelSample], steps: Pipeline) -> tuple[int, str
 def _most(sample: PixelSample) -> int:
     """Pixels that are looked at in the end: fewer where a scene has many objects."""
     objects = len(sample.view.scene.objects) if sample.view.scene else 0
-    return min(MOST, max(MET // max(objects, 1), 1))
+    return min(MAX_PIXELS, max(MET // max(objects, 1), 1))

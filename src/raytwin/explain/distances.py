@@ -7,7 +7,7 @@ from raytwin.explain.predict import RIGHT, written
 from raytwin.images.image import BACKGROUND, Surface
 from raytwin.scene import Scene
 
-ENOUGH = 10
+FEWEST_PIXELS_TO_AGREE = 10
 """Pixels that have to show the ratio."""
 CLOSE = 1e-4
 """Relative: how far the ratio may be from the formula, at 99.9 % of the pixels."""
@@ -21,7 +21,7 @@ def depth_cause(test: Surface | None, reference: Surface | None, scene: Scene) -
     if test is None or reference is None or test.ids.shape != reference.ids.shape:
         return ""
     v, u = np.nonzero((test.ids == reference.ids) & (test.ids != BACKGROUND) & (reference.depth > 0))
-    if len(u) < ENOUGH:
+    if len(u) < FEWEST_PIXELS_TO_AGREE:
         return ""
     K, dist = np.array(scene.camera.K), np.array(scene.camera.coefficients, float)
     stretch = 1 / written(RIGHT)["through"](K, dist, u.astype(float), v.astype(float))[:, 2]

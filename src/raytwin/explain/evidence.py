@@ -16,7 +16,7 @@ LOOSE = 0.01
 """Share of the pixels that may be off by more."""
 SIGNIFICANT = 4.0
 """Standard errors by which a cause has to bring noisy pixels nearer."""
-FAR = 25.0
+MAX_SQUARED_SIGMAS = 25.0
 """Squared standard deviations: a noisy pixel that is farther off counts as this far."""
 
 
@@ -90,7 +90,8 @@ def is_likelier(samples: Sequence[PixelSample], steps: Pipeline) -> bool:
         sigma = np.where(s.slack > 0, s.slack / 3, np.inf)
         with np.errstate(invalid="ignore", over="ignore"):
             before, after = (
-                np.minimum(np.square((s.shown - made) / sigma), FAR) for made in (s.predict(RIGHT), s.predict(steps))
+                np.minimum(np.square((s.shown - made) / sigma), MAX_SQUARED_SIGMAS)
+                for made in (s.predict(RIGHT), s.predict(steps))
             )
         gains.append(s.weight * np.nan_to_num(before - after).sum(axis=-1))
     gain = np.concatenate(gains)

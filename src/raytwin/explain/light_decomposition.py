@@ -25,11 +25,11 @@ NAMES = {
 }  # fmt: skip
 TAKEN = "shadow", "occlusion"
 """Parts that light is lost by."""
-LEAST = 0.01
+CORRECT_WITHIN = 0.01
 """A factor that is off by less is correct."""
 FIRM = 4.0
 """Standard errors: a factor off by less is correct."""
-MOST = 4
+MAX_FACTORS = 4
 """Factors, at most so many of which are told."""
 LEAST_PIXELS = 10
 """Pixels of objects below which nothing is fitted."""
@@ -50,7 +50,7 @@ class Share:
     @property
     def words(self) -> str:
         name = NAMES[self.part]
-        if abs(self.factor) <= LEAST + 3 * self.error:
+        if abs(self.factor) <= CORRECT_WITHIN + 3 * self.error:
             text = f"{name} is missing"
         elif self.part in TAKEN:
             text = f"{name} is {self.factor:.4g} times what it should be"
@@ -69,7 +69,7 @@ class Split:
     @property
     def words(self) -> str:
         """What is wrong, if that explains the image; else nothing."""
-        wrong = [s.words for s in self.shares if abs(s.factor - 1) > max(LEAST, FIRM * s.error)]
+        wrong = [s.words for s in self.shares if abs(s.factor - 1) > max(CORRECT_WITHIN, FIRM * s.error)]
         return " and ".join(wrong) if self.explained >= EXPLAINED else ""
 
 
@@ -115,10 +115,10 @@ def _fewest(sample: PixelSample, parts: dict[str, Halves], ids: Array, where: Ma
     noise = min(float((w * np.square(sample.slack[keep] / 3)).sum()), before)
     found, left = Split(), before
     chosen: list[tuple[str, str]] = []
-    while len(chosen) < MOST and left - noise > LEAST * (before - noise):
+    while len(chosen) < MAX_FACTORS and left - noise > CORRECT_WITHIN * (before - noise):
         fits = [(*_fit(w, d, e, [columns[k] for k in (*chosen, new)]), new) for new in columns if new not in chosen]
         least, g, errors, best = min(fits, key=lambda fit: fit[0], default=(left, d, d, None))
-        if best is None or not least < left or abs(g[-1]) < max(LEAST, FIRM * errors[-1]):
+        if best is None or not least < left or abs(g[-1]) < max(CORRECT_WITHIN, FIRM * errors[-1]):
             break
         left = least
         chosen.append(best)

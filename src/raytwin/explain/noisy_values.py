@@ -18,7 +18,7 @@ FIRM = 8.0
 """Standard deviations of the mean square, by which a cause has to lower it."""
 LEFT = 0.1
 """Share of what exceeds 1 that a cause may leave."""
-LEAST = 1e-3
+LEAST_CHANGE = 1e-3
 """A fitted number that changes the image by less than this is ignored."""
 GAMMAS = ((1 / 2.2, "encoded for display (gamma)"), (2.2, "decoded once too often (gamma)"))
 Array = np.ndarray
@@ -59,10 +59,10 @@ def _trials(s: Array, r: Array, v: Array, rv: Array) -> Iterator[Trial]:
     S, R, RV = _blocks(s), _blocks(r), _blocks(rv) / BLOCK**2
     products, squares = weight * S * R, weight * (R * R - RV)  # the reference's noise would pull factors towards 0
     k = float(products.sum() / max(squares.sum(), 1e-300))
-    if abs(k - 1) > LEAST and k > 0:
+    if abs(k - 1) > LEAST_CHANGE and k > 0:
         yield Trial(f"the whole image, background too, is {bright(k)}", k * r, k * k * rv, 1)
     tint = products.sum(axis=(0, 1)) / np.maximum(squares.sum(axis=(0, 1)), 1e-300)
-    if np.ptp(tint) > LEAST and (tint > 0).all():
+    if np.ptp(tint) > LEAST_CHANGE and (tint > 0).all():
         factors = ", ".join(f"{x:.4g}" for x in tint)
         yield Trial(f"the channels are off by the factors {factors} (red, green, blue)", tint * r, tint**2 * rv, 3)
     more = float((weight * (S - R)).sum() / weight.sum())

@@ -40,7 +40,7 @@ WRITTEN = tuple(
     for ratio in (pi / value, value / pi)
 )
 """Factors of light that a rounded π leaves, as divisor or factor."""
-REACH = 100
+MAX_STEPS_AT_FIRST = 100
 """Small steps that a fit tries at first, at most."""
 SAME = 1e-5
 """A factor this close to 1 changes nothing that single precision shows."""
@@ -167,13 +167,13 @@ FAMILIES = (
 )  # fmt: skip
 """A number more is a worse explanation: of two that fit alike, the row with fewer parameters stands."""
 
-MANY = 8
+MAX_OBJECTS_FITTED = 8
 """Objects, beyond which no single one is fitted."""
 
 
 def radii_of(scene: Scene) -> tuple[ParametricFault, ...]:
     """A family for the radius of each sphere, where there are others."""
-    if len(scene.objects) > MANY or len(scene.spheres) == 1:
+    if len(scene.objects) > MAX_OBJECTS_FITTED or len(scene.spheres) == 1:
         return ()
     balls = enumerate(zip(scene.names, scene.numbers, scene.spheres, strict=False))
     return tuple(_radius_of(k, name, number, ball.radius) for k, (name, number, ball) in balls)
@@ -192,14 +192,14 @@ def nearer(
 ) -> tuple[tuple[float, ...], float]:
     """Parameters that explain more, and their cost: least squares whose tolerance shrinks from round to round.
 
-    It counts in units of REACH small steps, so that a difference of 1 / REACH is one of them.
+    It counts in units of MAX_STEPS_AT_FIRST small steps, so that a difference of 1 / MAX_STEPS_AT_FIRST is one of them.
     """
     from scipy.optimize import least_squares
 
     weights = np.concatenate([np.repeat(s.weight / len(samples), 3) for s in samples])
 
     def at(q: Array) -> tuple[float, ...]:
-        return tuple((start + REACH * family.step * (q - 1)).tolist())
+        return tuple((start + MAX_STEPS_AT_FIRST * family.step * (q - 1)).tolist())
 
     def off(q: Array) -> Array:
         steps = family.make(at(q))
@@ -213,7 +213,7 @@ def nearer(
     large = np.abs(off(q))
     width = 2 * float(np.quantile(large[large > 1], 0.9)) if (large > 1).any() else 1.0
     for k in range(rounds):
-        step = (1 if width > 1 else 0.1) / REACH
+        step = (1 if width > 1 else 0.1) / MAX_STEPS_AT_FIRST
         found = least_squares(off, q, loss=loss, f_scale=width, diff_step=step, max_nfev=3 if rounds == 1 else 4)
         q, cost = found.x, 2 * found.cost / width**2
         if width == 1 and k > 0:

@@ -25,13 +25,13 @@ CROWD = 64
 """Objects, beyond which no numbers are fitted and no other forms are tried: that takes nine predictions of ten."""
 SCREEN = 4
 """Every fault is tried on one in so many of the pixels first."""
-THIN = 3
+COARSE_STRIDE = 3
 """Where faults are many, they are tried on one in so many of these pixels before."""
 FINALISTS = 24
 """Hypotheses that are compared on all pixels, those of least cost: more cost time."""
 CLEAR = 0.05
-"""Share of the cost: where a fault leaves less, one that leaves more than NEAR is dropped."""
-NEAR = 0.5
+"""Share of the cost: where a fault leaves less, one that leaves more than RIVAL_COST_SHARE is dropped."""
+RIVAL_COST_SHARE = 0.5
 """Share of the cost above which a fault is dropped beside a CLEAR one."""
 CLOSE = 4
 """Multiple of the best cost on few pixels above which a fault is not tried on all."""
@@ -111,7 +111,7 @@ class Search:
         best = {guess.cause.name: guess for guess in reversed(tried)}
         some = sorted(best.values(), key=lambda g: g.cost)[:TEMPTING]
         if some and some[0].cost < CLEAR * self.unexplained:
-            some = [g for g in some if EVEN * self.unexplained < g.cost < NEAR * self.unexplained]
+            some = [g for g in some if EVEN * self.unexplained < g.cost < RIVAL_COST_SHARE * self.unexplained]
         return [g for g in some if g.cause.stage != CAMERA]
 
     def _screened(self, guesses: list[Hypothesis]) -> list[Hypothesis]:
@@ -121,14 +121,14 @@ class Search:
         """
         sums, wrong, views = np.zeros(len(guesses)), 0.0, self.few
         if len(guesses) > 2 * FINALISTS:
-            views = [views[0].only(slice(None, None, THIN)), *views]
+            views = [views[0].only(slice(None, None, COARSE_STRIDE)), *views]
         for sample in views:
             sums = sums + list(self._costs(sample, guesses))
             wrong += total([sample], RIGHT)
             few = max(FINALISTS, sums.size // 4)
             limit = float(np.sort(sums)[few - 1]) + TIED if few < sums.size else np.inf
             if sums.size and sums.min() < CLEAR * wrong:  # where one explains all, the others have to
-                limit = min(limit, NEAR * wrong)
+                limit = min(limit, RIVAL_COST_SHARE * wrong)
             chosen = [int(k) for k in np.argsort(sums, kind="stable") if sums[k] <= limit]
             guesses, sums = [guesses[k] for k in chosen], sums[chosen]
         return [replace(g, cost=cost / len(views)) for g, cost in zip(guesses, sums.tolist(), strict=True)]

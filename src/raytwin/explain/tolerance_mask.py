@@ -14,7 +14,7 @@ from raytwin.explain.predict import RIGHT, Array, Pipeline, Predictor
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
 
-FEW = 0.02
+MAX_SHARE_OFF = 0.02
 """Share of the pixels: if more are off, such differences do not explain it."""
 ASIDE = 1e-3
 """Pixels: by which rays miss the centre in single precision."""
@@ -58,7 +58,7 @@ def forgiven(got: Array, right: Array, scene: Scene, rung: str) -> Array:
     with np.errstate(invalid="ignore"):
         off = ~(np.abs(got - right).max(axis=-1) <= VISIBLE * np.abs(right).max()) & np.isfinite(got).all(axis=-1)
     where = np.argwhere(off)
-    if not 0 < len(where) <= FEW * off.size:
+    if not 0 < len(where) <= MAX_SHARE_OFF * off.size:
         return got
     v, u = where.T.astype(float)
     bench = Predictor(scene, u, v, RUNGS[rung].shadows)

@@ -16,7 +16,7 @@ import numpy as np
 from raytwin.array_types import Int
 from raytwin.fast.newton_steps import newton_steps
 from raytwin.scene import Camera, Shape, Sphere
-from raytwin.scene.lens import LEAST, determinant, distort, undone
+from raytwin.scene.lens import LEAST_DETERMINANT, determinant, distort, undone
 from raytwin.tracer.pixel_to_ray import undistort
 
 Box = tuple[int, int, int, int]
@@ -78,7 +78,7 @@ def field_of_view(camera: Camera) -> tuple[float, float, float, float] | None:
     field = float(x.min() - pad_x), float(x.max() + pad_x), float(y.min() - pad_y), float(y.max() + pad_y)
     # What lies between the sides of a rectangle comes out between its bent sides if nothing folds within.
     across, down = (field[a] + (field[a + 1] - field[a]) * SIDE for a in (0, 2))
-    return field if determinant(across, down[:, None], camera.coefficients).min() >= LEAST else None
+    return field if determinant(across, down[:, None], camera.coefficients).min() >= LEAST_DETERMINANT else None
 
 
 def _extents(things: Sequence[Shape], camera: Camera) -> tuple[np.ndarray, np.ndarray]:

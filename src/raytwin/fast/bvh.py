@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-FEW = 16
+MAX_OBJECTS_WITHOUT_TREE = 16
 """Objects of a scene up to which a tree is not faster than one after the other."""
-MARGIN = 2e-6
+BOX_MARGIN = 2e-6
 """How much larger a box is than its contents, as a share of the scene's extent: more than float32's rounding."""
 
 
@@ -32,7 +32,7 @@ def grow(center: np.ndarray, extent: np.ndarray) -> Nodes:
     `center`, and half of the size along each axis, `extent`: (n, 3), n > 0. All nodes of a level at once.
     """
     n, order = len(center), np.arange(len(center))
-    extent = extent + MARGIN * (np.abs(center) + extent).max()
+    extent = extent + BOX_MARGIN * (np.abs(center) + extent).max()
     low, high = np.zeros((2, 2 * n - 1, 3))
     thing, onward = np.full(2 * n - 1, -1), np.zeros(2 * n - 1, int)
     first, count, place = np.zeros(1, int), np.array([n]), np.zeros(1, int)

@@ -21,7 +21,7 @@ from raytwin.tracer.arrays import INFINITY, Vec, integers, maximum, minimum, sel
 from raytwin.tracer.hit import NO_SPECULAR, Facts, Hit, Specular, Stages
 from raytwin.tracer.world import distance, facts_of, hides
 
-FEW = 6
+MAX_OBJECTS_AS_PARAMETERS = 6
 """On Dr.Jit, up to this number the objects of a scene are the kernel's parameters and need no lists."""
 SHAPES: dict[type, tuple[str, ...]] = {Sphere: ("center", "radius"), Rectangle: ("center", "half_u", "half_v")}
 """What a shape is made of. To add a shape, add a row, and its numbers to FIELDS."""
@@ -45,7 +45,7 @@ class Table:
 
     def __init__(self, scene: Scene, engine: Engine) -> None:
         self.objects, self.spheres, self.glossy = scene.objects, len(scene.spheres), scene.glossy
-        self.few = not engine.is_numpy and 0 < len(scene.objects) <= FEW
+        self.few = not engine.is_numpy and 0 < len(scene.objects) <= MAX_OBJECTS_AS_PARAMETERS
         # Two rows of nothing: Dr.Jit cannot look up in an empty array, and treats one of one number as that number.
         numbers: Iterator[Any] = iter(np.array([*map(_row, scene.objects), *[(0.0,) * sum(FIELDS.values())] * 2]).T)
         if self.few:

@@ -38,7 +38,7 @@ from raytwin.tracer.sphere import SOLVERS, intersect_sphere
 from raytwin.tracer.world import surface_at
 
 TILE_NUMPY, TILE_DRJIT = 128, 32
-LONG = 64
+MAX_OBJECTS_PER_TILE = 64
 """Objects of a tile, on average, up to which a kernel tries one after the other for rays from the eye: neighbours try
 the same ones, where in a tree each goes its own way."""
 BOXED = ("intersect_sphere", "intersect_rectangle", "nearer", "sun_visible")
@@ -187,7 +187,7 @@ class EyeScene:
     @cached_property
     def everywhere(self) -> FastWorld:
         """With all objects, for rays from anywhere."""
-        many = not self.engine.is_numpy and len(self.table.objects) > bvh.FEW and not self.every
+        many = not self.engine.is_numpy and len(self.table.objects) > bvh.MAX_OBJECTS_WITHOUT_TREE and not self.every
         found = kernel_trees(self.table, self.engine) if many else self.one_by_one
         return self.world(found, found)
 
@@ -248,7 +248,7 @@ def kernel(view: EyeScene, boxes: Int[np.ndarray, "n 4"]) -> Iterator[Piece]:
     if len(busy := np.flatnonzero(found)):
         u, v, place, number = tile_grid(view.engine, busy, TILE_DRJIT, found.shape[1], size)
         kind, world = view.engine.float_type, view.everywhere
-        if not view.table.few and pairs <= LONG * len(busy):
+        if not view.table.few and pairs <= MAX_OBJECTS_PER_TILE * len(busy):
             tile, ids = touched(boxes, TILE_DRJIT, size)
             lists = kernel_lists(view.table, view.engine, np.searchsorted(busy, tile), ids, number)
             world = view.world(lists, world.casters)

@@ -5,10 +5,10 @@ from functools import lru_cache
 import numpy as np
 
 from raytwin.scene import Camera
-from raytwin.scene.lens import STEPS, check_lens, distort, undone
+from raytwin.scene.lens import NEWTON_STEPS, check_lens, distort, undone
 from raytwin.tracer.pixel_to_ray import undistort
 
-ALIKE = 1e-4
+SAME_ROOT_WITHIN = 1e-4
 """Solutions farther apart than this, in normalised coordinates, are different roots; rounding moves them far less."""
 
 
@@ -27,10 +27,10 @@ def newton_steps(camera: Camera, precision: str = "float64") -> int:
     x, y = known.ideal[known.found].T
     enough = 2e-14 if precision == "float64" else 2e-8
     with np.errstate(all="ignore"):
-        for steps in range(STEPS):
+        for steps in range(NEWTON_STEPS):
             ended = undistort(xd, yd, dist, steps)
             back = distort(*ended, dist)
             apart = np.hypot(ended[0] - x, ended[1] - y).max()  # large at a root beyond a fold
-            if np.hypot(back[0] - xd, back[1] - yd).max() < enough and apart < ALIKE:
+            if np.hypot(back[0] - xd, back[1] - yd).max() < enough and apart < SAME_ROOT_WITHIN:
                 return steps
-    return STEPS
+    return NEWTON_STEPS

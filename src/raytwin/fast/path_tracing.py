@@ -39,7 +39,7 @@ NOTHING = (0.0, 0.0, 0.0)
 Integrand = Callable[[World, Hit], Callable[[Draw], Sequence[Vec]]]
 """(world, hit) -> random numbers -> the colours of one sample there."""
 
-FEW = 16
+MAX_OBJECTS_IN_CLOSED_FORM = 16
 """Objects up to which the sky's visibility is computed in closed form: it tests all pairs at every pixel."""
 
 
@@ -64,7 +64,13 @@ def walk(
     deep, side = depth or RUNGS[rung].depth or 2, side if sampling == "area" else 0.0
     view = EyeScene(scene, ENGINES[engine], stages)
     surfaces = constant(view.engine, deep)
-    closed = deep == 2 and not side and len(scene.objects) <= FEW and not scene.environment and not scene.glossy
+    closed = (
+        deep == 2
+        and not side
+        and len(scene.objects) <= MAX_OBJECTS_IN_CLOSED_FORM
+        and not scene.environment
+        and not scene.glossy
+    )
 
     def whole(world: World, hit: Hit) -> Callable[[Draw], Sequence[Vec]]:
         known, light = _closed_form_sky(view, hit) if closed else (None, view.light)

@@ -7,8 +7,8 @@ import numpy as np
 
 from raytwin.images.image import Image
 
-MANY = 64
-"""Values in which two renders differ: those that differ in so many are equal by chance with exp(-MANY / 2) at most."""
+VALUES_BEYOND_CHANCE = 64
+"""Renders that differ in so many values n are equal by chance with exp(-n / 2) at most."""
 
 
 @dataclass(eq=False)
@@ -27,8 +27,8 @@ class ImagePool:
     unbiased where sizes are equal. Each sum is one array.
 
     A render that has noise, and the very pixels of an earlier one, is a repeat, and left out: `repeats` holds pairs,
-    earlier and later, counted from 0. But where renders differ in fewer than MANY values, events are rare, and equal
-    renders are to be expected. While all are equal nobody knows: the first counts, until one differs.
+    earlier and later, counted from 0. But where renders differ in fewer than VALUES_BEYOND_CHANCE values, events are
+    rare, and equal renders are to be expected. While all are equal nobody knows: the first counts, until one differs.
     """
 
     weight: int = 0
@@ -52,14 +52,14 @@ class ImagePool:
             number = self.images + len(self.repeats)
             earlier = self._given.setdefault(_digest(image), number)
             if earlier < number:
-                if self.images == 1 or self._differing >= MANY * (self.images - 1):
+                if self.images == 1 or self._differing >= VALUES_BEYOND_CHANCE * (self.images - 1):
                     self.repeats.append((earlier, number))
                     self.repeats_in_a_row += 1
                     return
             elif self._last is not None:
                 differing = int(np.count_nonzero(np.asarray(image.mean) != self._last.mean))
                 self._differing += differing
-                if differing < MANY:
+                if differing < VALUES_BEYOND_CHANCE:
                     for _ in self.repeats:
                         self._add(self._last)
                     self.repeats.clear()

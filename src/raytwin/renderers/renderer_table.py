@@ -50,7 +50,7 @@ RENDERERS: dict[str, Renderer] = {
 """name -> method, in the order in which the bench lists them."""
 
 
-def choose(globs: Sequence[str] = ("*",)) -> list[Renderer]:
+def renderers_of(globs: Sequence[str] = ("*",)) -> list[Renderer]:
     """Return the methods whose name matches a pattern, in the table's order.
 
     Raises InputError for a pattern that matches none.

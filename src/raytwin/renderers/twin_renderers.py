@@ -11,7 +11,7 @@ from raytwin.rungs import RUNGS
 from raytwin.scene import MitsubaScene, Scene
 from raytwin.scene.lens import without_ray
 
-SHORT = {"llvm_ad_rgb": "llvm", "cuda_ad_rgb": "cuda"}
+SHORT_VARIANTS = {"llvm_ad_rgb": "llvm", "cuda_ad_rgb": "cuda"}
 """Mitsuba's variants as names have them."""
 
 
@@ -25,7 +25,7 @@ class _ByVariant(Renderer):
 
     @property
     def short(self) -> str:
-        return SHORT[self.library]
+        return SHORT_VARIANTS[self.library]
 
     @property
     def integrator(self) -> str:

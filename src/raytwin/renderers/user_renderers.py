@@ -78,7 +78,7 @@ class UserRenderer(Renderer):
         return call
 
 
-FEW = 16
+DEFAULT_SAMPLES = 16
 """Samples per pixel that a function is asked for, where nothing else is said."""
 
 

@@ -9,7 +9,8 @@ has a ray where Newton's method, from the distorted point, comes to an ideal poi
 determinant stays positive on the straight line to there from the middle.
 
 A fit folds where no photo constrains the lens, in a corner. Renderers leave such pixels black, as if they met nothing
-(`without_ray`), and say so once; a lens that loses more than MOST of the frame is refused (`check_lens`).
+(`without_ray`), and say so once; a lens that loses more than MAX_SHARE_WITHOUT_RAYS of the
+frame is refused (`check_lens`).
 """
 
 import warnings
@@ -23,10 +24,10 @@ from raytwin.array_types import Bool, Float
 from raytwin.errors import InputError
 from raytwin.scene.camera import Camera
 
-LEAST = 1e-3
+LEAST_DETERMINANT = 1e-3
 """The least determinant that counts as undone: there a pixel sees a thousand times the solid angle of the middle's."""
 
-STEPS = 20
+NEWTON_STEPS = 20
 """Newton's steps: each doubles the number of right digits; a strong lens needs half a dozen before that begins."""
 
 SETTLED, COMES_BACK = 1e-9, 1e-9
@@ -40,7 +41,7 @@ CELLS = 128
 """Cells along each side by which pixels without a ray are found: a cell has rays where all four of its corners do. The
 part that can be undone is round, so a cell whose corners lie within it lies within it whole."""
 
-MOST = 0.5
+MAX_SHARE_WITHOUT_RAYS = 0.5
 """The largest share of the frame that may be without rays."""
 
 ALONG = np.linspace(0, 1, 49)[1:, None]
@@ -77,7 +78,7 @@ def undone(K: Any, dist: Sequence[float], image_size: tuple[int, int]) -> Undone
 def check_lens(camera: Camera) -> None:
     """Raise InputError, a pixel named, unless the camera's distortion can be undone over most of the frame."""
     lost = without_ray(camera)
-    if lost is not None and lost.mean() > MOST:
+    if lost is not None and lost.mean() > MAX_SHARE_WITHOUT_RAYS:
         fault = undone(camera.K, camera.dist, camera.image_size).fault
         found = f"{list(camera.dist)}, which cannot at {fault}, nor over {100 * lost.mean():.0f} % of it"
         raise InputError("camera.dist", "a distortion that can be undone over most of the image", found)
@@ -115,7 +116,7 @@ def _without_ray(
     column, row = (CELLS * (2 * np.arange(side) + 1) // (2 * side) for side in image_size)
     lost: np.ndarray = bad[row[:, None], column]
     lost.flags.writeable = False
-    if lost.sum() > 0 and lost.mean() <= MOST:
+    if lost.sum() > 0 and lost.mean() <= MAX_SHARE_WITHOUT_RAYS:
         text = f"no ray belongs to {lost.sum()} of {lost.size} pixels ({100 * lost.mean():.2g} %): left black"
         warnings.warn(f"camera.dist: {list(dist)} cannot be undone there, and {text}", Folds, stacklevel=2)
     return lost
@@ -135,7 +136,7 @@ def inverse(
         curve = before - 2 * here + after
         vertex = here - (before - after) ** 2 / (8 * np.where(curve > 0, curve, np.inf))
         vertex[(here > before) | (here > after)] = np.inf
-        return x, y, found & (area.min(axis=0) >= LEAST) & (vertex.min(axis=0) >= LEAST)
+        return x, y, found & (area.min(axis=0) >= LEAST_DETERMINANT) & (vertex.min(axis=0) >= LEAST_DETERMINANT)
 
 
 @lru_cache(maxsize=64)
@@ -179,7 +180,7 @@ def newton(
     """The (x, y) with distort(x, y) = (xd, yd), by Newton's method from (xd, yd); right where `undone` says so."""
     x, y = xd, yd
     with np.errstate(all="ignore"):
-        for _ in range(STEPS):
+        for _ in range(NEWTON_STEPS):
             dx, dy = newton_step(x, y, xd, yd, dist)
             x, y = x + dx, y + dy
             if not (np.abs(dx) + np.abs(dy) > SETTLED).any():

@@ -24,10 +24,10 @@ OTHERS = "#c02f4a", "#e07b00", "#8e44ad", "#7c4a21", "#d455a5", "#5a6575", "#a16
 LOST, HALF, ALL = (178, 24, 43), (250, 232, 176), (26, 122, 72)
 """sRGB of no digit, of eight, of sixteen."""
 
-LEAST = 1e-17
+LEAST_ERROR_DRAWN = 1e-17
 """Smaller errors, and none at all, are drawn at the bottom."""
 
-STEPS = 160
+LINE_POINTS = 160
 """Points of a law's line."""
 
 
@@ -168,7 +168,7 @@ def chart(e: Experiment, f: Found) -> Chart:
 
 def heights(f: Found) -> Range:
     """Return what shows the least error, the largest and the bound."""
-    shown_ = [e for curve in f.methods.values() for e in curve.errors if e is not None and e > LEAST]
+    shown_ = [e for curve in f.methods.values() for e in curve.errors if e is not None and e > LEAST_ERROR_DRAWN]
     low = min([*shown_, f.bound])
     high = max([*(e for e in shown_ if e < 1e6), f.bound, *([1.0] if max(shown_, default=0) > 0.1 else [])])
     return low / 4, high * 4
@@ -178,7 +178,7 @@ def law_of(e: Experiment, name: str, x_range: Range, y_range: Range, colour: str
     """Return the law's line, as far as it lies within the chart."""
     if name not in e.laws:
         return []
-    law = [(x, float(e.laws[name](x))) for x in np.geomspace(*x_range, STEPS).tolist()]
+    law = [(x, float(e.laws[name](x))) for x in np.geomspace(*x_range, LINE_POINTS).tolist()]
     inner = [(x, y) for x, y in law if y_range[0] < y < y_range[1]]
     if len(inner) < 2:
         return []

@@ -43,9 +43,9 @@ NO_TAG = (0xB4, 0xB8, 0xBE)
 
 MOST_VECTORS = 1500
 """Residuals drawn at most: evenly chosen of more."""
-LONG = 0.06
+LONGEST_SHARE = 0.06
 """Length of the 95 % quantile of the residuals, as a share of the frame's longer side."""
-CELLS, LEAST = 8, 4
+CELLS_ACROSS, FEWEST_TAGS = 8, 4
 """Cells across the longer side in which residuals are averaged, and tags that a cell needs."""
 MEAN = "#c02f4a"
 """Colour of a cell's mean."""
@@ -142,7 +142,7 @@ def residual_drawing(calibration: Calibration) -> str:
     seen, off = np.array(evidence.seen), np.array(evidence.residuals)
     longest = max(calibration.image_size)
     size = float(np.quantile(np.linalg.norm(off, axis=1), 0.95)) or 1.0
-    by = round_down(LONG * longest / size)
+    by = round_down(LONGEST_SHARE * longest / size)
     some = np.arange(0, len(seen), math.ceil(len(seen) / MOST_VECTORS))
     shapes = [box(*axes.corners, "#f6f7f9", SOFT)]
     for at, moved in zip(seen[some], (seen + by * off)[some], strict=True):
@@ -160,7 +160,7 @@ def residual_drawing(calibration: Calibration) -> str:
         stroke(((left, y), (left + bar, y)), INK, 2),
         words(f"{short(round_down(size))} px", (left + bar + 6, y), 11),
         stroke(((left + 150, y), (left + 170, y)), MEAN, 2.2),
-        words(f"mean of a cell of {LEAST} tags or more", (left + 176, y), 11),
+        words(f"mean of a cell of {FEWEST_TAGS} tags or more", (left + 176, y), 11),
     ]
     if len(some) < len(seen):
         shapes.append(words(f"{len(some)} of {len(seen)} tags", (right, 12), 11, anchor="end"))
@@ -168,12 +168,12 @@ def residual_drawing(calibration: Calibration) -> str:
 
 
 def cell_means(seen: np.ndarray, off: np.ndarray, longest: int) -> list[tuple[np.ndarray, np.ndarray, int]]:
-    """Return (middle of its tags, mean residual, tags) of each square cell that has LEAST tags."""
-    cells = np.floor((seen + 0.5) * CELLS / longest).astype(int)
+    """Return (middle of its tags, mean residual, tags) of each square cell that has FEWEST_TAGS tags."""
+    cells = np.floor((seen + 0.5) * CELLS_ACROSS / longest).astype(int)
     keys, which, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     which = which.reshape(-1)
     return [
         (seen[which == i].mean(axis=0), off[which == i].mean(axis=0), int(count))
         for i, count in enumerate(counts[: len(keys)])
-        if count >= LEAST
+        if count >= FEWEST_TAGS
     ]

@@ -1,6 +1,6 @@
 """What a notebook shows of an image, of two, or of measurements; and the viewer, where anywidget is.
 
-Pictures are PNGs in the HTML, so that they stay when a notebook is saved. They are at most WIDE pixels across.
+Pictures are PNGs in the HTML, so that they stay when a notebook is saved. They are at most MAX_WIDTH pixels across.
 """
 
 import secrets
@@ -21,7 +21,7 @@ from raytwin.show.page import render_part
 from raytwin.show.view import PairView, showable, view_of
 from raytwin.show.viewer.widget import has_widgets, pane, widget
 
-WIDE = 480
+MAX_WIDTH = 480
 """Most pixels across a picture in the HTML: a saved notebook stays small."""
 GAP = 8
 """White pixels between the pictures of one PNG."""
@@ -87,12 +87,12 @@ def display(thing: Any) -> None:
 def _shown(columns: Sequence[str] = (), rows: Sequence[dict[str, Any]] = (), **parts: Any) -> str:
     """Return the parts in the order of notebook.html.j2: verdict, caption, figures, table."""
     empty: dict[str, Any] = dict.fromkeys(("verdict", "caption", "figures"), ())
-    return render_part("notebook.html.j2", columns=columns, rows=rows, wide=WIDE, **empty | parts)
+    return render_part("notebook.html.j2", columns=columns, rows=rows, wide=MAX_WIDTH, **empty | parts)
 
 
 def small_picture(image: Image, gain: float | None = None) -> np.ndarray:
-    """Return sRGB uint8 (h, w, 3), at most WIDE across, times `gain`; None: what brings the bright parts to white."""
-    small = binned(image, -(-image.shape[1] // WIDE)) if image.shape[1] > WIDE else image
+    """Return sRGB uint8 (h, w, 3), at most MAX_WIDTH across, times `gain` (None: bright parts become white)."""
+    small = binned(image, -(-image.shape[1] // MAX_WIDTH)) if image.shape[1] > MAX_WIDTH else image
     return exposed(small, exposure(image) if gain is None else gain)
 
 
@@ -111,7 +111,7 @@ def _image_figures(image: Image) -> Figures:
 
 def pair_figures(test: Image, reference: Image, titles: Sequence[str], gain: float) -> Figures:
     """Return both pictures, times `gain`, and their difference."""
-    n = -(-test.shape[1] // WIDE)
+    n = -(-test.shape[1] // MAX_WIDTH)
     a, b = (binned(i, n) if n > 1 else i for i in (test, reference))
     difference = to_bytes(error_map(a, b)), "Difference: red is too bright, blue too dark"
     return [(small_picture(a, gain), titles[0]), (small_picture(b, gain), titles[1]), difference]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from raytwin.renderers.renderer import Renderer
     from raytwin.study.rounds import Budget
 
-FEW, MANY = 1, 64
+SAMPLES_IF_EXACT, SAMPLES_IF_NOISY = 1, 64
 """The twin's samples per pixel where all are the same, and where they differ."""
 
 
@@ -93,7 +93,9 @@ class CompareSettings:
 
     @property
     def twin_samples(self) -> int:
-        return self.samples or (MANY if RUNGS[self.rung].noisy or self.sampling == "area" else FEW)
+        return self.samples or (
+            SAMPLES_IF_NOISY if RUNGS[self.rung].noisy or self.sampling == "area" else SAMPLES_IF_EXACT
+        )
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from raytwin.scene.scene import NO_SUN
 from raytwin.study.beside_twin import compare_with_twin
 from raytwin.study.compare_scene import stage_causes
 from raytwin.study.make_reference import find_scene
-from raytwin.study.settings import MANY, CompareSettings
+from raytwin.study.settings import SAMPLES_IF_NOISY, CompareSettings
 from raytwin.teach.contract.subject import find_subject
 from raytwin.teach.contract.submission import Shown
 
@@ -178,7 +178,7 @@ class _Search:
         """How it fails beyond doubt."""
         self.progress("shrink", self.count, self.count + 1)
         self.count += 1
-        seed, samples, subject = self.chosen.seed + self.count, self.chosen.samples or MANY, self.subject
+        seed, samples, subject = self.chosen.seed + self.count, self.chosen.samples or SAMPLES_IF_NOISY, self.subject
         try:
             made = subject.prepare(scene)(seed)
         except InputError as broken:

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from typing import Any
 
 from raytwin.scene import Camera
-from raytwin.scene.lens import STEPS
+from raytwin.scene.lens import NEWTON_STEPS
 from raytwin.tracer.arrays import Vec, rotate, sqrt
 
 
-def undistort(xd: Any, yd: Any, dist: Any, steps: int = STEPS) -> tuple[Any, Any]:
+def undistort(xd: Any, yd: Any, dist: Any, steps: int = NEWTON_STEPS) -> tuple[Any, Any]:
     """Return the (x, y) that the lens maps to (xd, yd), by Newton's method; its Jacobian [[a, b], [b, c]] is symmetric.
 
     xd = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²), and yd alike: ideal to distorted coordinates.

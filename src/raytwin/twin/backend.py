@@ -106,7 +106,7 @@ def chosen(variant: str | None = None) -> Backend:
     if forced not in (None, *VARIANTS):
         raise MachineError(where, " or ".join(VARIANTS), forced)
     key = (forced, _llvm_hidden(), _users_llvm())
-    backend = (_current if forced is None else None) or _chosen.get(key) or choose(forced)
+    backend = (_current if forced is None else None) or _chosen.get(key) or find_backend(forced)
     _chosen[key] = backend
     if backend.variant is None:
         os.environ["DRJIT_LIBLLVM_PATH"] = _set_here = os.devnull  # or Dr.Jit takes its own choice, and may abort
@@ -115,7 +115,7 @@ def chosen(variant: str | None = None) -> Backend:
     return backend
 
 
-def choose(forced: str | None = None) -> Backend:
+def find_backend(forced: str | None = None) -> Backend:
     """The backend that `activate` would make current: remembered on this machine, or found by probing."""
     start = time.perf_counter()
     if find_spec("mitsuba") is None:  # nothing to try, and nothing to remember: it may be installed tomorrow

@@ -59,7 +59,7 @@ class TwinLight:
         """A float64 parameter of the kernel, or nested tuples of them."""
         return dr.opaque(self.double, float(x)) if np.ndim(x) == 0 else tuple(map(self._number, x))
 
-    def look(self, pixel: Any, du: Any = 0.0, dv: Any = 0.0) -> Seen:
+    def hit_of(self, pixel: Any, du: Any = 0.0, dv: Any = 0.0) -> Seen:
         """What the rays through the pixels, moved by (du, dv), meet first."""
         width = dr.opaque(mi.UInt32, self.width)
         row = pixel // width
@@ -78,7 +78,7 @@ class TwinLight:
         ids = dr.gather(mi.Int32, self.numbers, dr.reinterpret_array(mi.UInt32, seen.hit.shape), seen.any)
         return dr.select(seen.any, ids, -1), mi.Float(dr.select(seen.any, depth, 0)), dr.select(seen.any, seen.n, 0)
 
-    def known(self, rung: Rung, seen: Seen) -> Any:
+    def unsampled(self, rung: Rung, seen: Seen) -> Any:
         """The light without noise: the sun's at what is seen, the open sky's, and the sky behind all objects."""
         bsdf, context, colour = seen.hit.bsdf(seen.ray), mi.BSDFContext(), mi.Color3f(0)
         if self.sun is not None:

@@ -21,7 +21,7 @@ from raytwin.twin.twin_scene import SIZE, place_of, translate
 SAMPLES = 64
 """A pixel, unless the renderer is asked for others (`mitsuba -D spp=256`)."""
 
-NEAR, FAR = 1e-6 * SIZE, 1e6 * SIZE
+NEAR_CLIP, FAR_CLIP = 1e-6 * SIZE, 1e6 * SIZE
 """Mitsuba's lengths: the camera sees from here to there."""
 
 TAGS = {
@@ -60,7 +60,7 @@ def mitsuba_xml(scene: Scene, rung: str = "path") -> str:
     _tell_apart(world)
     world["integrator"] = {"type": "path", "max_depth": depth, "rr_depth": depth}
     world["sensor"] = sensor_at(pinhole, np.asarray(camera.R_cam_board), place.eye, place.unit, SAMPLES)
-    world["sensor"] |= {"near_clip": max(NEAR, place.start), "far_clip": FAR}
+    world["sensor"] |= {"near_clip": max(NEAR_CLIP, place.start), "far_clip": FAR_CLIP}
     root = ET.Element("scene", version="3.0.0")
     ET.SubElement(root, "default", name="spp", value=str(SAMPLES))
     root.extend([_element(name, value) for name, value in world.items() if name != "type"])

@@ -11,7 +11,7 @@ from raytwin.twin.rays import Lens, directions, lens_of
 
 TURNED = np.diag([-1.0, -1.0, 1.0, 1.0])
 """OpenCV's camera frame -> that of Mitsuba's own cameras, which look along +z with x to the left and y up."""
-NEAR, FAR = 1e-3, 1e6
+NEAR_METRES, FAR_METRES = 1e-3, 1e6
 """Metres: what a pinhole of Mitsuba's sees lies between."""
 _LENS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 
@@ -56,7 +56,7 @@ def sensor_at(
     to_world[:3, :3], to_world[:3, 3] = R.T, eye
     if not any(camera.coefficients) and abs(camera.fx / camera.fy - 1) < 1e-6:
         return common | {
-            "type": "perspective", "fov_axis": "x", "near_clip": NEAR * unit, "far_clip": FAR * unit,
+            "type": "perspective", "fov_axis": "x", "near_clip": NEAR_METRES * unit, "far_clip": FAR_METRES * unit,
             "fov": float(np.degrees(2 * np.arctan(camera.width / (2 * camera.fx)))),
             "to_world": mi.ScalarTransform4f(to_world @ TURNED),
             "principal_point_offset_x": (camera.width / 2 - (camera.cx + 0.5)) / camera.width,

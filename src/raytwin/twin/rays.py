@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raytwin.scene import Camera
-from raytwin.scene.lens import STEPS, check_lens, distort, newton_step, without_ray
+from raytwin.scene.lens import NEWTON_STEPS, check_lens, distort, newton_step, without_ray
 
-ENOUGH = 1e-8
+INVERSE_WITHIN_PX = 1e-8
 """Pixels: how closely the inverse must come back."""
 
 
@@ -46,24 +46,24 @@ def directions(xp: ModuleType, lens: Lens, u: Any, v: Any) -> tuple[Any, Any, An
 
 
 def lens_of(camera: Camera) -> Lens:
-    """The camera's numbers with as many of Newton's steps as its distortion needs, at most the tracer's STEPS.
+    """The camera's numbers with as many of Newton's steps as its distortion needs, at most the tracer's NEWTON_STEPS.
 
-    They come back within ENOUGH from every place of a grid that includes the image's border and has rays; where the
-    frame is folded in part, STEPS: the pixels that have rays are those which this many reach. Raises InputError where
-    `check_lens` does, the one answer to whether a lens can be undone.
+    They come back within INVERSE_WITHIN_PX from every place of a grid that includes the image's border and has rays.
+    Where the frame is folded in part, NEWTON_STEPS: the pixels that have rays are those which this many reach. Raises
+    InputError where `check_lens` does, the one answer to whether a lens can be undone.
     """
     lens = Lens(camera.fx, camera.fy, camera.cx, camera.cy, camera.coefficients, 0)
     if not any(lens.coefficients):
         return lens
     check_lens(camera)
     if without_ray(camera) is not None:
-        return lens._replace(steps=STEPS)
+        return lens._replace(steps=NEWTON_STEPS)
     w, h = camera.image_size
     u, v = (a.ravel() for a in np.meshgrid(np.linspace(-0.5, w - 0.5, 65), np.linspace(-0.5, h - 0.5, 65)))
     xd, yd = (u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy
     with np.errstate(all="ignore"):
         for steps in (4, 6, 10):
             back = distort(*undistort(xd, yd, lens.coefficients, steps), lens.coefficients)
-            if (np.hypot((back[0] - xd) * lens.fx, (back[1] - yd) * lens.fy) < ENOUGH).all():
+            if (np.hypot((back[0] - xd) * lens.fx, (back[1] - yd) * lens.fy) < INVERSE_WITHIN_PX).all():
                 return lens._replace(steps=steps)
-    return lens._replace(steps=STEPS)
+    return lens._replace(steps=NEWTON_STEPS)

@@ -175,8 +175,8 @@ def _centers(
     colour = np.zeros((n, 3), np.float32)
     for a in range(0, n, LANES):
         b = min(n, a + LANES)
-        seen = twin.look(dr.arange(mi.UInt32, b - a) + dr.opaque(mi.UInt32, a))
-        found = *twin.surface(seen), twin.known(rung, seen) if rung else mi.Color3f(0)
+        seen = twin.hit_of(dr.arange(mi.UInt32, b - a) + dr.opaque(mi.UInt32, a))
+        found = *twin.surface(seen), twin.unsampled(rung, seen) if rung else mi.Color3f(0)
         dr.eval(found)
         ids[a:b], depth[a:b] = found[0].numpy(), found[1].numpy()
         normal[a:b], colour[a:b] = found[2].numpy().T, found[3].numpy().T
@@ -207,10 +207,10 @@ def _sampled(
             sampler.seed(dr.opaque(mi.UInt32, int(seed.generate_state(1)[0])), lanes)
             pixel = dr.arange(mi.UInt32, lanes) // dr.opaque(mi.UInt32, size * number) + dr.opaque(mi.UInt32, a)
             if plan.sampling == "area":
-                seen = twin.look(pixel, *(sampler.next_2d() - 0.5))
-                colour = twin.known(rung, seen) + (twin.bounced(seen, sampler) if plan.depth else 0)
+                seen = twin.hit_of(pixel, *(sampler.next_2d() - 0.5))
+                colour = twin.unsampled(rung, seen) + (twin.bounced(seen, sampler) if plan.depth else 0)
             else:
-                colour = twin.bounced(twin.look(pixel), sampler)
+                colour = twin.bounced(twin.hit_of(pixel), sampler)
             dr.eval(colour)  # all channels in one kernel: block_sum would run it once for each
             parts.append([dr.block_sum(double(c), size) / size for c in colour])
         for channel in range(3):

@@ -17,7 +17,7 @@ from raytwin.twin.twin_scene import SHADOW_OFFSET, SPHERE_OFFSET, place_of
 ROUNDING = 2.0**-22
 """δ as a part of these lengths: four roundings of a float32 coordinate."""
 
-SMALL, LARGE = 128.0, 16.0
+SMALL_RATIO, LARGE_RATIO = 128.0, 16.0
 """That length over a sphere's radius, and radius over the eye's distance from the surface, beyond which an
 object is said to be in single precision. At 128 a rim's normal is off by 5e-6; at 16 the surface by 1e-6 of its
 distance."""
@@ -99,7 +99,7 @@ def is_extreme(thing: Shape, reach: float, scene: Scene) -> bool:
     if not isinstance(thing, Sphere):
         return False
     gap = abs(float(np.linalg.norm(np.subtract(thing.center, scene.camera.eye))) - thing.radius)
-    return reach > SMALL * thing.radius or thing.radius > LARGE * gap
+    return reach > SMALL_RATIO * thing.radius or thing.radius > LARGE_RATIO * gap
 
 
 def _undecided(test: Image, reference: Image, scene: Scene) -> np.ndarray:

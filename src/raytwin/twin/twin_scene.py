@@ -30,7 +30,7 @@ SPHERE_OFFSET = 2.0**-22
 """The same as a part of the largest radius, whose square float32 rounds: grounds of 10 and 100 km shade themselves in
 894 and 8770 of 19 200 pixels by Mitsuba's own offset, in 4 and 12 with this one."""
 
-REACH = 100.0
+MAX_CORNER_RATIO = 100.0
 """Largest distance to a rectangle's corner over that to its nearest point: beyond it a rectangle is divided.
 
 Float32 keeps a rectangle's points to 2⁻²⁴ of its size, so that bounced rays may start behind it: 5 mm beside the edge
@@ -146,17 +146,17 @@ def translate(scene: Scene, place: Place, textures: Mapping[int, np.ndarray]) ->
 
 
 def _divided(sides: np.ndarray, eye: np.ndarray) -> Iterator[np.ndarray]:
-    """Parts of a rectangle from sides[0] and to sides[1] (2, 2), metres along its edges, each of which keeps REACH.
+    """Parts of a rectangle from sides[0] to sides[1] (2, 2), metres along its edges, each within MAX_CORNER_RATIO.
 
     `eye` (3,): in the rectangle's axes. The part about the nearest point is small, those around it are large and far.
     """
     nearest = np.clip(eye[:2], sides[:, 0], sides[:, 1])
     gap = float(np.linalg.norm([*(nearest - eye[:2]), eye[2]]))
     corner = float(np.linalg.norm(np.abs(sides - nearest[:, None]).max(axis=1)))
-    if corner <= REACH * gap or gap < SMALLEST_GAP * corner:
+    if corner <= MAX_CORNER_RATIO * gap or gap < SMALLEST_GAP * corner:
         yield sides
         return
-    cuts = [np.unique(np.clip([low, at - REACH / 4 * gap, at + REACH / 4 * gap, high], low, high))
+    cuts = [np.unique(np.clip([low, at - MAX_CORNER_RATIO / 4 * gap, at + MAX_CORNER_RATIO / 4 * gap, high], low, high))
             for at, (low, high) in zip(nearest, sides, strict=True)]  # fmt: skip
     for u in pairwise(cuts[0]):
         for v in pairwise(cuts[1]):

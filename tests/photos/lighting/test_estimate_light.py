@@ -86,7 +86,7 @@ def test_a_ball_given_one_radius_off_is_refused(lit):
 
 
 def test_a_thick_upright_is_refused(lit, monkeypatch):
-    monkeypatch.setattr(estimate_module, "THIN", 0.001)  # the pin's own width is above it
+    monkeypatch.setattr(estimate_module, "WIDEST_UPRIGHT", 0.001)  # the pin's own width is above it
     photo, board, camera = lit / "photo_00.jpg", lit.parent / "board.toml", lit / "camera.toml"
     with pytest.raises(InputError, match="not used: wider than"):
         estimate_light([photo], board, camera, stand=(0.095, 0.095, 0.03))

@@ -136,7 +136,7 @@ def test_a_sun_that_is_no_stronger_than_its_uncertainty_is_not_taken():
     for strength, taken in ((0.05, "constant sky"), (0.6, "sun + constant sky")):
         value = (1 - strength * cover)[:, None] * np.ones(3) + noise
         shadow = stand_shadow.Shadow(value, cover, SUN, 0.01, 1.0, here, here, 0.03, 0.001)
-        light, trials, number = light_models.choose(light_models.Evidence(np.ones(3), shadow))
+        light, trials, number = light_models.simplest_light(light_models.Evidence(np.ones(3), shadow))
         assert trials[number].name == taken
         assert light.E.any() == (strength > 0.1)
         if light.E.any():
@@ -174,7 +174,7 @@ def test_a_pins_shadow_tells_the_sun_and_its_share_of_the_light_and_a_blocks_is_
     assert paper == pytest.approx(np.ones(3), abs=0.01)
     found = stand_shadow.find_shadow(photos, board_plane.Sheet(BOARD), (*(foot + 5e-4), 1.01 * height))
     assert found is not None
-    assert (found.width < stand_shadow.THIN * found.height) == (width < 0.002)
+    assert (found.width < stand_shadow.WIDEST_UPRIGHT * found.height) == (width < 0.002)
     if width > 0.002:
         return
     # A streak that ink cuts short: the shadow goes on beyond the pixels that are looked at first.
@@ -238,7 +238,7 @@ def test_a_long_clipped_patch_is_a_lamp_that_makes_up_the_papers_light():
     assert mirror_ball.sun_spot(photo, ball_of()) is None
     seen, paper = mirror_map.mirrored([photo], ball_of(), np.ones(3), [None]), np.full(3, 0.9)
     mirror = light_models.MirrorBall(ball_of(), seen, np.ones(3), [None], None)
-    light, trials, taken = light_models.choose(light_models.Evidence(paper, None, [mirror]))
+    light, trials, taken = light_models.simplest_light(light_models.Evidence(paper, None, [mirror]))
     assert light.to_light is None
     assert trials[taken].rows > 0
     assert light_models.upward(light.around) == pytest.approx(paper / PAPER, rel=1e-3)

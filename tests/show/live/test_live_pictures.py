@@ -8,7 +8,7 @@ import pytest
 from PIL import Image as Pillow
 
 from raytwin.fast import trace
-from raytwin.show.live.light_path import NEAR, _project
+from raytwin.show.live.light_path import NEAR_METRES, _project
 from raytwin.show.live.progressive import picture, to_screen
 from raytwin.show.live.view_state import Look
 
@@ -50,9 +50,9 @@ def test_a_path_that_runs_behind_the_eye_ends_before_it(base, x):
     (fx, _, cx), (_, fy, cy) = camera.K[:2]
     start = (0.5, 0.2, 1.0)
     assert _project(camera, (x, -0.2, 2.0), start) == pytest.approx((fx * x / 2 + cx, -fy * 0.1 + cy))
-    # The line from `start` to (x, 0, -1) meets z = NEAR after this share of it.
-    share = (1 - NEAR) / 2
-    end = (0.5 + (x - 0.5) * share) / NEAR, (0.2 - 0.2 * share) / NEAR
+    # The line from `start` to (x, 0, -1) meets z = NEAR_METRES after this share of it.
+    share = (1 - NEAR_METRES) / 2
+    end = (0.5 + (x - 0.5) * share) / NEAR_METRES, (0.2 - 0.2 * share) / NEAR_METRES
     expected = fx * end[0] + cx, fy * end[1] + cy
     assert _project(camera, (x, 0.0, -1.0), start) == pytest.approx(expected)
 
@@ -60,6 +60,6 @@ def test_a_path_that_runs_behind_the_eye_ends_before_it(base, x):
 def test_a_path_that_ends_in_the_eyes_own_plane_ends_before_it_too(base):
     camera = msgspec.structs.replace(base.camera, dist=())
     (fx, _, cx), (_, fy, cy) = camera.K[:2]
-    share = 1 - NEAR
-    expected = fx * (0.5 - 0.5 * share) / NEAR + cx, fy * (0.2 - 0.2 * share) / NEAR + cy
+    share = 1 - NEAR_METRES
+    expected = fx * (0.5 - 0.5 * share) / NEAR_METRES + cx, fy * (0.2 - 0.2 * share) / NEAR_METRES + cy
     assert _project(camera, (0.0, 0.0, 0.0), (0.5, 0.2, 1.0)) == pytest.approx(expected)

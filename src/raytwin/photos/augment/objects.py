@@ -33,7 +33,7 @@ DEPTH = 4
 PATHS, MOST_PATHS = 1 << 20, 4
 """Light paths in all; at least one and at most four per pixel."""
 
-BLUR = 20.0
+BLUR_PX = 20.0
 """Side in pixels of the square over which the light of one path per pixel is averaged within an object, all but the
 sun's own: sky and bounced light vary slowly. Of more paths it is less, by the root of their number."""
 
@@ -155,7 +155,7 @@ def _light(
     w, h, first = x1 - x0, y1 - y0, (1 / n - 1) / 2
     pixels = scene.camera.grid(x0, y0, 1, (w, h))
     places = scene.camera.grid(x0 + first, y0 + first, 1 / n, (n * w, n * h))
-    side = (max(1, round(BLUR / math.sqrt(paths))),) * 2
+    side = (max(1, round(BLUR_PX / math.sqrt(paths))),) * 2
     ours = np.array([*(not thing.in_photo for thing in scene.objects), False])  # the last: the background's, of id -1
 
     def sunlit(of: Scene, camera: Camera) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,7 @@ from raytwin.photos.boards.board import Board
 from raytwin.photos.camera import lens_model
 from raytwin.photos.camera.detection import Tag
 
-POINTS, REACH = 5, 0.767
+POINTS_PER_EDGE, EDGE_SHARE = 5, 0.767
 """Number of points per tag edge that its line is fitted to, and the share of the edge that they span. Their mean
 square offset equals that of the 16 places on an edge, corners excluded, that the AprilTag library samples."""
 
@@ -26,7 +26,7 @@ def center_bias(ids: Sequence[int], board: Board, R, t, K, dist: Sequence[float]
     centers, edges = board.points(ids), _edges(board)
     around = centers[:, None, None] + np.stack([edges[i] for i in ids])
     true = lens_model.project(centers, R, t, K, dist)
-    pixels = lens_model.project(around.reshape(-1, 3), R, t, K, dist).reshape(len(ids), 4, POINTS, 2)
+    pixels = lens_model.project(around.reshape(-1, 3), R, t, K, dist).reshape(len(ids), 4, POINTS_PER_EDGE, 2)
     pixels = pixels - true[:, None, None]
     middle = pixels.mean(axis=2)
     spread = pixels - middle[:, :, None]
@@ -42,11 +42,11 @@ def center_bias(ids: Sequence[int], board: Board, R, t, K, dist: Sequence[float]
 
 @functools.lru_cache(maxsize=16)
 def _edges(board: Board) -> dict[int, np.ndarray]:
-    """By id, (4, POINTS, 3): from the tag's centre to points on its lower, right, upper and left edge, metres.
+    """By id, (4, POINTS_PER_EDGE, 3): from the tag's centre to points on its lower, right, upper and left edge, metres.
 
     On a bent sheet the edges lie higher or lower than the centre; that a tilt shortens them is second order.
     """
-    s, one = np.linspace(-REACH, REACH, POINTS), np.ones(POINTS)
+    s, one = np.linspace(-EDGE_SHARE, EDGE_SHARE, POINTS_PER_EDGE), np.ones(POINTS_PER_EDGE)
     flat = np.stack([np.c_[s, -one], np.c_[one, s], np.c_[-s, one], np.c_[-one, -s]]) * board.tag_edge / 2
     centers = np.array(list(board.centers().values()))
     rise = board.rise(centers[:, None, None] + flat) - board.rise(centers)[:, None, None]

@@ -9,7 +9,7 @@ from raytwin.errors import InputError
 from raytwin.photos.boards import Board
 from raytwin.photos.camera.detection import Tag
 
-NEAR = 1.5
+NEIGHBOUR_DISTANCE = 1.5
 """A tag's neighbours lie within this many times the distance to its nearest tag: the diagonal is not among them."""
 
 FARTHER = 1.2
@@ -56,6 +56,6 @@ def _neighbours(tags: Sequence[Tag], board: Board) -> Iterator[tuple[int, int, b
             along, across = at[:, int(up)], at[:, 1 - int(up)]
             ahead = np.where(along > 2 * np.abs(across), away, np.inf)
             j = int(ahead.argmin())
-            if ahead[j] <= NEAR * away.min():
+            if ahead[j] <= NEIGHBOUR_DISTANCE * away.min():
                 agrees = by_file[j] * away.min() <= FARTHER * away[j] * by_file.min()
                 yield tag.id, tags[j].id, up, bool(agrees)

@@ -44,10 +44,10 @@ ODD_PX = 0.2
 LEAST_FOR_ODD = 5
 """Photos: with fewer, none can be odd."""
 
-PREDICTED, FAR, SIGMA_WITHOUT = 0.97, 4.0, 2.0
+BETTER_WITHOUT, FAR_SIGMAS, SIGMA_WITHOUT = 0.97, 4.0, 2.0
 """A photo that looks odd is named only if K without it predicts the others with less than this fraction of their error
-(1 for a photo FAR times beyond the limit), and if leaving it out multiplies no standard deviation of K by this factor:
-the only near or slanted view disagrees with the rest because it carries the information."""
+(1 for a photo FAR_SIGMAS times beyond the limit), and if leaving it out multiplies no standard deviation of K by
+SIGMA_WITHOUT: the only near or slanted view disagrees with the rest because it carries the information."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +200,7 @@ def _oddest(case: CheckInputs) -> tuple[str, str, CheckInputs] | None:
         except InputError:
             continue
         error, before, after = case.errors[name], _others_error(case, name), _others_error(rest, name)
-        share = 1.0 if error > FAR * ODD_RMS * usual else PREDICTED
+        share = 1.0 if error > FAR_SIGMAS * ODD_RMS * usual else BETTER_WITHOUT
         variance, with_it = (np.diag(c.known.covariance)[:4] for c in (rest, case))
         if after <= share * before and (variance <= SIGMA_WITHOUT**2 * with_it).all():
             why = f"its rms in the camera of the others of {error:.3f} px is {error / usual:.1f} times the median"

@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from raytwin.scene.lens import ALONG, LEAST, determinant, newton
+from raytwin.scene.lens import ALONG, LEAST_DETERMINANT, determinant, newton
 
 NAMES = ("k1", "k2", "p1", "p2", "k3")
 """The coefficients, in OpenCV's order."""
@@ -57,7 +57,7 @@ def grows(rays: np.ndarray, dist: Sequence[float]) -> np.ndarray:
     """(n,) bool: whether the lens does not fold back between its middle and the camera's ray (n, 3)."""
     with np.errstate(all="ignore"):
         x, y = (ALONG * (rays[:, i] / rays[:, 2]) for i in (0, 1))
-        return (rays[:, 2] > 0) & (determinant(x, y, five(dist).tolist()) >= LEAST).all(axis=0)
+        return (rays[:, 2] > 0) & (determinant(x, y, five(dist).tolist()) >= LEAST_DETERMINANT).all(axis=0)
 
 
 def five(dist: Sequence[float]) -> np.ndarray:

@@ -19,7 +19,7 @@ from raytwin.scene.lens import undone
 RELATIVE_SLACK, SLACK_PX = 1.01, 0.002
 """As good as the best: within 1 % of its held-out error, or within this many pixels, far below a detector's noise."""
 
-ALIKE = 1.1
+EQUALLY_GOOD = 1.1
 """Models that predict within this factor of the best add to sigma how far their K lies apart."""
 
 FEW_PHOTOS = 12
@@ -84,7 +84,7 @@ def _gap(fits: Mapping[str, Fit], errors: Mapping[str, float], taken: Fit) -> np
     which model is right, all models count; with more, only the richest lens: without p1 and p2 the centre may lie ten
     standard deviations off and predict as well.
     """
-    limit, richest = ALIKE * min(errors.values()), ModelSpec([*MODELS][-1], taken.form.bent)
+    limit, richest = EQUALLY_GOOD * min(errors.values()), ModelSpec([*MODELS][-1], taken.form.bent)
     alike = [found for n, found in fits.items() if errors[n] <= limit]
     if len(taken.R) >= FEW_PHOTOS:
         alike = [f for f in alike if f.form == richest]

@@ -19,7 +19,7 @@ from raytwin.photos.lighting.board_plane import Sheet
 from raytwin.photos.lighting.linear_photo import LinearPhoto, read_linear, value_of_one
 from raytwin.photos.lighting.mirror_ball import Ball, check_mirror, find_ball, given_ball, sun_of, sun_spot, views_of
 from raytwin.photos.lighting.mirror_map import mirrored
-from raytwin.photos.lighting.stand_shadow import LOWEST, THIN, find_shadow
+from raytwin.photos.lighting.stand_shadow import LOWEST_SUN_DEGREES, WIDEST_UPRIGHT, find_shadow
 from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Rectangle, Scene, Sphere, Sun
 from raytwin.scene.scene import NO_SUN
@@ -28,7 +28,7 @@ from raytwin.scene.scene_files import read_camera
 POSE_PX = 3.0
 """A pose that leaves its tags this far off, as a root mean square, is that of another camera."""
 
-APART = 4.0
+CONTRADICTING_SIGMAS = 4.0
 """Directions to the sun that differ by so many of their joint standard deviations contradict each other."""
 
 
@@ -118,9 +118,9 @@ def _estimated(start: LightEstimate, progress: Progress) -> LightEstimate:
     if start.stand is not None:
         shadow = find_shadow(linear, Sheet(start.board), start.stand)
         if shadow is None:
-            said.append(f"--stand: no shadow of it on the sheet: no sun, or one below {LOWEST:g} degrees")
-        elif shadow.width > THIN * shadow.height:
-            said.append(f"--stand: not used: wider than {THIN:g} of its height, as no pin or pen is")
+            said.append(f"--stand: no shadow of it on the sheet: no sun, or one below {LOWEST_SUN_DEGREES:g} degrees")
+        elif shadow.width > WIDEST_UPRIGHT * shadow.height:
+            said.append(f"--stand: not used: wider than {WIDEST_UPRIGHT:g} of its height, as no pin or pen is")
             shadow = None
     views = views_of(linear, start.board) if start.given else []
     for k, given in enumerate(start.given):
@@ -137,7 +137,7 @@ def _estimated(start: LightEstimate, progress: Progress) -> LightEstimate:
         wanted = "--ball x,y,z,r (a mirror ball) or --stand x,y,h (an upright), in metres or as 60mm"
         raise InputError("light", wanted, said[-1] if start.stand else "neither")
     evidence = models.Evidence(start.paper, shadow, mirrors)
-    light, trials, number = models.choose(evidence)
+    light, trials, number = models.simplest_light(evidence)
     said += _contradictions(evidence.suns)
     found = replace(start, evidence=evidence, light=light, trials=trials, taken=number, warnings=said)
     return replace(found, drawn=_drawn(found, light))
@@ -180,7 +180,7 @@ def _contradictions(suns: list[tuple[str, np.ndarray, float]]) -> list[str]:
     for i, (a, d, sd) in enumerate(suns):
         for b, e, other in suns[:i]:
             apart = float(np.arccos(np.clip(d @ e, -1, 1)))
-            if apart > APART * np.hypot(sd, other):
+            if apart > CONTRADICTING_SIGMAS * np.hypot(sd, other):
                 said.append(
                     f"{a} and {b} put the sun {np.degrees(apart):.1f} degrees apart: one of them is not as told"
                 )

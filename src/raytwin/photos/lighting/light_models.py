@@ -20,7 +20,7 @@ from raytwin.photos.lighting.stand_shadow import Shadow
 from raytwin.scene import Environment, Sky
 from raytwin.tracer.lights.envmap_tables import REC_709, texel_directions
 
-ROWS = 8, 16, 32
+MAP_ROWS = 8, 16, 32
 """Rows of the maps that are tried."""
 
 VISIBLE = 0.01
@@ -154,7 +154,7 @@ def _mean_direction(directions: list[tuple[str, np.ndarray, float]]) -> Sun:
 def solve(found: Evidence, rows: int, sun: Sun | None) -> Light:
     """The light of this model: `rows` of the map, 0 for a constant sky; the `sun`'s direction and its deviation."""
     whole, zero = found.paper / PAPER, np.zeros(3)
-    dim, lamps = fit_map([m.pixels for m in found.mirrors], rows or ROWS[0]) if found.mirrors else (None, None)
+    dim, lamps = fit_map([m.pixels for m in found.mirrors], rows or MAP_ROWS[0]) if found.mirrors else (None, None)
     if sun is None:
         around = None
         if rows and dim is not None and lamps is not None:
@@ -184,7 +184,7 @@ def _scaled(around: np.ndarray, level: np.ndarray) -> np.ndarray:
     return around * (level / np.maximum(upward(around), 1e-9)).astype(np.float32)
 
 
-def choose(found: Evidence) -> tuple[Light, list[Trial], int]:
+def simplest_light(found: Evidence) -> tuple[Light, list[Trial], int]:
     """The light, all models tried, and the number of the one taken."""
     sun = _mean_direction(found.suns) if found.suns else None
     if sun and sun[0][2] <= 0.02:
@@ -192,7 +192,7 @@ def choose(found: Evidence) -> tuple[Light, list[Trial], int]:
     if sun:
         plain = solve(found, 0, sun)
         sun = sun if SUN_SIGMAS * plain.E_sd @ REC_709 < plain.E @ REC_709 else None
-    sizes = (0, *ROWS) if found.mirrors else (0,)
+    sizes = (0, *MAP_ROWS) if found.mirrors else (0,)
     lights = [solve(found, rows, sun) for rows in sizes]
     last = lights[-1].shading
     off = [float(np.sqrt(((light.shading - last) ** 2).mean()) / last.mean()) for light in lights]

@@ -34,13 +34,13 @@ LEAST_PX = 24.0
 RADIUS_SD, PLACE_SD = 0.01, 0.15
 """Standard deviations of what `--ball` says, as shares of the radius: of the radius, and of each coordinate."""
 
-REACH = 2.5
+SEARCH_SIGMAS = 2.5
 """A ball is searched for within this many standard deviations of its given place and radius."""
 
-RIM = 180
+RIM_PLACES = 180
 """Places along an outline."""
 
-EDGE = 4.0
+FULL_EDGE_CODES = 4.0
 """Step across an outline, in 8-bit codes, that counts as a full edge; larger steps add little to the score."""
 
 EDGE_SHARE = 0.7
@@ -55,10 +55,10 @@ SEARCH_STEP, SEARCH_SD = 4, 0.2
 COVERED = 0.03
 """Metres of the board that a mirrored pixel may cover, down plus across; what it shows is blurred as much."""
 
-BLUR, LEVELS = 0.7, 5
+FIRST_BLUR_PX, BLUR_LEVELS = 0.7, 5
 """Pixels of the first of a photo's blurs to choose from, each twice the one before; how many there are."""
 
-MARGIN = 0.004
+SHEET_MARGIN = 0.004
 """Metres from the sheet's edge within which its light is not used."""
 
 EDGE_PX, BOARD_SD = 0.7, 0.1
@@ -77,7 +77,7 @@ share of the spot's: around a clipped lamp it fades out."""
 SUN_PX, SUN_DEGREES = 8.0, 6.0
 """Longest extent of the sun's spot: glare spreads a point over so many pixels or degrees. A longer patch is a lamp."""
 
-LOWEST = 0.05
+LOWEST_SUN_Z = 0.05
 """Least z of the sun's direction: a lower light does not light the board."""
 
 SPOT_PX = 0.12
@@ -87,12 +87,12 @@ GRAZING = 0.2
 """The least cosine between ray and normal: nearer to the outline a pixel shows too much at once."""
 
 
-LEAST_MIRRORED, ALIKE, COLOURED = 50, 0.35, 1.3
+LEAST_MIRRORED, LEAST_CORRELATION, MAX_REFLECTANCE_RATIO = 50, 0.35, 1.3
 """A mirror shows the board in so many pixels at least, correlates with it so well, and its reflectances of red, green
 and blue differ by this factor at most. Four photos of a chrome ball of 80 pixels correlate by 0.50 to 0.78, of an
 orange by up to 0.16."""
 
-SHADING_PX, SHIFT_PX, COARSEST = 3.0, 2, 0.1
+SHADING_PX, SHIFT_PX, COARSEST_METRES = 3.0, 2, 0.1
 """Pixels of the blur that is taken for shading; pixels by which the ball may be off; metres of board that a pixel may
 cover there."""
 
@@ -128,7 +128,7 @@ def given_ball(center: np.ndarray, radius: float) -> Ball:
     return Ball(np.asarray(center), radius, np.diag((radius * np.array([PLACE_SD] * 3 + [RADIUS_SD])) ** 2))
 
 
-def outline(photo: LinearPhoto, ball: Ball, count: int = RIM) -> np.ndarray:
+def outline(photo: LinearPhoto, ball: Ball, count: int = RIM_PLACES) -> np.ndarray:
     """(count, 2): pixels of the ball's outline, in order."""
     eye, r = np.array(photo.camera.eye), ball.radius
     away = ball.center - eye
@@ -208,7 +208,7 @@ def sun_spot(photo: LinearPhoto, ball: Ball) -> SunSpot | None:
         corner = np.array([near[1].start, near[0].start])
         at = np.argwhere(patch)[:, ::-1] + corner
         length, degrees, up = _extent(photo, ball, at)
-        if len(at) <= most or (length > SUN_PX and degrees > SUN_DEGREES) or up < LOWEST:
+        if len(at) <= most or (length > SUN_PX and degrees > SUN_DEGREES) or up < LOWEST_SUN_Z:
             continue
         ring = np.logical_xor(*(ndimage.binary_dilation(patch, iterations=SPOT_AROUND - i) for i in (0, 1)))
         around, top = np.quantile(value[near][ring], 0.9), np.median(value[near][patch])
@@ -232,7 +232,7 @@ def _extent(photo: LinearPhoto, ball: Ball, uv: np.ndarray) -> tuple[float, floa
 @dataclass(frozen=True, eq=False)
 class View:
     """A photo as the search sees it: its `codes`, a little blurred; its luminance, each level of `blurred` twice as
-    much so, the first by BLUR pixels; and where the sheet ends."""
+    much so, the first by FIRST_BLUR_PX pixels; and where the sheet ends."""
 
     photo: LinearPhoto
     codes: np.ndarray
@@ -245,10 +245,10 @@ class View:
 
     def outline_score(self, ball: Ball) -> float:
         """How much of the outline is an edge: about 1 where all of it is."""
-        rim = outline(self.photo, ball, RIM // 2)
+        rim = outline(self.photo, ball, RIM_PLACES // 2)
         across = 1.5 * _normals(rim)
         step = np.nan_to_num(np.abs(sample(self.codes, rim + across) - sample(self.codes, rim - across)).max(axis=1))
-        return float(np.mean(np.minimum(step, EDGE) / EDGE + 0.05 * step / (step + 30)))
+        return float(np.mean(np.minimum(step, FULL_EDGE_CODES) / FULL_EDGE_CODES + 0.05 * step / (step + 30)))
 
     def mirrored(self, ball: Ball, uv: np.ndarray, most: float = COVERED) -> np.ndarray:
         """(n,): the luminance of the place of the board that each pixel mirrors, blurred by what the pixel covers; NaN
@@ -257,12 +257,18 @@ class View:
         covered = np.linalg.norm(right - at, axis=1) + np.linalg.norm(down - at, axis=1)
         x0, x1, y0, y1 = self.extent
         x, y = at.T
-        inside = (x > x0 + MARGIN) & (x < x1 - MARGIN) & (y > y0 + MARGIN) & (y < y1 - MARGIN) & (covered < most)
+        inside = (
+            (x > x0 + SHEET_MARGIN)
+            & (x < x1 - SHEET_MARGIN)
+            & (y > y0 + SHEET_MARGIN)
+            & (y < y1 - SHEET_MARGIN)
+            & (covered < most)
+        )
         shown, there = np.full(len(uv), np.nan), np.c_[at[inside], np.zeros(inside.sum())]
         if len(there):
             far = np.linalg.norm(there - self.photo.camera.eye, axis=1)
             sigma = 0.2 * covered[inside] * self.photo.camera.fx / far
-            level = np.clip(np.rint(np.log2(np.maximum(sigma, 1e-3) / BLUR)), 0, LEVELS - 1)
+            level = np.clip(np.rint(np.log2(np.maximum(sigma, 1e-3) / FIRST_BLUR_PX)), 0, BLUR_LEVELS - 1)
             seen, found = self.photo.project(there), np.zeros(len(there))
             for k in np.unique(level).astype(int):
                 found[level == k] = sample(self.blurred[k], seen[level == k])
@@ -288,7 +294,7 @@ def views_of(photos: list[LinearPhoto], board: Board) -> list[View]:
     for photo in photos:
         codes = cv2.GaussianBlur(photo.pixels, (0, 0), 0.7).astype(np.float32)
         luminance = np.minimum(photo.light @ REC_709.astype(np.float32), 1.3)  # the sun equals its glare
-        blurred = [cv2.GaussianBlur(luminance, (0, 0), BLUR * 2**k) for k in range(LEVELS)]
+        blurred = [cv2.GaussianBlur(luminance, (0, 0), FIRST_BLUR_PX * 2**k) for k in range(BLUR_LEVELS)]
         views.append(View(photo, codes, blurred, extent))
     return views
 
@@ -305,7 +311,7 @@ def find_ball(views: list[View], given: Ball) -> Ball:
         mirrored = sum(view.board_explains(at, ball) for view, at in zip(views, uv, strict=True))
         return float(0.5 * (z @ z) - max(mirrored, 0) - edges)
 
-    low, high = given.numbers - REACH * given.sigma, given.numbers + REACH * given.sigma
+    low, high = given.numbers - SEARCH_SIGMAS * given.sigma, given.numbers + SEARCH_SIGMAS * given.sigma
     best = differential_evolution(
         unlikely, list(zip(low, high, strict=True)), rng=0, popsize=8, maxiter=30, tol=1e-5, polish=False, init="sobol"
     )
@@ -345,11 +351,13 @@ def _bounded(z: np.ndarray) -> np.ndarray:
 def _off_outline(view: View, rim: np.ndarray, ball: Ball) -> np.ndarray:
     """How far the outline is off the edges beside `rim`, weighed by how much of an edge each is."""
     normal, offsets = _normals(rim), np.arange(-2.0, 2.1, 0.25)
-    across = sample(view.codes, (rim + offsets[:, None, None] * normal).reshape(-1, 2)).reshape(len(offsets), RIM, 3)
+    across = sample(view.codes, (rim + offsets[:, None, None] * normal).reshape(-1, 2)).reshape(
+        len(offsets), RIM_PLACES, 3
+    )
     slope = np.nan_to_num(np.gradient(across, 0.25, axis=0) ** 2).sum(axis=-1)  # beyond the frame there is none
     weight = slope * (1 - (offsets[:, None] / 2.25) ** 2)
     edge = (weight * offsets[:, None]).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)
-    clear = np.sqrt(slope.max(axis=0)) / (np.sqrt(slope.max(axis=0)) + EDGE)
+    clear = np.sqrt(slope.max(axis=0)) / (np.sqrt(slope.max(axis=0)) + FULL_EDGE_CODES)
     moved = ((outline(view.photo, ball) - rim) * normal).sum(axis=1)
     return clear * _bounded((moved - edge) / EDGE_PX) / math.sqrt(CORRELATED)
 
@@ -389,11 +397,11 @@ def check_mirror(views: list[View], paper: np.ndarray, ball: Ball, given: Ball) 
     """
     seen = [_board_seen(view, ball) for view in views]
     alike = max((alike for alike, *_ in seen), default=0.0)
-    if alike < ALIKE:
+    if alike < LEAST_CORRELATION:
         got = f"a ball that does not (correlation {alike:.2f}): it is no mirror, or not there"
         raise InputError(given.name, "a mirror ball that shows the board", got)
     reflectance = np.sum([mirror for _, mirror, _ in seen], axis=0) / np.sum([direct for *_, direct in seen]) / paper
-    if reflectance.max() > COLOURED * reflectance.min() or not 0.2 < reflectance.mean() < 1.1:
+    if reflectance.max() > MAX_REFLECTANCE_RATIO * reflectance.min() or not 0.2 < reflectance.mean() < 1.1:
         got = f"one that reflects {', '.join(f'{r:.2f}' for r in reflectance)} of red, green and blue"
         raise InputError(given.name, "a grey mirror ball", got)
     return reflectance
@@ -407,7 +415,7 @@ def _board_seen(view: View, ball: Ball) -> tuple[float, np.ndarray, float]:
     photo, uv = view.photo, pixels_about(view.photo, ball)
     shape = np.ptp(uv, axis=0)[::-1] + 1
     cosine = np.nan_to_num(reflect(photo, ball, uv)[2])
-    shown = np.where(cosine > GRAZING, view.mirrored(ball, uv, COARSEST), np.nan)
+    shown = np.where(cosine > GRAZING, view.mirrored(ball, uv, COARSEST_METRES), np.nan)
     good = np.isfinite(shown) & ~photo.clipped[uv[:, 1], uv[:, 0]]
     if good.sum() < LEAST_MIRRORED:
         return 0.0, np.zeros(3), 0.0

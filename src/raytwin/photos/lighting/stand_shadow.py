@@ -32,7 +32,7 @@ PLACE_SD, HEIGHT_SD = 5e-4, 5e-4
 STEP = 8e-4
 """Metres between the places at which the shadow is looked for."""
 
-LOWEST = 8.0
+LOWEST_SUN_DEGREES = 8.0
 """Degrees above the board from which a sun's shadow is looked for."""
 
 NOISE, EDGE_NOISE = 0.02, 0.15
@@ -53,7 +53,7 @@ CORRELATED_PIXELS = 12.0
 MOST_PIXELS = 1500
 """Pixels of a photo that are fitted."""
 
-THIN = 0.25
+WIDEST_UPRIGHT = 0.25
 """Width over height of the widest upright: the shadow of a dice is no bar, and ends at a corner."""
 
 LONGER = 1.2
@@ -219,7 +219,7 @@ def _darkest_streak(
 ) -> tuple[float, float] | None:
     """The end, less the foot, of the darkest streak that begins at the foot; None where none is."""
     turns = np.arange(360) * 2 * np.pi / 360
-    far = np.arange(0.12 * height, height / np.tan(np.radians(LOWEST)), STEP)
+    far = np.arange(0.12 * height, height / np.tan(np.radians(LOWEST_SUN_DEGREES)), STEP)
     rel = (far[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)[:, None]).reshape(-1, 2)
     xy = foot + rel
 

@@ -25,7 +25,7 @@ from raytwin.tracer.shading import RADIANCE
 from raytwin.tracer.world import PlainWorld, first_hit
 
 Pixel = tuple[float, float]
-NEAR = 1e-3
+NEAR_METRES = 1e-3
 """Metres before the eye: what lies behind it has no place in the picture."""
 
 
@@ -117,10 +117,10 @@ def _to_sun(
 def _project(camera: Camera, point: Sequence[Any], start: Sequence[Any] | None = None) -> Pixel:
     """Where the camera sees a point of its own frame; of the line from `start`, the last place before the eye."""
     p = np.array([_one(c) for c in point])
-    if p[2] < NEAR:
+    if p[2] < NEAR_METRES:
         q = np.array([_one(c) for c in start or point])
-        p = q + (p - q) * max(0.0, (q[2] - NEAR) / max(q[2] - p[2], 1e-12)) if q[2] > NEAR else q
-        p[2] = max(p[2], NEAR)
+        p = q + (p - q) * max(0.0, (q[2] - NEAR_METRES) / max(q[2] - p[2], 1e-12)) if q[2] > NEAR_METRES else q
+        p[2] = max(p[2], NEAR_METRES)
     x, y = distort(p[0] / p[2], p[1] / p[2], camera.coefficients)
     return float(camera.fx * x + camera.cx), float(camera.fy * y + camera.cy)
 

@@ -14,7 +14,7 @@ from raytwin.study.atlas.experiment import Error, Experiment
 from raytwin.tracer import STAGES
 
 WIDTH, HEIGHT = 32, 24
-WIDE = 0.25
+WIDE_FOCAL_LENGTH = 0.25
 """The focal length of a view of 127 degrees, in widths."""
 
 CHUNK = 2000
@@ -60,13 +60,13 @@ def aside(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
     a = np.radians(x)
     centers = np.stack([np.sin(a) * np.cos(turn), np.sin(a) * np.sin(turn), np.full(n, np.cos(a))], axis=1)
     size = 10 ** rng.uniform(-2, 2, n)
-    return cut(camera_of(WIDE), centers * size[:, None], RADIUS * size)
+    return cut(camera_of(WIDE_FOCAL_LENGTH), centers * size[:, None], RADIUS * size)
 
 
 def near(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
     """Spheres of radius 1 with their centres at the distance x, in any direction before or behind the eye."""
     w = rng.normal(size=(n, 3))
-    return cut(camera_of(WIDE), x * w / np.linalg.norm(w, axis=1, keepdims=True), np.ones(n))
+    return cut(camera_of(WIDE_FOCAL_LENGTH), x * w / np.linalg.norm(w, axis=1, keepdims=True), np.ones(n))
 
 
 SHARE = "share of visible pixels cut away"
@@ -75,7 +75,7 @@ OURS = ("conic: raytwin",)
 CROSSING = degrees(acos(RADIUS))
 """Off the axis so far, the sphere touches the camera's plane."""
 
-NEAREST = 1 / sin((pi / 2 - atan(0.5 / WIDE)) / 2)
+NEAREST = 1 / sin((pi / 2 - atan(0.5 / WIDE_FOCAL_LENGTH)) / 2)
 """A sphere this near can touch the camera's plane and the frame's side at once."""
 
 EXPERIMENTS = (

@@ -3,7 +3,7 @@
 RENDERERS -> references -> first calls -> rounds in random order -> Measurement -> frontier, fits -> report
 """
 
-from raytwin.renderers.renderer_table import RENDERERS, choose
+from raytwin.renderers.renderer_table import RENDERERS, renderers_of
 from raytwin.study.bench.bench_record import Bench, Measurement, write_bench
 from raytwin.study.bench.bench_run import bench, bench_scenes
 from raytwin.study.bench.frontier import fit_power, on_frontier, staircase

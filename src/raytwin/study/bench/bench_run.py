@@ -22,7 +22,7 @@ from raytwin.images.image import Image
 from raytwin.photos.find_camera import find_camera
 from raytwin.progress import Progress, silent
 from raytwin.renderers.renderer import Call, Renderer
-from raytwin.renderers.renderer_table import RENDERERS, choose
+from raytwin.renderers.renderer_table import RENDERERS, renderers_of
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, Tolerance
 from raytwin.scene.scene_files import scene_and_photos
@@ -134,7 +134,7 @@ def chosen_methods(
     names = tuple(m.name for m in own)
     check_names("--subject", names)
     globs = [m for m in methods if isinstance(m, str)]
-    listed = choose(globs) if globs or not own else []
+    listed = renderers_of(globs) if globs or not own else []
     return [*own, *(m for m in listed if m.name not in names)], names
 
 
@@ -211,7 +211,7 @@ def measure_size(
         twins[name] = reference.image if RUNGS[rung].noisy else twin.render(scene, rung, sampling=sampling)
     progress("references", len(names), len(names))
 
-    def look(run: _Run, image: Image) -> None:
+    def record_image(run: _Run, image: Image) -> None:
         own = reference_of(run.method)
         for name in dict.fromkeys((own, WHOLE)):
             found = [METRICS[metric].function(image.mean, images[name]) for metric in ERRORS]
@@ -221,8 +221,8 @@ def measure_size(
                 image = replace(image, batches=1)  # or one sample would count as free of noise
             run.judged = compare_with_twin(image, twins[own], scene, tolerance)
 
-    runs, left = first_calls(scene, methods, subjects, look, start + PREPARE_SHARE * given, progress)
-    rounds(runs, look, deadline, repeats)
+    runs, left = first_calls(scene, methods, subjects, record_image, start + PREPARE_SHARE * given, progress)
+    rounds(runs, record_image, deadline, repeats)
     for run in runs:
         if run.failed or not run.seconds:
             left[run.method.name] = run.failed or f"{OUT_OF_TIME} left for a timed call"

@@ -109,7 +109,9 @@ WITHOUT_MEANING = {
     "inf", "full", "full_like", "cv2", "undistortPointsIter",
 }  # fmt: skip
 """Words that any function may have: layout, copies, kinds of numbers, marks of a miss."""
-ALIKE = [set(words.split()) for words in ("argmin min minimum", "sum dot einsum", "sqrt norm linalg", "T inv linalg")]
+SYNONYMS = [
+    set(words.split()) for words in ("argmin min minimum", "sum dot einsum", "sqrt norm linalg", "T inv linalg")
+]
 """Words for one thing: where a correct form has one of them, any will do."""
 
 
@@ -123,7 +125,7 @@ def words_of(function: str) -> frozenset[str] | None:
         words = set(re.findall(r"[A-Za-z_]\w*", FUNCTIONS[name]))
         todo += [other for other in FUNCTIONS if other in words and other not in todo]
         found |= words
-    return frozenset(found.union(*(some for some in ALIKE if found & some)))
+    return frozenset(found.union(*(some for some in SYNONYMS if found & some)))
 
 
 def probes(stage: Stage, cases: Sequence[Case], is_wrong: Callable[[Case], bool]) -> list[Case]:
@@ -132,14 +134,14 @@ def probes(stage: Stage, cases: Sequence[Case], is_wrong: Callable[[Case], bool]
     Of the pictures that are wrong the smaller ones come first that are wrong as well. Empty where all is right.
     """
     wrong = sorted((case for case in cases if is_wrong(case)), key=_size)
-    small = (smaller(stage, case, step) for step in (*STEPS, FINEST) for case in wrong[:2])
+    small = (smaller(stage, case, step) for step in (*STRIDES, FINEST) for case in wrong[:2])
     rest = [case for case in cases if not any(case is one for one in wrong)]
     return [*[case for case in small if case is not None and is_wrong(case)][:1], *wrong, *rest] if wrong else []
 
 
 def right_ones(stage: Stage, cases: Sequence[Case], is_wrong: Callable[[Case], bool]) -> list[Case]:
     """Those of the cases that are right, pictures thinned: what runs in these is less likely to be wrong."""
-    return [smaller(stage, case, STEPS[0]) or case for case in cases if not is_wrong(case)]
+    return [smaller(stage, case, STRIDES[0]) or case for case in cases if not is_wrong(case)]
 
 
 def further_probes(stage: Stage, seed: int) -> list[Case]:
@@ -152,7 +154,7 @@ def further_probes(stage: Stage, seed: int) -> list[Case]:
         each = (as_arrays(scene, "lambert" if k % 3 == 2 else "shadow") for k, scene in enumerate(scenes))
         return [_case(stage, Case("", (scene,), ()), (scene,)) for scene in each]
     cases = [case for k in range(1, FURTHER + 1) for case in stage.cases(seed + 1000 * k)]
-    return [*_mixed(stage, cases), *(smaller(stage, case, STEPS[-1]) or case for case in cases)]
+    return [*_mixed(stage, cases), *(smaller(stage, case, STRIDES[-1]) or case for case in cases)]
 
 
 FURTHER, DRAWN = 2, 6
@@ -180,7 +182,7 @@ def _mixed(stage: Stage, cases: Sequence[Case]) -> Iterator[Case]:
 
 FINEST = 2
 """Every how many pixels where no coarser picture is wrong: a mistake beyond a first block of pixels shows."""
-STEPS = 12, 7, 4
+STRIDES = 12, 7, 4
 """Every how many pixels along each side a whole picture is tried: fewer rays per trial, as long as some are wrong."""
 
 

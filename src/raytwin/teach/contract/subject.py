@@ -13,7 +13,7 @@ from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.renderer_table import RENDERERS
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.renderers.subject_renderers import Traced
-from raytwin.renderers.user_renderers import FEW, UserRenderer, takes_of
+from raytwin.renderers.user_renderers import DEFAULT_SAMPLES, UserRenderer, takes_of
 from raytwin.rungs import RUNGS, SAMPLINGS
 from raytwin.safe_write import check_file
 from raytwin.scene import Scene
@@ -61,7 +61,7 @@ def find_subject(what: str | Renderer | Callable[..., Any], rung: str, sampling:
     takes = takes_of(render)
     return UserRenderer(
         rung, f"{text} ({made})" if made else text, render, describe, own, seeded="seed" in takes,
-        renders=RENDERS if "seed" in takes else 1, samples=FEW if takes >= {"seed", "samples"} else 0,
+        renders=RENDERS if "seed" in takes else 1, samples=DEFAULT_SAMPLES if takes >= {"seed", "samples"} else 0,
     )  # fmt: skip
 
 
@@ -101,7 +101,7 @@ def method(
     if not callable(what):
         raise InputError("method", "a function of a scene, or a text as --subject takes it", repr(what))
     takes = takes_of(what)
-    few = FEW if takes >= {"seed", "samples"} else 0
+    few = DEFAULT_SAMPLES if takes >= {"seed", "samples"} else 0
     return UserRenderer(
         rung, title, what, _itself if records else as_arrays, {}, "seed" in takes, renders, sampling, few
     )

@@ -16,7 +16,7 @@ PROBE_SEED = 1_618_033
 """Draws the cases that fingerprints are taken of; no points depend on them, so anyone may know it."""
 NUMBERS = 16
 """Projections of the errors that make a fingerprint: more tell more mistakes apart."""
-ALIKE = 2e-3
+SAME_MISTAKE_WITHIN = 2e-3
 """Share of the largest number: fingerprints that differ by less everywhere are of the same mistake."""
 FARTHEST = 10.0
 """Relative error from which on it makes no difference how wrong a value is; half of it: finite where it should not be,
@@ -65,4 +65,4 @@ def same(one: str, other: str) -> bool:
     if not (one and other):
         return False
     x, y = numbers(one), numbers(other)
-    return bool(np.abs(x - y).max() <= ALIKE * min(np.abs(x).max(), np.abs(y).max()))
+    return bool(np.abs(x - y).max() <= SAME_MISTAKE_WITHIN * min(np.abs(x).max(), np.abs(y).max()))

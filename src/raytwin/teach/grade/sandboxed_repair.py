@@ -34,7 +34,7 @@ from raytwin.explain.repair import (
     repair,
 )
 from raytwin.teach.contract.check_function import is_repaired, is_right
-from raytwin.teach.contract.repair_function import STEPS, further_probes, probes, right_ones, smaller, words_of
+from raytwin.teach.contract.repair_function import STRIDES, further_probes, probes, right_ones, smaller, words_of
 from raytwin.teach.contract.stage import Case, Stage
 from raytwin.teach.contract.stage_result import says_why, with_hint
 from raytwin.teach.contract.stage_table import LESSONS
@@ -287,7 +287,7 @@ def _repair(
     def correct_lines() -> Lines:
         others = [LESSONS[name] for name in right if name not in ours]
         firsts = [
-            (other.name, smaller(other, _cases(other.name)[0], STEPS[0]) or _cases(other.name)[0]) for other in others
+            (other.name, smaller(other, _cases(other.name)[0], STRIDES[0]) or _cases(other.name)[0]) for other in others
         ]
         firsts += [(stage.name, case) for case in right_ones(stage, tried, is_wrong)]
         return frozenset().union(*(trials.lines(name, case.args) or () for name, case in firsts))
@@ -307,7 +307,7 @@ def _some_cases(stages: Sequence[Stage], wanted: Callable[[Case, Stage], bool], 
     """The first cases of each stage that are wanted, pictures thinned."""
     some: list[tuple[Stage, Case]] = []
     for stage in stages:
-        cases = (smaller(stage, case, STEPS[-1]) or case for case in _cases(stage.name))
+        cases = (smaller(stage, case, STRIDES[-1]) or case for case in _cases(stage.name))
         some += itertools.islice(((stage, case) for case in cases if wanted(case, stage)), most)
     return some
 

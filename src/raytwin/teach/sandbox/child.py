@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-LONG = 200
+MAX_ERROR_CHARACTERS = 200
 """Characters of an error that are kept: arrays are printed whole."""
 SAID = 2000
 """Characters of an error that are sent."""
@@ -150,7 +150,7 @@ def _said(error: BaseException, submission: Path, modules: list[str]) -> str:
     """`ValueError: ...`, what the sandbox has to do with it, and the lines of the submission that led there."""
     try:
         text = " ".join(str(error).split()).replace(f"{submission}/", "")
-        text = text if len(text) <= LONG else f"{text[:LONG]}..."
+        text = text if len(text) <= MAX_ERROR_CHARACTERS else f"{text[:MAX_ERROR_CHARACTERS]}..."
         lines = [" ".join([f"{type(error).__name__}: {text}", _hint(error, submission, modules)]).rstrip()]
         frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename.startswith(str(submission))]
         if isinstance(error, SyntaxError) and error.lineno:

@@ -11,7 +11,7 @@ from raytwin.scene.lens import undone
 
 SceneDict = dict[str, Any]
 SIZE = 26, 18
-NEAR = 1e-3
+EDGE_CLEARANCE_PX = 1e-3
 """Pixels: no outline and no shadow's edge is this close to a pixel's centre."""
 NO_LENS, LENS = (0.0, 0.0, 0.0, 0.0, 0.0), (-0.2, 0.07, -0.008, 0.012, 0.06)
 
@@ -86,7 +86,16 @@ def _camera(rng: np.random.Generator, lens: tuple[float, ...]) -> Camera:
 
 def _is_clear(scene: SceneDict) -> bool:
     """Moved a little each way, every pixel sees the same object, as light or as dark."""
-    seen = [_seen(_moved(scene, x, y)) for x, y in ((0, 0), (NEAR, 0), (-NEAR, 0), (0, NEAR), (0, -NEAR))]
+    seen = [
+        _seen(_moved(scene, x, y))
+        for x, y in (
+            (0, 0),
+            (EDGE_CLEARANCE_PX, 0),
+            (-EDGE_CLEARANCE_PX, 0),
+            (0, EDGE_CLEARANCE_PX),
+            (0, -EDGE_CLEARANCE_PX),
+        )
+    ]
     return all(np.array_equal(seen[0], other) for other in seen[1:])
 
 
