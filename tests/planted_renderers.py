@@ -1,4 +1,4 @@
-"""Renderers with one mistake each: the right tracer of a scene that is slightly another, or of a spoiled picture."""
+"""Renderers with one mistake each: the correct tracer of a scene that is slightly another, or of a spoiled picture."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace

@@ -1,4 +1,4 @@
-"""Starter files as students fill them in, right ones and slips in their text, written before repairs were tried on them.
+"""Starter files as students fill them in, correct ones and slips in their text, written before repairs were tried on them.
 
 They share no code with the textbook. Of each slip: the function whose test shows it, what stands there and what the
 student wrote; the line to be named is the one that the slip is on.
@@ -253,7 +253,7 @@ FOOT = _geometric()
 
 @dataclass(frozen=True)
 class Slip:
-    """`old` in `text` becomes `new`; `shows`: the first function whose test fails; `names`: faults that are right."""
+    """`old` in `text` becomes `new`; `shows`: the first function whose test fails; `names`: faults that are correct."""
 
     label: str
     shows: str
@@ -330,4 +330,4 @@ RIGHT = (
     (PLAIN, "best = np.minimum(best, t)", "best = np.where(t < best, t, best)"),
     (PLAIN, "return out.reshape", "return out.astype(np.float32).reshape"),
 )  # fmt: skip
-"""Right ones: (text, old, new)."""
+"""Correct ones: (text, old, new)."""

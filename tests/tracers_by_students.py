@@ -386,7 +386,7 @@ def render(scene):
     return image.reshape(scene["height"], scene["width"], 3)
 """
 
-# name of the fault -> which text, what stands there, what the student wrote. A list: any of the names is right.
+# name of the fault -> which text, what stands there, what the student wrote. A list: any of the names is correct.
 A, B = CAMERA_FRAME, BOARD_FRAME
 Mistake = tuple[tuple[str, ...], str, str, str]
 MISTAKES: list[Mistake] = [

@@ -8,7 +8,7 @@
     any two: arrays, files, lists of renders, functions -----> compare --------> Diff, with pictures
     a scene -> levels, bench: how much light it needs, and at what cost; time against error of every method
     Scene + photo -> augment_photo: the photo with the scene's spheres and their shadows
-    a student's function -> check: is it right, and if not, why
+    a student's function -> check: is it correct, and if not, why
     a Camera -> camera_rays, mitsuba_sensor: for renderers of your own
 
 Lengths are metres, pixels OpenCV's, radiance linear Rec. 709 in float32 (H, W, 3), row 0 on top. Wrong input raises

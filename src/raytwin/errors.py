@@ -9,7 +9,7 @@ class InputError(Exception):
     subject and `expected` the rest, as in `tracer.py exists. --force overwrites it.`
 
     `where` names the file and the field (`scenes/desk/scene.toml: spheres[1].radius`), `expected` what would
-    have been right, with its unit, and `got` what was found. The command line prints it in one line, without a
+    have been correct, with its unit, and `got` what was found. The command line prints it in one line, without a
     traceback, and exits with `exit_code`. Characters that cannot be printed on one line become spaces.
     """
 

@@ -1,4 +1,4 @@
-"""A slip in a student's text is undone by one change, and its line is named; what is right is left alone."""
+"""A slip in a student's text is undone by one change, and its line is named; what is correct is left alone."""
 
 import ast
 import marshal

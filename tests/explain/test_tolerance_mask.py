@@ -1,4 +1,4 @@
-"""What right tracers differ in is forgiven, and no more."""
+"""What correct tracers differ in is forgiven, and no more."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""A cause that is named is true: its numbers are right, it changes what is seen, and right tracers have none."""
+"""A cause that is named is true: its numbers are correct, it changes what is seen, and correct tracers have none."""
 
 import itertools
 
@@ -118,7 +118,7 @@ def test_numbers_whose_effect_is_below_the_tolerance_are_never_named(start):
 
 
 CONSTANTS = {"background-constant", "shadow-dims", "shadow-start", "shadow-reach"}
-"""Families whose start is no right tracer."""
+"""Families whose start is no correct tracer."""
 
 
 @pytest.mark.parametrize(("name", "known"), [("overlap", True), ("distorted", False)])

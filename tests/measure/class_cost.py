@@ -2,7 +2,7 @@
 
 N (100) submissions, five scenes, JOBS (2) at a time.
 
-A third are right, most of the others have a mistake each, one in ten crashes, hangs, floods or is none. In seconds of
+A third are correct, most of the others have a mistake each, one in ten crashes, hangs, floods or is none. In seconds of
 computing, since the clock tells of the machine's other work: the grader's own, and that of the submissions' processes.
 """
 

@@ -1,4 +1,4 @@
-"""Count how often a right tracer fails beside the twin on the same light level. None may.
+"""Count how often a correct tracer fails beside the twin on the same light level. None may.
 
 `python -m measure.correct_pairs [SCENES] [SEEDS]`, in tests/, compares the tracer with the twin on every shipped scene,
 at every level, three sizes, SEEDS seeds (3), the engines and the samplings that a level knows; then on SCENES (40)

@@ -1,7 +1,7 @@
 """Check the recommendations of `raytwin levels` with other random numbers.
 
 `python -m measure.level_choice`, in tests/, asks for each of three tolerances on each of eight shipped scenes, at 160 x
-120. The choice is right if it meets the tolerance with another seed, and the next cheaper method does not, by rmse
+120. The choice is correct if it meets the tolerance with another seed, and the next cheaper method does not, by rmse
 against a path-traced reference of another renderer and another seed than the command's. Where the next cheaper one
 misses or meets by less than two per cent, which its samples decide, the two are a tie. The last column tells what the
 order by counted rays costs: the seconds of the choice, over those of the fastest measured method that meets it.
@@ -66,7 +66,7 @@ def error_of(scene: Scene, row: Row, halves: list[np.ndarray]) -> float:
 
 
 def main() -> int:
-    """Print every recommendation and how many are right; return how many are wrong."""
+    """Print every recommendation and how many are correct; return how many are wrong."""
     counts = {"right": 0, "tie": 0, "wrong": 0}
     for name, tolerance, found in results():
         word = "right" if found.error <= tolerance < found.cheaper_error else "wrong"

@@ -1,7 +1,7 @@
 """How often the right cause is named: `python -m measure.named_causes alone | ways | students | pairs [N]`.
 
 Faults of the catalogue planted alone, in each of their ways or by two, on drawn scenes as a rubric has them: three with
-shadows, one without; mistakes in tracers that students wrote; and right tracers, which must not be blamed. Then the
+shadows, one without; mistakes in tracers that students wrote; and correct tracers, which must not be blamed. Then the
 faults that look alike: which is named where which was planted.
 """
 
@@ -83,7 +83,7 @@ def of_students() -> None:
     for wanted, text, old, new in MISTAKES:
         made, seconds = timed(pictures(mistaken(text, old, new)))
         tally.take(set(wanted), wanted[0], made, seconds)
-    tally.report("students", {"right tracers that were blamed": f"{blamed} of {len(CORRECT)}"})
+    tally.report("students", {"correct tracers that were blamed": f"{blamed} of {len(CORRECT)}"})
 
 
 def seen_of(faults: Sequence[tuple[Fault, Pipeline]]) -> list[Fault]:

@@ -49,7 +49,7 @@ def right_image(name: str) -> Image:
 
 
 def ledger_of(name: str, fault: Fault) -> Planted | None:
-    """The ledger of a right image with what `fault` adds to it; None where that is hardly anything."""
+    """The ledger of a correct image with what `fault` adds to it; None where that is hardly anything."""
     scene, right = light(name).scene, right_image(name)
     exact, made = (planted(scene, way) for way in (RIGHT, fault.ways[0]))
     added = np.nan_to_num(np.clip(made - exact, -10, 10))

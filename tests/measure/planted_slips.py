@@ -2,9 +2,9 @@
 
 Slips of the operators, as the textbook gets them, are planted in three students' texts, N (16) in each, drawn by SEED
 (0), equally many of each operator. What does not run, or changes nothing in cases and scenes that the rubric does not
-have, is left out and counted. Each is graded with the ready rubric. What a student reads first is right if it is
+have, is left out and counted. Each is graded with the ready rubric. What a student reads first is correct if it is
 
-- a change of the line that the slip is on, which makes everything right: the slip undone, or an equivalent of it;
+- a change of the line that the slip is on, which makes everything correct: the slip undone, or an equivalent of it;
 - or a mistake of the part of the tracer that the slip is in, proved.
 """
 
@@ -58,7 +58,7 @@ RARER = {
 """Kind of repair -> weight that is added where its reverse is a mistake: few take a root that is not wanted."""
 SAME = 1e-9
 """Of the scale: what changes less changes nothing."""
-FIX = re.compile(r"line (\d+): (.*); `(.*)` in place of `(.*)` makes everything right$")
+FIX = re.compile(r"line (\d+): (.*); `(.*)` in place of `(.*)` makes everything correct$")
 """The third level of hints."""
 
 TEXTS = {"arrays": PLAIN, "render alone": BOARD_FRAME, "vectors": VECTORS}
@@ -198,7 +198,7 @@ def right_values(name: str) -> list[np.ndarray]:
 
 
 def change(right: Sequence[np.ndarray], got: Sequence[np.ndarray]) -> float:
-    """The largest difference, of the scale of what is right; infinite where a value is no number, or another shape."""
+    """The largest difference, of the scale of the correct one; infinite where a value is no number or the shape differs."""
     worst = 0.0
     for a, b in zip(right, got, strict=True):
         if a.shape != b.shape:
@@ -258,7 +258,7 @@ WRITTEN = {fault.name for fault in FAULTS}
 
 
 def verdict_of(slip: Planted, result: Result) -> Verdict:
-    """What a student with this result reads first, and whether that is right."""
+    """What a student with this result reads first, and whether that is correct."""
     worst = result.worst
     assert worst is not None
     first = worst.sentences[0] if worst.sentences else ""

@@ -1,4 +1,4 @@
-"""Random scenes of 19 kinds: what a right tracer and the twin must agree on, whatever a user points them at."""
+"""Random scenes of 19 kinds: what a correct tracer and the twin must agree on, whatever a user points them at."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""Count the causes named for right tracers beside the twin. There may be none.
+"""Count the causes named for correct tracers beside the twin. There may be none.
 
 `python -m measure.right_tracers [SEEDS] [SCENE ...]`, in tests/, takes every shipped scene (or those named) at every
 lit level, in three sizes, SEEDS (1) seeds of the sampled levels, the engines and samplings that a level knows. Each

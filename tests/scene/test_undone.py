@@ -202,7 +202,7 @@ def test_a_march_by_another_route_ends_at_the_same_places(seed):
         with np.errstate(all="ignore"):
             share, least = march(xd[away], yd[away], camera.coefficients)
         found = known.found[some][away]
-        # Between 0 and LEAST_DETERMINANT, and within a step of either, both answers are right.
+        # Between 0 and LEAST_DETERMINANT, and within a step of either, both answers are correct.
         assert (share[found] == 1).all()
         assert not found[least < 0].any()
         missed = ~found & (least > 3 * LEAST_DETERMINANT) & (share == 1)

@@ -100,7 +100,7 @@ def test_noise_is_not_measured_against_the_tolerance_of_exact_images(make_result
 
 
 def assert_true_digits(text: str, value: float) -> None:
-    """The last digit that is shown is right: within half of it, or, next to a tie, of the value that was stored."""
+    """The last digit that is shown is correct: within half of it, or, next to a tie, of the value that was stored."""
     whole, _, exponent = text.replace("−", "-").partition("e")
     last = 10.0 ** (int(exponent or 0) - len(whole.partition(".")[2]))
     assert abs(float(text.replace("−", "-")) - value) <= 0.76 * last, (text, value)

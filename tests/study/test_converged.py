@@ -55,8 +55,8 @@ def test_a_metric_that_is_no_mean_of_squares_has_a_floor(corner):
 
 @pytest.mark.parametrize("metric", ["rmse", "relmse"])
 def test_an_error_far_below_the_noise_of_a_pixel_is_measured_and_its_interval_holds(metric, rng):
-    """200 references with ten times the error's noise: the mean is right to 4 standard errors, and the interval of two,
-    which a correlation of channels and heavy tails make wider, misses in fewer than 1 in 20 (by chance 1e-4)."""
+    """200 references with ten times the error's noise: the mean is correct to 4 standard errors, and the interval of
+    two, which a correlation of channels and heavy tails make wider, misses in fewer than 1 in 20 (by chance 1e-4)."""
     error, noise, shape = 0.01, 0.1, (48, 64, 3)
     whole = np.full(shape, 0.5, np.float32)
     exact = error if metric == "rmse" else error**2 / 0.26

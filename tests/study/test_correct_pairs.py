@@ -1,4 +1,4 @@
-"""A right tracer fails on no scene, at no level of light, through no engine: neither shipped nor random.
+"""A correct tracer fails on no scene, at no level of light, through no engine: neither shipped nor random.
 
 `python -m measure.correct_pairs` compares some 5000 pairs; these meet every pair of what varies.
 """

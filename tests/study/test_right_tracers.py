@@ -1,4 +1,4 @@
-"""Nothing is blamed for the difference between a right tracer and the twin, nor for a few odd values in it.
+"""Nothing is blamed for the difference between a correct tracer and the twin, nor for a few odd values in it.
 
 `python -m measure.right_tracers` explains some 800 pairs; here every scene has one.
 """

@@ -87,7 +87,7 @@ def test_far_from_its_peak_a_highlight_is_nothing_on_every_engine(engine):
 
 
 def test_under_an_even_sky_a_sheet_shows_what_quadrature_says():
-    """By random walks: 4.5 standard errors; seen straight from above the cheap rungs are right, too."""
+    """By random walks: 4.5 standard errors; seen straight from above the cheap rungs are correct, too."""
     material = Phong((0.3, 0.2, 0.1), (0.4, 0.3, 0.2), 9.0)
     scene = sheet(material, Sky((1.0, 1.0, 1.0)))
     image = fast.walk(scene, "sky", "numpy32", samples=256, seed=1)

@@ -124,7 +124,7 @@ def test_from_inside_the_far_side_is_met(solver, rng):
 
 
 def test_the_papers_sign_of_zero_misses_the_sphere_that_it_stands_level_with():
-    # b = 0: the right answer is √(1 - 1/4); q = 0 gives the root 0, which is not in front.
+    # b = 0: the correct answer is √(1 - 1/4); q = 0 gives the root 0, which is not in front.
     inside = (np.zeros(1), np.full(1, 0.5), np.zeros(1))
     ahead = (np.ones(1), np.zeros(1), np.zeros(1))
     sphere = Sphere((0.0, 0.0, 0.0), 1.0)

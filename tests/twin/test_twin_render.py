@@ -297,7 +297,7 @@ def test_a_sun_of_one_colour_is_followed_from_surface_to_surface_in_that_colour(
 
 
 def test_a_narrow_rectangles_normal_is_exact(compiled):
-    """Float32's inverse of its matrix turned it by 2e-5, so that right tracers failed beside the twin."""
+    """Float32's inverse of its matrix turned it by 2e-5, so that correct tracers failed beside the twin."""
     turn, lean = 0.7, 0.4
     u = np.array([math.cos(turn), math.sin(turn), 0.0])
     v = np.array([-math.sin(turn) * math.cos(lean), math.cos(turn) * math.cos(lean), math.sin(lean)])

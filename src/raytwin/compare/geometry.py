@@ -77,7 +77,7 @@ def geometry_findings(test: Image, reference: Image, tolerance: Tolerance) -> tu
 
 
 def ties(test: Surface, reference: Surface) -> Bool[np.ndarray, "h w"]:
-    """Pixels on the common edge of two objects, where rounding decides which is seen and either answer is right.
+    """Pixels on the common edge of two objects, where rounding decides which is seen and either answer is correct.
 
     Both are met at the same depth, to DEPTH_REL, and the reference sees the test's object in a neighbouring pixel.
     """
@@ -97,7 +97,7 @@ def ties(test: Surface, reference: Surface) -> Bool[np.ndarray, "h w"]:
 
 
 def without_ties(test: Image, reference: Image) -> tuple[Image, int]:
-    """The test image with the reference's pixels where either answer is right, and how many these are."""
+    """The test image with the reference's pixels where either answer is correct, and how many these are."""
     t, r = test.surface, reference.surface
     if t is None or r is None or not (tied := ties(t, r)).any():
         return test, 0

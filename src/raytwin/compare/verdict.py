@@ -25,7 +25,7 @@ from raytwin.judging import Judging
 SURE_SHIFT = 0.5
 """A shift whose standard deviation is larger, pixels, is not reported."""
 
-TIED = "both are equally far, either is right, and these were not compared"
+TIED = "both are equally far, either is correct, and these were not compared"
 
 SAFE_UNITS = 2.0**-10, 2.0**10
 """Scales whose squares and fourth powers float32 holds: others are brought to 1, by a power of two, which is exact."""

@@ -77,7 +77,7 @@ def factor(k: float) -> str:
 
 
 def bright(k: float) -> str:
-    """How a part with the factor k differs from the right one."""
+    """How a part with the factor k differs from the correct one."""
     if abs(k - 1) < 2e-3:
         written = next((f" (π written as {name})" for value, name in WRITTEN if abs(k - value) < 2e-5), "")
         return f"{100 * abs(k - 1):.2g} % too {'bright' if k > 1 else 'dark'}{written}"

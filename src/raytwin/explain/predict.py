@@ -1,7 +1,7 @@
 """What a tracer would show at chosen pixels if some of its functions were wrong: the textbook's, with mistakes in them.
 
 A mistake is a tuple of steps (name, what). `name` is a function of the textbook, or `SPREAD`; `what` is slips in
-its text, or a function that makes the wrong one of the right one. A tracer is the tuple of all that is wrong in it, so
+its text, or a function that makes a wrong one of a correct one. A tracer is the tuple of all that is wrong in it, so
 two mistakes are one tuple after the other. What a mistake leaves alone is computed once (`Predictor`).
 """
 
@@ -40,7 +40,7 @@ class Seen(NamedTuple):
 
 
 def replaced(**functions: Callable[[Any], Any]) -> Pipeline:
-    """A mistake of functions that make the wrong one of the right one."""
+    """A mistake of functions that make the wrong one of the correct one."""
     return tuple(functions.items())
 
 
@@ -67,7 +67,7 @@ def steps_of(pipeline: Pipeline, *names: str) -> Pipeline:
 
 
 def written(pipeline: Pipeline) -> dict[str, Any]:
-    """The textbook's functions with these mistakes in them; right ones converge and take all things at once.
+    """The textbook's functions with these mistakes in them; correct ones converge and take all things at once.
 
     Raises ValueError for slips that exclude one another.
     """

@@ -83,16 +83,16 @@ class Repair:
         if level < 1:
             return ""
         if self.beside is not None:
-            return f"two changes make everything right: {self._alone(level)}; and {self.beside.hint(level)}"
+            return f"two changes make everything correct: {self._alone(level)}; and {self.beside.hint(level)}"
         return self._alone(level)
 
     def _alone(self, level: int) -> str:
         where = f"{self.cell + ', ' if self.cell.startswith('cell ') else ''}line {self.line}"
         if level == 1:
-            return f"look at {where}: a change there makes everything right"
+            return f"look at {where}: a change there makes everything correct"
         if level == 2:
             return f"{where}: {self.operator} in `{self.before}`"
-        return f"{where}: {self.operator}; `{self.after}` in place of `{self.before}` makes everything right"
+        return f"{where}: {self.operator}; `{self.after}` in place of `{self.before}` makes everything correct"
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
-"""Pixels in which right tracers differ: at a shadow's edge by where shadow rays start, at outlines by rounding.
+"""Pixels in which correct tracers differ: at a shadow's edge by where shadow rays start, at outlines by rounding.
 
-A tracer that is right starts its shadow rays somewhere between 1e-6 and 1e-3 m off the surface, and may compute in
+A tracer that is correct starts its shadow rays somewhere between 1e-6 and 1e-3 m off the surface, and may compute in
 single precision. What that changes is no mistake.
 """
 
@@ -32,7 +32,7 @@ ASIDES = tuple(moved(x, y) for x in (-ASIDE, ASIDE) for y in (-ASIDE, ASIDE))
 
 
 def varied(pipeline: Pipeline) -> tuple[Pipeline, ...]:
-    """The same tracer in other right ways: with other starts of shadow rays where their test is no mistake, too."""
+    """The same tracer in other correct ways: with other starts of shadow rays where their test is no mistake, too."""
     tested = tuple(step for step in pipeline if step[0] == "sun_visible")
     rest = tuple(step for step in pipeline if step not in tested)
     starts = STARTS if tested in ((), *SHADOW_TESTS) else ()
@@ -40,7 +40,7 @@ def varied(pipeline: Pipeline) -> tuple[Pipeline, ...]:
 
 
 def doubtful(predict: Callable[[Pipeline], Array], scale: float, steps: Pipeline = RIGHT) -> Array:
-    """(N,) bool: whether tracers that have these steps, and are right otherwise, differ in a pixel.
+    """(N,) bool: whether tracers that have these steps, and are correct otherwise, differ in a pixel.
 
     `predict`: steps -> (N, 3), NaN for nothing.
     """
@@ -54,7 +54,7 @@ def doubtful(predict: Callable[[Pipeline], Array], scale: float, steps: Pipeline
 
 
 def forgiven(got: Array, right: Array, scene: Scene, rung: str) -> Array:
-    """The picture with what is right in place of what right tracers differ in."""
+    """The picture with what is correct in place of what correct tracers differ in."""
     with np.errstate(invalid="ignore"):
         off = ~(np.abs(got - right).max(axis=-1) <= VISIBLE * np.abs(right).max()) & np.isfinite(got).all(axis=-1)
     where = np.argwhere(off)

@@ -28,7 +28,7 @@ LEAST_DETERMINANT = 1e-3
 """The least determinant that counts as undone: there a pixel sees a thousand times the solid angle of the middle's."""
 
 NEWTON_STEPS = 20
-"""Newton's steps: each doubles the number of right digits; a strong lens needs half a dozen before that begins."""
+"""Newton's steps: each doubles the number of correct digits; a strong lens needs half a dozen before that begins."""
 
 SETTLED, COMES_BACK = 1e-9, 1e-9
 """After a step of Newton's shorter than this the next would be rounding. What distorts back to within this is found."""

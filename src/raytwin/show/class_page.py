@@ -156,7 +156,7 @@ def in_short(result: Result) -> str:
 
 
 def leaderboard(results: Sequence[Result]) -> list[tuple[Result, float, float]]:
-    """(result, computed seconds per picture, error) of those whose pictures are right, the fastest first."""
+    """(result, computed seconds per picture, error) of those whose pictures are correct, the fastest first."""
     passed = {r.key: {e.name for e in r.exercises if e.status == "pass"} for r in results}
     rows = [(r, seconds, error) for r in results for name, seconds, error in r.speed if name in passed[r.key]]
     return sorted(rows, key=lambda row: row[1])

@@ -19,7 +19,7 @@ FOLDER = Path("walk")
 
 
 def mine(stage: str, function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function, checked; raytwin's own where it is empty or not right yet, so that the walk goes on."""
+    """The function, checked; raytwin's own where it is empty or not correct yet, so that the walk goes on."""
     if getattr(getattr(function, "__code__", None), "co_code", b"") == _empty.__code__.co_code:
         print(f"TODO  {stage}: yours to write (until then raytwin's own takes its place)")
         return LESSONS[stage].reference

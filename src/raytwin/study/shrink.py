@@ -32,7 +32,7 @@ from raytwin.teach.contract.subject import find_subject
 from raytwin.teach.contract.submission import Shown
 
 RATE = 1e-6
-"""Probability that a step is kept because of noise alone, in a renderer that is right."""
+"""Probability that a step is kept because of noise alone, in a renderer that is correct."""
 SECONDS_IN_ALL = 300.0
 """Seconds after which no further step is tried."""
 SMALLEST = 24

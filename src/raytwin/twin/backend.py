@@ -142,7 +142,7 @@ def find_backend(forced: str | None = None) -> Backend:
 
 
 def probe(variant: str, libllvm: str | None = None) -> tuple[Tried, str | None]:
-    """Render a sphere in a child process: whether it came out right, why not, and the version of LLVM."""
+    """Render a sphere in a child process: whether it came out correctly, why not, and the version of LLVM."""
     name = libllvm or variant
     environment = {key: value for key, value in os.environ.items() if key != "DRJIT_LIBLLVM_PATH"}
     if libllvm and libllvm != OWN_CHOICE:

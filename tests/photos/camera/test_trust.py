@@ -373,7 +373,7 @@ def test_a_pitch_wrong_in_one_direction_is_doubted_and_widens_sigma(seed):
 
 
 def test_a_mirrored_description_is_told_what_to_write():
-    """An order of rows for a grid, the signs of x for a list of tags; it fits as well as the right one."""
+    """An order of rows for a grid, the signs of x for a list of tags; it fits as well as the correct one."""
     camera = a_camera(*SIZE)
     down = msgspec.structs.replace(SMALL, grid=msgspec.structs.replace(SMALL.grid, order="down"))
     mirrored = Board("tag36h11", 0.001, tags=tuple(BoardTag(i, (-x, y)) for i, (x, y) in SMALL.centers().items()))

@@ -1,4 +1,4 @@
-"""The stages' tests: what is right passes however it is done, and each typical mistake is found and named."""
+"""The stages' tests: what is correct passes however it is done, and each typical mistake is found and named."""
 
 import numpy as np
 import pytest
@@ -252,7 +252,7 @@ def test_the_tracer_made_of_stages_is_the_tracer(scenes, name, rung):
 def test_check_prints_its_sentence_and_returns_the_numbers(capsys):
     found = raytwin.check("shade", BY_HAND["shade"])
     assert capsys.readouterr().out == f"{found}\n"
-    assert str(found).startswith("PASS  shade: right in all 7 cases, to ")
+    assert str(found).startswith("PASS  shade: correct in all 7 cases, to ")
 
 
 @pytest.mark.parametrize(

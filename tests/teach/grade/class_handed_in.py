@@ -1,4 +1,4 @@
-"""What a class hands in: right tracers, wrong and hostile ones, and what is no submission."""
+"""What a class hands in: correct tracers, wrong and hostile ones, and what is no submission."""
 
 import json
 

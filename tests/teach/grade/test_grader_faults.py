@@ -19,7 +19,7 @@ RUBRIC = 'title = "t"\n[[exercises]]\nstage = "intersect_sphere"\npoints = 10\n'
 
 @pytest.fixture
 def folder(tmp_path):
-    """A class of one right submission and its rubric."""
+    """A class of one correct submission and its rubric."""
     (tmp_path / "in").mkdir()
     (tmp_path / "in" / "right.py").write_text(tracers.RIGHT)
     (tmp_path / "r.toml").write_text(RUBRIC)

@@ -32,7 +32,7 @@ def test_the_line_of_a_slip_is_told_where_the_submission_lets_it_be_found(tmp_pa
     (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
     exercise = result.exercises[0]
     assert exercise.status == "fail"
-    fix = "in place of `c = (oc * oc).sum() - radius ** 2` makes everything right"
+    fix = "in place of `c = (oc * oc).sum() - radius ** 2` makes everything correct"
     for said in ("line 39", fix):
         assert any(said in sentence for sentence in exercise.sentences) == told, exercise.sentences
 
@@ -63,7 +63,7 @@ COPIED += "\n\ndef own_rays" + OWN_RAYS
     [(SOURCE, SPHERES, "line 39", "Caused by `intersect_sphere`"), (COPIED, RAYS, "line 12", "line 12")],
 )
 def test_a_change_that_makes_a_function_right_explains_the_pictures(tmp_path, monkeypatch, text, of, line, told):
-    """No cause of the pictures is looked for; the function is its own again after pictures with a right one."""
+    """No cause of the pictures is looked for; the function is its own again after pictures with a correct one."""
     monkeypatch.setattr("raytwin.teach.grade.marks.diagnose", lambda *_, **__: pytest.fail("looked at"))
     (tmp_path / "r.toml").write_text(f'title = "t"\nhints = 3\n{of}{POINTS}')
     (tmp_path / "a.py").write_text(text)

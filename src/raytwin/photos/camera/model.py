@@ -81,7 +81,7 @@ def _gap(fits: Mapping[str, Fit], errors: Mapping[str, float], taken: Fit) -> np
     """(k, k): the mean square of how far K and distortion move between the models that predict alike.
 
     Each model's own covariance assumes that the coefficients it leaves out are 0. With few photos, which do not show
-    which model is right, all models count; with more, only the richest lens: without p1 and p2 the centre may lie ten
+    which model is correct, all models count; with more, only the richest lens: without p1 and p2 the centre may lie ten
     standard deviations off and predict as well.
     """
     limit, richest = EQUALLY_GOOD * min(errors.values()), ModelSpec([*MODELS][-1], taken.form.bent)

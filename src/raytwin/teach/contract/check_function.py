@@ -38,7 +38,7 @@ def judge_function(stage: Stage, function: Function, seed: int = 0) -> StageResu
 
 
 def repair_function(stage: Stage, function: Function, seed: int = 0, source: str = "") -> Repair | None:
-    """The change of one place of the function's text that makes it right in all cases; None where none is found."""
+    """The change of one place of the function's text that makes it correct in all cases; None where none is found."""
     if stage.misfit(function):
         return None
 
@@ -140,7 +140,7 @@ def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> S
         stage.name, all(r.passed for r in results), error, stage.tolerance, stage.unit, "", wrong=wrong, cases=results
     )
     if base.passed:
-        return replace(base, sentence=f"right in all {len(cases)} cases, to {error:.2g} {stage.unit}")
+        return replace(base, sentence=f"correct in all {len(cases)} cases, to {error:.2g} {stage.unit}")
     broken = next((got for got in checked if isinstance(got, str)), None)
     if broken is not None:
         where = "" if all(isinstance(got, str) for got in checked) else f" ({cases[worst].shows})"

@@ -38,7 +38,7 @@ def repair_here(
     right: Sequence[Case] = (),
     words: Set[str] | None = None,
 ) -> Repair | None:
-    """The change that makes the function right in all `cases`, of which the first is wrong; None where none is found.
+    """The change that makes the function correct in all `cases`, of which the first is wrong; None where none is found.
 
     `right`: cases that it has right. Nothing is tried on a function whose text is not known: `source`, its file, or a
     notebook's cells.
@@ -129,9 +129,9 @@ def words_of(function: str) -> frozenset[str] | None:
 
 
 def probes(stage: Stage, cases: Sequence[Case], is_wrong: Callable[[Case], bool]) -> list[Case]:
-    """The cases in the order that dismisses most changes soonest: small wrong ones, other wrong ones, right ones.
+    """The cases in the order that dismisses most changes soonest: small wrong ones, other wrong ones, correct ones.
 
-    Of the pictures that are wrong the smaller ones come first that are wrong as well. Empty where all is right.
+    Of the pictures that are wrong the smaller ones come first that are wrong as well. Empty where all is correct.
     """
     wrong = sorted((case for case in cases if is_wrong(case)), key=_size)
     small = (smaller(stage, case, step) for step in (*STRIDES, FINEST) for case in wrong[:2])
@@ -140,12 +140,12 @@ def probes(stage: Stage, cases: Sequence[Case], is_wrong: Callable[[Case], bool]
 
 
 def right_ones(stage: Stage, cases: Sequence[Case], is_wrong: Callable[[Case], bool]) -> list[Case]:
-    """Those of the cases that are right, pictures thinned: what runs in these is less likely to be wrong."""
+    """Those of the cases that are correct, pictures thinned: what runs in these is less likely to be wrong."""
     return [smaller(stage, case, STRIDES[0]) or case for case in cases if not is_wrong(case)]
 
 
 def further_probes(stage: Stage, seed: int) -> list[Case]:
-    """Inputs that no test has, of other seeds: a change that is right by chance in the test's own fails in these.
+    """Inputs that no test has, of other seeds: a change that is correct by chance in the test's own fails in these.
 
     Pictures of scenes that are blind to nothing; rays and points of all kinds together.
     """

@@ -28,10 +28,10 @@ class Case:
 
 @dataclass(frozen=True)
 class Variant:
-    """A typical mistake: `change` makes it from the right function, `sentence` tells it to whoever made it.
+    """A typical mistake: `change` makes it from the correct function, `sentence` tells it to whoever made it.
 
     Several variants may share a `name`: the same mistake in other numbers. `sometimes`: it shows in some cases, and in
-    others it is right by chance.
+    others it is correct by chance.
     """
 
     name: str
@@ -85,7 +85,7 @@ def _with_slip(function: Function, old: str, new: str) -> Function:
 
 
 def before(change: Callable[..., tuple[Any, ...]]) -> Callable[[Function], Function]:
-    """A variant's `change`: the right function, called with other arguments."""
+    """A variant's `change`: the correct function, called with other arguments."""
     return lambda f: lambda *args: f(*change(*args))
 
 
@@ -122,13 +122,13 @@ def unit(v: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Stage:
-    """A function of the contract. Its name, parameters and docstring are those of `reference`, which does it right.
+    """A function of the contract. Its name, parameters and docstring are those of `reference`, which does it correctly.
 
     `cases(seed)`: the calls. `errors(expected, got)`: how far each value is off, in `unit`; at most `tolerance` passes,
     but for a share `outliers` of the values. `returns`: what its arrays are called. `columns`: (3, 1) does for (3,).
-    `in_other_forms`: the variants made of other right functions, tried where none of them alone explains what is wrong.
+    `in_other_forms`: variants made of other correct functions, tried where none of them alone explains what is wrong.
     `by_values(cases, got)`: a variant that the values themselves tell, such as the number by which misses are marked.
-    `last(seed)`: calls that are made only once all others are right: what is wrong there is one mistake by itself.
+    `last(seed)`: calls that are made only once all others are correct: what is wrong there is one mistake by itself.
     `hints`: what another number of arrays, or shape of the first, is likely to be, where `shape_hint` says less.
     """
 

@@ -22,7 +22,7 @@ class StageResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """`error`: the worst case's, in `unit`, None where there is no number (it raised, another shape, NaN).
 
     `sentence`: for the student. `hint`: the line of theirs to look at. `causes`: names of the faults that explain all
-    cases, empty where none does or all is right; more than one: they explain it equally. `faults`: name and
+    cases, empty where none does or all is correct; more than one: they explain it equally. `faults`: name and
     sentence of the first. `inputs`, `expected`, `got`: of the worst value, in short. `wrong`: the
     share of all values that are off by more than the tolerance. `exact`: whether the causes leave nothing unexplained.
     """

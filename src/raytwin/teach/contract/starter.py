@@ -11,7 +11,7 @@ HEAD = '''"""A ray tracer in stages: functions that take and return NumPy arrays
 Run this file to check what is written so far: `python {name}`. In a notebook, `raytwin.check("shade", shade)` shows
 it as a small page. Keep names and parameters; helpers and classes of your own are welcome. N, the number of rays or
 points in a call, may be 1, and the eye may be inside a sphere. Arguments are float arrays of the shapes in parentheses;
-do not change them in place. A result passes that is right to about 1e-4 (rays and radiance 1e-5, a picture 1e-3); the
+do not change them in place. A result passes that is correct to about 1e-4 (rays and radiance 1e-5, a picture 1e-3); the
 check says how far it is off. A function that is left as it is counts as not written.
 You may import the standard library, numpy and scipy, and the packages that the rubric lists: OpenCV 4.11 or newer
 (`import cv2`), unless your instructor changed it.

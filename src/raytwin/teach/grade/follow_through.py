@@ -1,8 +1,8 @@
 """Follow-through: whether a picture is wrong only because of functions that failed on their own.
 
-Wrong pictures are asked for once more, with the right function in the failed one's place, wherever the submission's
-modules have its name. What is right then needs no other cause; what is still wrong has a second one. Of a picture that
-is made of functions alone, the share of those that are the submission's own counts.
+Wrong pictures are asked for once more, with the correct function in the failed one's place, wherever the submission's
+modules have its name. What is correct then needs no other cause; what is still wrong has a second one. Of a picture
+that is made of functions alone, the share of those that are the submission's own counts.
 """
 
 import inspect
@@ -53,7 +53,7 @@ def {REPLACE}(text, names):
 
 @dataclass(frozen=True, eq=False)
 class Rerun:
-    """Wrong pictures, asked for once more with the right functions of these `names` in place of the failed ones.
+    """Wrong pictures, asked for once more with the correct functions of these `names` in place of the failed ones.
 
     `again`: by the question's id, what was asked for and what came of it. `beside`: something else is wrong, too.
     """
@@ -73,7 +73,7 @@ def ask_again(
 ) -> Rerun:  # fmt: skip
     """Ask for the wrong pictures that the failed functions are part of, these replaced.
 
-    `child_with(names)`: the submission in a process, with right functions of these names in place of its own.
+    `child_with(names)`: the submission in a process, with correct functions of these names in place of its own.
     """
     names = tuple(name for name in PARTS if name in failed)
     wrong = [

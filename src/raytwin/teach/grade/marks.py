@@ -1,4 +1,4 @@
-"""What is found of the answers: of each exercise which parts are right, and the cause of what is not; no points."""
+"""What is found of the answers: of each exercise which parts are correct, and the cause of what is not; no points."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -25,7 +25,7 @@ from raytwin.teach.sandbox.sandbox import Code
 SEARCHES = 3
 """Searches for the causes of a submission's pictures, at most: of all of them, and of those of single exercises."""
 FURTHER = 1.25
-"""Multiple of the wrong pixels: if right functions leave more, they do not fit the submission's own ways."""
+"""Multiple of the wrong pixels: if correct functions leave more, they do not fit the submission's own ways."""
 MOST_VIEWS = 3
 """Wrong pictures of a submission that can be looked at pixel by pixel; of the others there is a small one."""
 
@@ -168,9 +168,9 @@ class _Causes:
 
     `failed`: functions that fail on their own, and that pictures are made of. `mended`: pictures that a change of the
     text is known for. In this order:
-    what is right once they are replaced is `theirs`, unless the pictures name a cause that the functions do not;
+    what is correct once they are replaced is `theirs`, unless the pictures name a cause that the functions do not;
     one diagnosis of the pictures as they were handed in, `together`;
-    and where right functions leave less wrong, one `beside` them, of the pictures that they made.
+    and where correct functions leave less wrong, one `beside` them, of the pictures that they made.
     """
 
     def __init__(
@@ -239,7 +239,7 @@ def _has_wrong_numbers(checked: Sequence[CheckedPicture]) -> bool:
 
 
 def _is_nearer(before: CheckedPicture, after: CheckedPicture) -> bool:
-    """Whether another picture came of right functions, of which hardly more is wrong."""
+    """Whether another picture came of correct functions, of which hardly more is wrong."""
     if before.got is None or after.got is None:
         return after.got is not None
     same = before.got.shape == after.got.shape and np.array_equal(before.got, after.got, equal_nan=True)
@@ -271,7 +271,7 @@ def _mark_pictures(
     status = _status(parts, asked)
     sentences = (*found.sentences, *dict.fromkeys(p.problem for p in parts if p.problem))
     if not sentences and status == "pass":
-        sentences = (f"right in all {len(parts)} pictures" if len(parts) > 1 else "the picture is right",)
+        sentences = (f"correct in all {len(parts)} pictures" if len(parts) > 1 else "the picture is correct",)
     made_of = tuple(dict.fromkeys(a.made_of for a in asked if a.made_of))
     sentences = (*sentences, *made_of)
     # Pixel by pixel the worst; the others stay small.

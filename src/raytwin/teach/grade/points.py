@@ -2,7 +2,7 @@
 
 One mistake costs points once. What one change of the text repairs, or one proved cause explains, is one mistake, in
 however many exercises it shows: the exercise of a function pays for it, or else the picture that loses most. The others
-keep the rubric's `follow_through` of their points. So does a picture that is right once failed functions are replaced.
+keep the rubric's `follow_through` of their points. So does a picture that is correct once they are replaced.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What a rubric asks of one submission: cases of stages, and scenes with their right pictures, drawn from the seed."""
+"""What a rubric asks of one submission: cases of functions, and scenes with their pictures, drawn from the seed."""
 
 import functools
 from collections.abc import Iterator

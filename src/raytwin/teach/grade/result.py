@@ -6,7 +6,7 @@ from raytwin.scene import Record
 from raytwin.teach.grade.rubric import Visibility
 
 Status = Literal["pass", "fail", "error", "missing", "limit", "broken"]
-"""`fail`: other numbers than expected; `error`: it raised, or gave no array of the right kind; `missing`: no such
+"""`fail`: other numbers than expected; `error`: it raised, or gave no array of the correct kind; `missing`: no such
 function; `limit`: too much time, memory or output; `broken`: its process ended."""
 
 
@@ -52,7 +52,7 @@ class Marked(Record, frozen=True):
     `inputs`, `expected`, `got`: of the worst value of a stage's cases. `fingerprint`: of the wrong numbers.
     `repair`: what was wrong where one change of the text makes all right, in an operator's words; `hints`: that change
     in each of three levels of detail. `mistakes`: what each explains all that is wrong here, and shows elsewhere, too.
-    `because`: functions that failed on their own, with correct ones of which this picture is right. `same_as`: the
+    `because`: functions that failed on their own, with correct ones of which this picture is correct. `same_as`: the
     exercise that pays for the same mistake. `followed`: of the points, those that are kept since it is paid for.
     """
 

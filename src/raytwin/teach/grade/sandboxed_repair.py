@@ -1,7 +1,7 @@
 """A second look at what is wrong: the line to look at, found by repairing the text, and the fingerprint of the numbers.
 
 It runs after grading, in a sandbox of its own, and changes no points. What the sandbox answers is compared here with
-what is right.
+what is correct.
 """
 
 import contextlib
@@ -105,7 +105,7 @@ class SecondLook:
         self.close()
 
     def child_with(self, names: Sequence[str] = ()) -> Sandbox:
-        """The process, with right functions of these names in place of the submission's own; a new one if it ended."""
+        """The process, with correct functions of these names in place of the student's; a new one if it ended."""
         assert self.code is not None
         if self.trials is None or self.trials.child.problem.problem:
             self.close()
@@ -119,7 +119,7 @@ class SecondLook:
         return self.trials.child
 
     def mends(self, stage: str, cases: Sequence[Case]) -> bool:
-        """Whether the change that was found for a function makes these cases right, too."""
+        """Whether the change that was found for a function makes these cases correct, too."""
         change = self.found[stage].candidate
         if change is None:
             return False
@@ -143,8 +143,8 @@ class SecondLook:
     ) -> list[Marked]:
         """The exercises, those that are wrong with the line to look at, and with a fingerprint if no cause is named.
 
-        `right`: functions that are right by their own tests, and are not tried. `replaced`: functions that failed, of
-        which right ones take the place. `beside`: others that are wrong; a change that makes them right, too, is
+        `right`: functions that are correct by their own tests, and are not tried. `replaced`: functions that failed, of
+        which correct ones take the place. `beside`: others that are wrong; a change that makes them correct, too, is
         `found` of them. `pictures`: (function, case) of those that are wrong: cases that are the same for all may be
         too small to show it.
         """
@@ -327,7 +327,7 @@ def _helps(
 
 
 CASES_OF_RIGHT = 2
-"""Cases of each function that is right, in which a change has to leave it right."""
+"""Cases of each function that is correct, in which a change has to leave it correct."""
 CASES_OF_WRONG = 3
 """Cases of each other function that is wrong, of which a change that it runs too has to make one right."""
 

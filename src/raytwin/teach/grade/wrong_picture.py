@@ -1,4 +1,4 @@
-"""A wrong picture as pages show it: a small one beside the right one, and for the worst every value."""
+"""A wrong picture as pages show it: a small one beside the correct one, and for the worst every value."""
 
 import msgspec
 import numpy as np
@@ -15,7 +15,7 @@ MOST_PIXELS = 40_000
 
 
 def wrong_picture(asked: Question, got: np.ndarray, scale: float, whole: bool) -> Picture:
-    """A wrong picture beside the right one; `whole`: with every value, for the viewer."""
+    """A wrong picture beside the correct one; `whole`: with every value, for the viewer."""
     (right,), points = asked.case.expected, asked.exercise.stage == "hit_points"
     if points:  # x, y, z as red, green, blue, from the least to the largest that there is
         seen = np.isfinite(right).all(axis=-1)

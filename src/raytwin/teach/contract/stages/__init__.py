@@ -1,1 +1,1 @@
-"""A stage a file: the function done right, the calls that test it, and the mistakes it is known for."""
+"""A stage per file: the function done correctly, the calls that test it, and the mistakes it is known for."""

@@ -120,11 +120,11 @@ RIGHT_FORMS: tuple[Function, ...] = (
         for scaled in (True, False)
     ),
 )
-"""Other right ways: without noise all give the same, but of points that a mistake has moved each makes another pose."""
+"""Other correct ways: without noise all agree, but of points that a mistake has moved each makes another pose."""
 
 
 def cases(seed: int) -> list[Case]:
-    """Boards seen without any noise, so that every right method finds the same; the poses that made them are known."""
+    """Boards seen without noise, so that every correct method finds the same, the poses that made them."""
     rng = np.random.default_rng(seed)
     kinds: tuple[tuple[str, Any, tuple[int, int], float], ...] = (
         ("a pinhole", (0, 0, 0, 0, 0), (6, 4), 0.5),
@@ -246,7 +246,7 @@ INPUTS = (
           ("swapped-centre", "cx is used for both axes: v goes with cy = K[1, 2]", (0, 1, 2, 2)),
           ("swapped-centre", "cy is used for both axes: u goes with cx = K[0, 2]", (0, 1, 3, 3)))),
 )  # fmt: skip
-"""The right function, given something else."""
+"""The correct function, given something else."""
 
 RESULTS = (
     Variant("transposed R", "R is transposed: p_cam = R @ p_board + t", _after(lambda R, t: (R.T, t))),
