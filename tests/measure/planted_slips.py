@@ -198,7 +198,7 @@ def right_values(name: str) -> list[np.ndarray]:
 
 
 def change(right: Sequence[np.ndarray], got: Sequence[np.ndarray]) -> float:
-    """The largest difference, of the scale of the correct one; infinite where a value is no number or the shape differs."""
+    """The largest difference, of the scale of the correct one; infinite where one is no number or the shape differs."""
     worst = 0.0
     for a, b in zip(right, got, strict=True):
         if a.shape != b.shape:
