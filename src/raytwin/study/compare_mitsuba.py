@@ -9,7 +9,6 @@ from pathlib import Path
 from raytwin import twin
 from raytwin.compare import Report, compare
 from raytwin.errors import InputError
-from raytwin.explain.diagnosis import explain
 from raytwin.images.cache import cache_folder
 from raytwin.images.image import Image
 from raytwin.progress import Progress, Stages, silent
@@ -63,6 +62,8 @@ def compare_mitsuba(path: str | Path, chosen: CompareSettings, *, progress: Prog
     judge = partial(compare, tolerance=scene.tolerance, flip=chosen.flip)
     made, right, found = render_sides(subject, scene, reference, judge, chosen, stages, noisy=True)
     if found.verdict == "fail":
+        from raytwin.explain.diagnosis import explain
+
         with stages.stage("cause"):
             found = found.because(*explain(made, right))
     found = judged_in_view(found, right, scene)

@@ -11,10 +11,8 @@ import numpy as np
 from raytwin import twin
 from raytwin.compare import Comparison, Report
 from raytwin.compare.finding import Finding, notes
-from raytwin.explain.diagnosis import explain
 from raytwin.explain.ledger import LEFT_OUT, Ledger, make_ledger
 from raytwin.explain.light_parts import sampled_parts
-from raytwin.explain.rounding_cause import rounding_cause
 from raytwin.images.image import Image
 from raytwin.images.photo_files import read_photo
 from raytwin.images.stored_precision import rounding_of
@@ -34,10 +32,6 @@ from raytwin.study.compared import Compared
 from raytwin.study.nothing_in_view import judged_in_view
 from raytwin.study.rounds import render_sides
 from raytwin.study.settings import CompareSettings
-from raytwin.teach.contract.check_function import judge_function
-from raytwin.teach.contract.stage_table import CONTRACT
-from raytwin.teach.contract.subject import find_subject
-from raytwin.teach.contract.subject_process import SubjectFunction
 
 if TYPE_CHECKING:
     from raytwin.photos import camera  # with OpenCV, which a scene whose camera is given needs not
@@ -209,6 +203,8 @@ def _photos(job: _Job) -> tuple[np.ndarray | None, np.ndarray | None]:
 def _subject(chosen: CompareSettings) -> Renderer:
     """What is compared with the twin."""
     if chosen.subject:
+        from raytwin.teach.contract.subject import find_subject
+
         return find_subject(chosen.subject, chosen.tracer_rung or chosen.rung, chosen.sampling)
     if RUNGS[chosen.climbed].noisy:
         return PathTraced(chosen.climbed, chosen.engine, chosen.twin_samples, chosen.sampling, surface=True)
@@ -249,6 +245,9 @@ def find_causes(
     made: Image, reference: Image, scene: Scene, rung: str, sampling: str, engine: str
 ) -> tuple[Finding, ...]:
     """Return why `made` is not its reference, on the same rung; `engine`: follows light for the split."""
+    from raytwin.explain.diagnosis import explain  # what passes needs no cause
+    from raytwin.explain.rounding_cause import rounding_cause
+
     rounded = rounding_cause(made, reference, scene, rung)
     return rounded or explain(
         made, reference, scene, rung, rounding_of(made), sampled=sampled_parts(scene, rung, engine, sampling)
@@ -258,6 +257,12 @@ def find_causes(
 def stage_causes(subject: Renderer) -> tuple[Finding, ...]:
     """What the subject's own functions of stages do wrong, each tested alone; nothing where all pass."""
     functions = subject.stages if isinstance(subject, UserRenderer) else {}
+    if not functions:
+        return ()
+    from raytwin.teach.contract.check_function import judge_function
+    from raytwin.teach.contract.stage_table import CONTRACT
+    from raytwin.teach.contract.subject_process import SubjectFunction
+
     tested = [judge_function(CONTRACT[name], function) for name, function in functions.items()]
     wrong = [result for result in tested if not result.passed][:3]
     hints = [f.hint() if isinstance(f := functions[r.stage], SubjectFunction) else "" for r in wrong]

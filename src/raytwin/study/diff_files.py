@@ -12,7 +12,6 @@ from raytwin.compare import METRICS, Comparison, Report, measure
 from raytwin.compare import compare as compare_images
 from raytwin.compare.finding import at, notes
 from raytwin.errors import InputError
-from raytwin.explain.diagnosis import explain
 from raytwin.images.image import Image
 from raytwin.images.image_input import ENDINGS, LoadedImage, as_image, read_side
 from raytwin.renderers import references
@@ -94,6 +93,8 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
     )
     start = time.perf_counter()
     if made.verdict == "fail":
+        from raytwin.explain.diagnosis import explain  # what passes needs no cause
+
         scene, rung = _known_scene(chosen, reference_side, test)
         rounding, of_reference = (loaded.rounding for loaded in made_of)
         made = made.because(*explain(test, made_of[1].image, scene, rung, rounding, of_reference=of_reference))
