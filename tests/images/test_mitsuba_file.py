@@ -1,3 +1,4 @@
+import shutil
 from pathlib import Path
 
 import pytest
@@ -5,7 +6,7 @@ from counting import calls
 
 from raytwin.errors import InputError
 from raytwin.scene import mitsuba_file
-from raytwin.scene.mitsuba_file import ALLOW, as_loaded, mitsuba_plugins, read_mitsuba, write_mitsuba
+from raytwin.scene.mitsuba_file import ALLOW, as_loaded, mitsuba_plugins, read_mitsuba
 from raytwin.scene.scene_files import read_scene
 
 HEAD = """<default name="w" value="12"/><integrator type="path"/><sensor type="perspective"><film type="hdrfilm">
@@ -45,8 +46,7 @@ def test_a_scene_is_known_by_its_content_and_that_of_its_files_alone(folder, tmp
     body = '<shape type="ply"><string name="filename" value="parts/pot.ply"/></shape>'
     before = read_mitsuba(written(folder, body)).digest
     assert read_mitsuba(written(folder, f"<!-- said -->\n{body}")).digest == before
-    copied = write_mitsuba(read_mitsuba(folder), tmp_path / "copy")
-    assert copied.digest == before
+    shutil.copytree(folder, tmp_path / "copy")
     assert read_mitsuba(tmp_path / "copy" / "scene.xml").digest == before
     (folder / "parts" / "pot.ply").write_text("another mesh")
     assert read_mitsuba(folder).digest != before

@@ -1,21 +1,20 @@
 """A Mitsuba file where a scene is named: compared, kept as a reference, held to in pytest."""
 
+import shutil
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from mitsuba_windows import with_window
 
 from raytwin import twin
 from raytwin.errors import InputError
 from raytwin.images.image import Image
 from raytwin.renderers import references
 from raytwin.renderers.user_renderers import UserRenderer
-from raytwin.scene.mitsuba_file import read_mitsuba, with_film, write_mitsuba
+from raytwin.scene.mitsuba_file import read_mitsuba
 from raytwin.show.view import view_of
 from raytwin.study import make_reference
-from raytwin.study.compare_mitsuba import read_sized
 from raytwin.study.compare_scene import compare_scene
 from raytwin.study.rounds import Budget
 
@@ -25,8 +24,16 @@ SIZE = (48, 36)
 @pytest.fixture
 def glass(tmp_path, scenes) -> Path:
     """The shipped scene, small, as a folder of one's own."""
-    small = with_film(read_mitsuba(scenes / "glass"), width=SIZE[0], height=SIZE[1])
-    return Path(write_mitsuba(small, tmp_path / "kitchen").folder)
+    folder = shutil.copytree(scenes / "glass", tmp_path / "kitchen")
+    edit(folder, '"width" value="160"', f'"width" value="{SIZE[0]}"')
+    edit(folder, '"height" value="120"', f'"height" value="{SIZE[1]}"')
+    return folder
+
+
+def edit(folder: Path, old: str, new: str) -> None:
+    text = (folder / "scene.xml").read_text()
+    assert old in text
+    (folder / "scene.xml").write_text(text.replace(old, new))
 
 
 def renderer(depth: int = 8, power: float = 1) -> UserRenderer:
@@ -62,16 +69,19 @@ def test_a_renderer_that_encodes_its_image_is_named(glass):
     assert "gamma" in found.reasons[0]
 
 
-def test_a_program_is_given_the_file_and_another_size_as_a_copy(glass, tmp_path):
+def test_a_program_is_given_the_file_whose_film_alone_says_the_size(glass, tmp_path):
     program = tmp_path / "prog.py"
     program.write_text(
         "import sys\nimport numpy as np\nimport raytwin\nfrom raytwin.scene.mitsuba_file import read_mitsuba\n"
         "w, h = read_mitsuba(sys.argv[1]).image_size\n"
         "raytwin.write_image(sys.argv[2], raytwin.Image(np.full((h, w, 3), 0.5, np.float32)))\n"
     )
-    result = compare_scene(glass, subject=f"{sys.executable} {program} {{scene}} {{out}}", size=(24, 18), samples=16)
-    assert result.subject.shape == (18, 24, 3)
+    subject = f"{sys.executable} {program} {{scene}} {{out}}"
+    result = compare_scene(glass, subject=subject, samples=16)
+    assert result.subject.shape[:2] == SIZE[::-1]
     assert result.comparison.verdict == "fail"
+    with pytest.raises(InputError, match=r"--size: expected the size in the file's <film>.*got 24 x 18"):
+        compare_scene(glass, subject=subject, size=(24, 18))
 
 
 @pytest.mark.parametrize("subject", [None, "drjit32-shadow-conic", "twin-llvm-shadow"])
@@ -102,13 +112,15 @@ def test_a_reference_of_a_file_is_made_checked_and_goes_stale_with_its_mesh(glas
 @pytest.mark.nightly
 def test_a_reference_of_a_film_with_a_window_is_the_part_that_it_shows(glass, tmp_path):
     whole = twin.render_mitsuba(read_mitsuba(glass), 64, 1)
-    write_mitsuba(with_window(read_mitsuba(glass), 20, 10, 16, 12), glass)
+    window = {"offset_x": 20, "offset_y": 10, "width": 16, "height": 12}
+    crop = "".join(f'<integer name="crop_{name}" value="{value}"/>' for name, value in window.items())
+    edit(glass, "</film>", f"{crop}</film>")
     made = make_reference.make(glass, "path", tmp_path / "reference", samples=64).new
     references.save(made)
     np.testing.assert_array_equal(made.image.surface.ids, whole.surface.ids[10:22, 20:36])
     assert make_reference.check(glass, "path", tmp_path / "reference", budget=Budget(samples=64)).exit_code == 0
     assert compare_scene(glass, subject="twin-llvm-path-64", samples=64).reference.shape == made.image.shape
-    assert read_sized(glass, (32, 24)).image_size == (32, 24)
+    assert compare_scene(glass, subject="twin-llvm-path-64", samples=64, size=(32, 24)).reference.shape[:2] == (24, 32)
 
 
 def test_the_shipped_file_and_its_reference_belong_together(scenes):

@@ -17,7 +17,7 @@ import msgspec
 
 from raytwin.errors import InputError
 from raytwin.images.limits import MAX_PIXELS
-from raytwin.safe_write import check_file, replacing, write_text
+from raytwin.safe_write import check_file
 from raytwin.scene.mitsuba_scene import MitsubaScene
 from raytwin.scene_folders import find_scene
 
@@ -285,39 +285,5 @@ def _with_film(scene: MitsubaScene, integers: dict[str, int]) -> MitsubaScene:
         film.remove(element)
     for name, value in integers.items():
         ET.SubElement(film, "integer", {"name": name, "value": str(value)})
-    return _edited(scene, root)
-
-
-def _edited(scene: MitsubaScene, root: ET.Element) -> MitsubaScene:
-    """The scene with other elements, which name no further files."""
-    folders = [Path(scene.folder)]
-    named = {element.get(key, "") for element in root.iter() for key in _files_of(element, folders)}
-    names = {shape.get("id", "") for shape in root.iter("shape")}
-    return msgspec.structs.replace(
-        scene,
-        text=ET.tostring(root, "unicode"),
-        image_size=_image_size(Path(scene.file), root),
-        names=tuple(name for name in scene.names if name in names),
-        files={name: digest for name, digest in scene.files.items() if name in named},
-    )
-
-
-def write_mitsuba(scene: MitsubaScene, folder: Path) -> MitsubaScene:
-    """Write the scene as `folder`/scene.xml with copies of all files that it names; the scene as it lies there."""
-    root, names = ET.fromstring(scene.text), {}
-    for name in scene.files:
-        inside = not name.startswith("..") and not Path(name).is_absolute()
-        names[name] = name if inside else f"{scene.files[name][:8]}-{Path(name).name}"
-        content = _content(Path(scene.folder) / name, "a file")
-        if not (folder / names[name]).is_file() or (folder / names[name]).read_bytes() != content:
-            with replacing(folder / names[name]) as temporary:
-                temporary.write_bytes(content)
-    for element in root.iter():
-        for key in _files_of(element, [Path(scene.folder)]):
-            element.set(key, names.get(element.get(key, ""), element.get(key, "")))
-    ET.indent(root)
-    text = ET.tostring(root, "unicode")
-    write_text(folder / "scene.xml", f"{text}\n")
-    named = {names[name]: digest for name, digest in scene.files.items()}
-    file = str((folder / "scene.xml").absolute())
-    return msgspec.structs.replace(scene, text=text, file=file, folder=str(folder.absolute()), files=named)
+    size = _image_size(Path(scene.file), root)
+    return msgspec.structs.replace(scene, text=ET.tostring(root, "unicode"), image_size=size)

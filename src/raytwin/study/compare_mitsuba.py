@@ -9,13 +9,11 @@ from pathlib import Path
 from raytwin import twin
 from raytwin.compare import Report, compare
 from raytwin.errors import InputError
-from raytwin.images.cache import cache_folder
 from raytwin.images.image import Image
 from raytwin.progress import Progress, Stages, silent
 from raytwin.renderers.twin_renderers import Twin
 from raytwin.renderers.user_renderers import UserRenderer
-from raytwin.scene import MitsubaScene
-from raytwin.scene.mitsuba_file import read_mitsuba, with_film, write_mitsuba
+from raytwin.scene.mitsuba_file import read_mitsuba, with_film
 from raytwin.study.compare_scene import Result
 from raytwin.study.make_reference import LEVEL
 from raytwin.study.nothing_in_view import judged_in_view
@@ -28,15 +26,6 @@ UNKNOWN = (
 )
 
 
-def read_sized(path: str | Path, size: tuple[int, int] | None = None) -> MitsubaScene:
-    """The file; or, with a film of another `size` (width, height), a copy for programs to read."""
-    scene = read_mitsuba(path)
-    if size is None or size == scene.image_size:
-        return scene
-    sized = with_film(scene, width=size[0], height=size[1])
-    return write_mitsuba(sized, cache_folder() / "mitsuba" / sized.digest)
-
-
 def subject_of(chosen: CompareSettings) -> UserRenderer | Twin:
     """The renderer that is asked for. Raises InputError for one that cannot take a Mitsuba file, and for a light."""
     if chosen.light is not None:
@@ -47,12 +36,17 @@ def subject_of(chosen: CompareSettings) -> UserRenderer | Twin:
     found = find_subject(chosen.subject, LEVEL)
     if not isinstance(found, UserRenderer | Twin) or found.rung != LEVEL:
         raise InputError("--subject", expected, found.name)
+    if chosen.size is not None and isinstance(found, UserRenderer):
+        expected = "the size in the file's <film>, which the subject reads, too"
+        raise InputError("--size", expected, "{} x {}".format(*chosen.size))
     return found
 
 
 def compare_mitsuba(path: str | Path, chosen: CompareSettings, *, progress: Progress = silent) -> Result:
     """Compare the subject with the render of Mitsuba's own integrator and film; `chosen.rung` has no meaning here."""
-    scene, subject, stages = read_sized(path, chosen.size), subject_of(chosen), Stages(progress)
+    scene, subject, stages = read_mitsuba(path), subject_of(chosen), Stages(progress)
+    if chosen.size is not None:
+        scene = with_film(scene, *chosen.size)
     with stages.stage("backend"):
         backend = twin.activate()
 

@@ -14,7 +14,6 @@ import platform
 import re
 import subprocess
 import sys
-import time
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -46,14 +45,13 @@ class Tried(msgspec.Struct, frozen=True):
 class Backend(msgspec.Struct, frozen=True):
     """What renders: Mitsuba's variant, None where none works, the libLLVM behind it, and how the choice was made.
 
-    `seconds`: what this choice took (a remembered one takes next to nothing); `versions`: of the packages that matter.
+    `versions`: of the packages that matter.
     """
 
     variant: str | None
     libllvm: str | None
     llvm_version: str | None
     tried: tuple[Tried, ...]
-    seconds: float
     versions: dict[str, str]
 
 
@@ -117,27 +115,24 @@ def chosen(variant: str | None = None) -> Backend:
 
 def find_backend(forced: str | None = None) -> Backend:
     """The backend that `activate` would make current: remembered on this machine, or found by probing."""
-    start = time.perf_counter()
     if find_spec("mitsuba") is None:  # nothing to try, and nothing to remember: it may be installed tomorrow
-        return Backend(forced, None, None, (), 0.0, versions())
+        return Backend(forced, None, None, (), versions())
     candidates = [CUDA] if forced == CUDA else llvm_candidates()
     memory = cache_folder() / f"backend-{_machine(candidates)}.json"
     with contextlib.suppress(OSError, msgspec.MsgspecError):
         known = msgspec.json.decode(memory.read_bytes(), type=Backend)
         if known.variant in VARIANTS and known.libllvm in (None, *candidates):
-            return msgspec.structs.replace(known, seconds=time.perf_counter() - start)
-    tried: list[Tried] = []
-    found: tuple[str | None, str | None, str | None] = (None, None, None)
+            return known
+    backend = Backend(None, None, None, (), versions())
     for path in candidates:
-        outcome, version = probe(forced or LLVM, None if path == CUDA else path)
-        tried.append(outcome)
-        if outcome.ok:
-            found = (forced or LLVM, None if path == CUDA else path, version)
+        library = None if path == CUDA else path
+        outcome, version = probe(forced or LLVM, library)
+        backend = msgspec.structs.replace(backend, tried=(*backend.tried, outcome))
+        if outcome.ok:  # else the next process asks again: a probe may just have met a busy machine
+            backend = msgspec.structs.replace(backend, variant=forced or LLVM, libllvm=library, llvm_version=version)
+            with contextlib.suppress(InputError):  # a cache that cannot be written costs a probe next time alone
+                write_json(memory, backend)
             break
-    backend = Backend(*found, tuple(tried), time.perf_counter() - start, versions())
-    if backend.variant:  # else the next process asks again: a probe may just have met a busy machine
-        with contextlib.suppress(InputError):  # a cache that cannot be written costs a probe next time, nothing else
-            write_json(memory, backend)
     return backend
 
 
@@ -157,8 +152,8 @@ def probe(variant: str, libllvm: str | None = None) -> tuple[Tried, str | None]:
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         return Tried(name, False, f"no picture after {PROBE_SECONDS} s"), None
-    except OSError as error:
-        return Tried(name, False, f"cannot start {sys.executable or 'Python'}: {error}"), None
+    except OSError as error:  # no Python that can be started: embedded in another program
+        return Tried(name, False, str(error)), None
     try:
         found = json.loads(child.stdout.strip().splitlines()[-1])
         version = ".".join(map(str, found["llvm"])) if found["llvm"] else None
@@ -257,5 +252,5 @@ def doctor() -> list[tuple[str, str]]:
     except MachineError as error:
         return [*rows, ("backend", f"none: {error}")]
     library = f", {backend.libllvm} (LLVM {backend.llvm_version})" if backend.libllvm else ""
-    rows.append(("backend", f"{backend.variant}{library}, chosen in {backend.seconds:.2f} s"))
+    rows.append(("backend", f"{backend.variant}{library}"))
     return rows

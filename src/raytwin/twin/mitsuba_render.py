@@ -1,6 +1,7 @@
 """A Mitsuba file -> Image: its own sensor, film and integrator, in independent batches whose spread is the variance."""
 
 import re
+from dataclasses import replace
 from functools import partial
 from typing import Any
 from xml.etree.ElementTree import fromstring, tostring
@@ -9,6 +10,7 @@ import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.images.image import BACKGROUND, Image, Surface
+from raytwin.images.image_pool import ImagePool
 from raytwin.progress import Progress, silent
 from raytwin.scene.mitsuba_file import as_loaded
 from raytwin.scene.mitsuba_scene import MitsubaScene
@@ -18,7 +20,7 @@ from raytwin.twin.plain import render_plain
 
 BATCHES = 16
 """Independent renders behind a variance."""
-VERSION = "2"
+VERSION = "3"
 """Part of every cache key: raise it when a change moves a pixel."""
 
 
@@ -46,19 +48,13 @@ def render_mitsuba(
 def _pooled(scene: MitsubaScene, samples: int, seed: int, batches: int, progress: Progress) -> Image:
     width, height = scene.image_size
     loaded = _loaded(scene)
-    each, means = -(-samples // batches), []
+    each, pool = -(-samples // batches), ImagePool()
     for k in range(batches):
         progress("twin", k, batches)
-        means.append(_rendered(scene, loaded, each, (seed, k)).reshape(height, width, 3))
+        # As one sample without noise: a file without random numbers makes equal batches, which are no repeats.
+        pool.add(Image(_rendered(scene, loaded, each, (seed, k)).reshape(height, width, 3), samples=1))
     progress("twin", batches, batches)
-    mean = np.mean(means, axis=0, dtype=float).astype(np.float32)
-    variance = third = None
-    if batches > 1:
-        variance = (np.var(means, axis=0, ddof=1, dtype=float) / batches).astype(np.float32)
-    if batches > 2:
-        cubes = ((x - mean.astype(float)) ** 3 for x in means)
-        third = (sum(cubes) / (batches * (batches - 1) * (batches - 2))).astype(np.float32)  # see ImagePool
-    return Image(mean, variance, each * batches, _surface(scene, loaded), batches, third=third)
+    return replace(pool.image, samples=each * batches, surface=_surface(scene, loaded))
 
 
 def mitsuba_provenance(
