@@ -139,7 +139,7 @@ def costs(folder: Path, repeats: int, names: Iterable[str] = SETTINGS) -> dict[s
     for name in names:
         try:
             camera = calibrate(SETTINGS[name])
-            tags, _ = camera_package.detect_photos(taken, BOARD.kind, find=SETTINGS[name].find)
+            tags, _ = camera_package.detect_photos(taken, BOARD.family, find=SETTINGS[name].find)
             unseen = held_out({Path(photo).name: found for photo, found in tags.items()}, camera, true)
         except InputError as error:
             print(f"{name}: {error}", file=sys.stderr)

@@ -48,7 +48,7 @@ def shipped() -> Set:
     folder = ROOT / "scenes" / "desk"
     board = read_board(folder / "board.toml")
     photos = sorted((folder / "photos").glob("*.jpg"))
-    return board, detect_photos(photos, board.kind)[0], photo_size(photos[0]), ()
+    return board, detect_photos(photos, board.family)[0], photo_size(photos[0]), ()
 
 
 def blurred(pixels: np.ndarray, i: int) -> np.ndarray:
@@ -87,7 +87,7 @@ def drawn(seed: int, bend: float = 0.0, spoil: Callable[[np.ndarray, int], np.nd
         for i, photo in enumerate(photos):
             if spoil is not None:
                 write_picture(photo, spoil(read_photo(photo), i))
-        return board, detect_photos(photos, board.kind)[0], size, (camera.fx, camera.fy, camera.cx, camera.cy)
+        return board, detect_photos(photos, board.family)[0], size, (camera.fx, camera.fy, camera.cx, camera.cy)
 
 
 def wrong_ids(seed: int) -> Set:

@@ -8,7 +8,7 @@ from raytwin.errors import InputError, check_one_of
 
 def board_command(
     out: Path = Path("board.pdf"), tag: str = "30mm", columns: int = 5, rows: int = 7, pitch: str = "38mm",
-    paper: str = "a4", margin: str = "5mm", landscape: bool | None = None, first_id: int = 0, family: str = "tag36h11",
+    paper: str = "a4", margin: str = "5mm", first_id: int = 0, family: str = "tag36h11",
 ) -> None:  # fmt: skip
     """Make a board to print, as PDF and TOML.
 
@@ -26,7 +26,7 @@ def board_command(
     definition = boards.Board(family, edge, boards.Grid(columns, rows, step, first_id))
     sheet.check_gap(definition)
     boards.check_board(definition)
-    laid = sheet.lay_out(definition, size, blank, landscape)
+    laid = sheet.lay_out(definition, size, blank)
     toml = sheet.write_sheet(out, laid)
     width, height = (f"{v * 1000:.5g}" for v in laid.paper)
     say(f"{columns * rows} tags on {width} x {height} mm, print at 100 %: {out}, {toml}")

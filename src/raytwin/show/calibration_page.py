@@ -4,8 +4,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-from raytwin.photos.camera import Calibration, model_table
-from raytwin.show.calibration_pictures import residual_drawing, uncertainty_drawing
+from raytwin.photos.camera import Calibration
+from raytwin.show.calibration_pictures import residual_drawing
 from raytwin.show.page import write_page
 from raytwin.show.terminal_text import intrinsics
 
@@ -33,7 +33,7 @@ def calibration_tables(calibration: Calibration) -> dict[str, Any]:
         "intrinsics": [(n, v, calibration.sigma.get(n), "px" if n[0] in "fc" else "") for n, v in found],
         "photos": photos,
         # A calibration that was read back has no evidence any more.
-        "models": model_table(calibration),
+        "tried": calibration.evidence,
         "largest": max((view.rms_px for view in photos), default=1.0) or 1.0,
     }
 
@@ -43,9 +43,6 @@ def calibration_pictures(calibration: Calibration) -> list[tuple[str, str, str]]
     if calibration.evidence is None:
         return []
     return [
-        ("How far off a pixel may be", uncertainty_drawing(calibration),
-         f"At the board's distance, {calibration.basis.distance:.2g} m. Tags were seen in "
-         f"{100 * calibration.basis.coverage:.0f} % of the frame; elsewhere the lens model alone speaks."),
         ("What each tag is off by", residual_drawing(calibration),
          "Lines that point every way are noise. Neighbours that point one way show what the lens model lacks."),
     ]  # fmt: skip
@@ -57,6 +54,9 @@ def board_sentence(calibration: Calibration) -> str:
     if calibration.evidence is not None:
         tilts = calibration.evidence.tilts
         said.append(f"The board was tilted by {min(tilts):.0f} to {max(tilts):.0f} degrees.")
+        said.append(f"Tags were seen in {100 * calibration.evidence.coverage:.0f} % of the frame.")
     if board.bend_mm:
-        said.append(f"It is bent by {board.bend_mm:.2f} ± {board.bend_sigma_mm:.2f} mm, fitted along with the camera.")
+        said.append(
+            f"The board is bent by {board.bend_mm:.2f} ± {board.bend_sigma_mm:.2f} mm, fitted along with the camera."
+        )
     return " ".join(said)

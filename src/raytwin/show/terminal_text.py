@@ -47,16 +47,15 @@ def calibration_summary(calibration: "Calibration") -> str:
 
     `pull`: by how many of their standard deviations K's numbers move (rms) without the photo.
     """
-    from raytwin.photos.camera import model_table
-
     s, (width, height) = calibration.sigma, calibration.image_size
     lines = [f"{counted(len(calibration.views), 'photo')} of {width} x {height}, model {calibration.model}"]
     lines += [f"  {n:<3} {v:12.5g}" + (f" +- {s[n]:.2g}" if n in s else "") for n, v in intrinsics(calibration).items()]
     lines.append(f"  rms {calibration.rms_px:.3f} px")
-    lines += [
-        f"  {'*' if t.taken else ' '} {t.model:<15} held out {t.held_out_px:.3f} px: {t.why}"
-        for t in model_table(calibration)
-    ]
+    if found := calibration.evidence:
+        lines += [
+            f"  {'*' if model == found.taken else ' '} {model:<15} held out {error:.3f} px"
+            for model, error in found.held_out_px.items()
+        ]
     if (board := calibration.board).bend_mm:
         lines.append(f"  board bent by {board.bend_mm:.2g} +- {board.bend_sigma_mm:.1g} mm")
     lines.append("  photo                            tags   rms px   pull")

@@ -79,7 +79,7 @@ def augment_photos(
                 found = f"{pixels.shape[1]} x {pixels.shape[0]}{turned}"
                 raise InputError(path, f"{lens.width} x {lens.height} pixels, as the camera's", found)
             known = calibration.tags_of(path, definition) if calibration is not None else None
-            tags = camera.detect_photo(path, definition.kind) if known is None else known
+            tags = camera.detect_photo(path, definition.family) if known is None else known
             pose = camera.pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
             stand = msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)
             here = scene.with_camera(stand)

@@ -80,7 +80,7 @@ def test_a_print_darkens_the_board_that_it_lies_on_and_no_table():
     table = Rectangle((0.0, 0.0, -0.002), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), in_photo=True)
     ball = Sphere((0.0, 0.0, 0.1), 0.05)
     made = printed(scene_of("board", CAMERA, (ball, sheet, table)), BOARD)
-    cells = np.concatenate([tag_cells(BOARD.family, tag, BOARD.border_bits).ravel() for tag in BOARD.centers()])
+    cells = np.concatenate([tag_cells(BOARD.family, tag).ravel() for tag in BOARD.centers()])
     black = (1 - cells.mean()) * BOARD.tag_edge**2 * len(BOARD.centers())
     share = black / (4 * np.linalg.norm(sheet.half_u) * np.linalg.norm(sheet.half_v))
     expected = sheet.albedo[0] * (1 - share * (1 - 0.04 / 0.85))

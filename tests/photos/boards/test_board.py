@@ -1,5 +1,4 @@
 import pickle
-import re
 
 import msgspec
 import numpy as np
@@ -135,20 +134,7 @@ def test_the_recipe_on_the_page_writes_the_board_of_a_pickle(scenes, tmp_path, m
     assert read_board("board.toml").digest == shipped.digest
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("columns = 6\nrows = 6\npitch = 0.0286", "columns, rows, pitch below the line [grid]"),
-        ("first_id = 2\n[grid]\ncolumns = 6\nrows = 6\npitch = 0.0286", "first_id below the line [grid]"),
-    ],
-)
-def test_a_grids_keys_outside_its_table_are_told_where_to_stand(tmp_path, text, said):
-    (tmp_path / "board.toml").write_text(f'family = "tag36h11"\ntag_edge = 0.022\n{text}\n')
-    with pytest.raises(InputError, match=re.escape(f"board.toml: expected {said}, got them elsewhere")):
-        read_board(tmp_path / "board.toml")
-
-
-def test_a_boards_keys_within_its_grid_are_told_where_to_stand(tmp_path):
-    (tmp_path / "board.toml").write_text('family = "tag36h11"\n[grid]\ncolumns = 6\nrows = 6\ntag_edge = 0.022')
-    with pytest.raises(InputError, match=r"expected tag_edge above the line \[grid\], got them elsewhere"):
-        read_board(tmp_path / "board.toml")
+def test_a_border_of_two_bits_is_refused_as_removed(tmp_path):
+    (tmp_path / "b.toml").write_text('family = "tag36h11"\ntag_edge = 0.03\nborder_bits = 2\n')
+    with pytest.raises(InputError, match=r"b.toml: expected tags with a border of one bit, got border_bits, removed"):
+        read_board(tmp_path / "b.toml")

@@ -20,11 +20,9 @@ from raytwin.photos.camera import (
     camera_of_photo,
     pose_of_photo,
     pose_of_tags,
-    uncertainty_map,
 )
 from raytwin.photos.camera.calibration import _of_one_size
 from raytwin.photos.camera.fit import MODELS, ModelSpec, Sighting, fit
-from raytwin.photos.camera.model import trial_rows
 from raytwin.photos.camera.pose import rotation_degrees
 from raytwin.photos.synthetic_photos import poses
 from raytwin.scene.toml_json import write_json
@@ -96,8 +94,6 @@ def test_the_pose_of_a_photo_is_the_one_its_calibration_found_and_the_photo_not_
     camera = camera_of_photo(plain_found, photo, BOARD)
     assert (camera.K, camera.R_cam_board) == (plain_found.K, report.refined.R_cam_board)
     assert camera.dist == plain_found.dist
-    assert 0 < report.sigma_degrees < 0.1
-    assert 0 < report.sigma_metres < 1e-3
     monkeypatch.setattr("raytwin.photos.camera.detection.read_grey", None)
     assert pose_of_photo(plain_found, photo, BOARD) == report
 
@@ -147,8 +143,8 @@ def test_real_sets_are_bent_predict_better_so_and_the_degenerate_one_has_the_low
     assert codes["april_fine"] == set()
     assert not codes["desk_tilted"] & {"degenerate-views", "few-views", "odd-photo"}
     for c in found.values():
-        trials, flat = c.basis.trials, c.basis.trials["full5"].held_out_px
-        assert trials[c.basis.taken].held_out_px < 0.8 * flat
+        errors = c.basis.held_out_px
+        assert errors[c.basis.taken] < 0.8 * errors["full5"]
     fine, degenerate = found["april_fine"], found["desk_degenerate"]
     # What a flat board gives; the sigmas are honest, so it lies within three of them.
     assert abs(fine.K[0][0] - 1014.8) < 3 * fine.sigma["fx"]
@@ -168,15 +164,11 @@ def _seen_in_the_middle(noise: float) -> dict:
     return seen(camera, stands, noise=noise, rng=rng)
 
 
-def test_a_part_of_the_frame_that_the_lens_folds_over_is_named_and_masked():
+def test_a_part_of_the_frame_that_the_lens_folds_over_is_named():
     found = calibrate_detections(_seen_in_the_middle(0.001), SIZE, SMALL, "k1k2")
     assert found.dist[0] == pytest.approx(-0.55, abs=0.01)
     (text,) = [w.text for w in found.warnings if w.code == "unconverged-distortion"]
     assert "no ray belongs to" in text
-    shown = uncertainty_map(found)
-    assert np.isnan(shown[0, 0])
-    assert np.isfinite(shown[20:28, 20:40]).all()
-    assert np.isnan(shown).mean() < 0.4
 
 
 def test_misplaced_tags_are_rejected_and_named():
@@ -260,6 +252,7 @@ def _photos(folder, kinds) -> list[Path]:
         ([WIDE] * 4, {}),
         ([OTHER, *[WIDE] * 3], {"0.jpg": "20 x 10 pixels where most have 24 x 16"}),
         ([*[WIDE] * 4, TALL, OTHER], {"4.jpg": "16 x 24 pixels where most", "5.jpg": "20 x 10"}),
+        ([*[WIDE] * 4, *[OTHER] * 4], dict.fromkeys((f"{i}.jpg" for i in range(4, 8)), "20 x 10")),
         ([*[WIDE] * 4, *[TALL] * 4], dict.fromkeys((f"{i}.jpg" for i in range(4, 8)), "16 x 24")),
     ],
 )
@@ -270,10 +263,9 @@ def test_photos_of_another_size_are_left_out_and_told(tmp_path, kinds, left_out)
     assert all(left_out[p.name] in why for p, why in others.items())
 
 
-@pytest.mark.parametrize(("kinds", "named"), [([WIDE, WIDE, TALL], "16 x 24"), ([WIDE] * 4 + [OTHER] * 4, "20 x 10")])
-def test_where_too_few_or_no_more_than_half_are_of_one_size_another_is_refused(tmp_path, kinds, named):
-    with pytest.raises(InputError, match=rf"\d.jpg: expected 24 x 16 pixels, as 0.jpg has, got {named}"):
-        _of_one_size(_photos(tmp_path, kinds))
+def test_where_too_few_are_of_one_size_another_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"2.jpg: expected 24 x 16 pixels, as other photos have, got 16 x 24"):
+        _of_one_size(_photos(tmp_path, [WIDE, WIDE, TALL]))
 
 
 def test_every_code_that_the_docs_list_is_provoked_by_a_test_and_no_other():
@@ -296,40 +288,17 @@ def test_the_evidence_says_how_much_of_the_frame_was_covered_and_how_far_the_boa
     eyes = [-np.array(R).T @ t for R, t in stands]
     tilts = [np.degrees(np.arccos(abs((e - middle)[2]) / np.linalg.norm(e - middle))) for e in eyes]
     assert evidence.tilts == pytest.approx(tilts, abs=0.1)
-    assert evidence.distance == pytest.approx(np.median([np.linalg.norm(e - middle) for e in eyes]), rel=1e-3)
 
 
-def test_auto_keeps_what_came_of_every_model_and_why_some_were_passed_over():
+def test_auto_keeps_the_held_out_error_of_every_model_that_it_tried():
     _, _, tags = _views((0.08,))
     found = calibrate_detections(tags, SIZE, SMALL)
-    trials = found.evidence.trials
-    assert list(trials) == ["full5", "full5, bent", "k1k2", "none"]
+    errors = found.evidence.held_out_px
+    assert list(errors) == ["full5", "full5, bent", "k1k2", "none"]
     assert found.model == found.evidence.taken == "k1k2"
-    assert trials["k1k2"].held_out_px < 0.5 * trials["none"].held_out_px
-    asked = calibrate_detections(tags, SIZE, SMALL, "k1k2").evidence.trials
+    assert errors["k1k2"] < 0.5 * errors["none"]
+    asked = calibrate_detections(tags, SIZE, SMALL, "k1k2").evidence.held_out_px
     assert asked.keys() == {"k1k2", "k1k2, bent"}
-
-
-@pytest.mark.parametrize(
-    ("photos", "taken", "told"),
-    [
-        (20, "k1k2, bent", {
-            "full5": (0.5, "5 times the best"),
-            "full5, bent": (0.1, "as good"),
-            "k1k2, bent": (0.1003, "the smallest that predicts as well as the best"),
-        }),
-        (8, "full5", {
-            "full5": (0.5, "too few photos to choose a smaller one by"),
-            "k1k2": (0.5, "as good; the lens folds"),
-            "none": (np.inf, "the lens folds"),
-        }),
-    ],
-)  # fmt: skip
-def test_each_model_that_was_tried_is_told_why_it_was_not_taken(photos, taken, told):
-    doubts = {n: "the lens folds" for n, (_, why) in told.items() if why.endswith("folds")}
-    rows = trial_rows({n: error for n, (error, _) in told.items()}, doubts, taken, photos).values()
-    assert [(t.model, t.why) for t in rows] == [(n, why) for n, (_, why) in told.items()]
-    assert [t.taken for t in rows] == [n == taken for n in told]
 
 
 # ---------------------------------------------------------------------------------- wrong input

@@ -59,7 +59,6 @@ def test_the_file_gives_the_same_camera_and_the_same_board_back(tmp_path):
         msgspec.structs.replace(SMALL, grid=Grid(5, 7, 0.038, first_id=1)),
         msgspec.structs.replace(SMALL, grid=Grid(5, 7, 0.038, order="down")),
         msgspec.structs.replace(SMALL, tag_edge=0.0011),
-        msgspec.structs.replace(SMALL, border_bits=2),
         msgspec.structs.replace(SMALL, family="tag25h9"),
     ],
 )

@@ -1,7 +1,6 @@
 import subprocess
 import sys
 
-import cv2
 import numpy as np
 import pytest
 from photo_helpers import BOARD
@@ -101,45 +100,6 @@ def test_found_centres_are_where_the_camera_projects_them_once_the_bias_is_taken
     assert np.abs(mended.mean(axis=0)).max() < 0.02
     assert np.sqrt((raw**2).sum(axis=1).mean()) < 0.25
     assert np.sqrt((mended**2).sum(axis=1).mean()) < 0.65 * np.sqrt((raw**2).sum(axis=1).mean())
-
-
-# ---------------------------------------------------------------------------------- twice, and two border bits
-
-
-WIDE = Board("tag36h11", 0.030, Grid(4, 3, 0.042), border_bits=2)
-
-
-def wide_photo(degrees: float = 8.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A picture of a board with two border bits, turned a little; where its centres are; and its lower left corners."""
-    albedo, (x_min, _, _, y_max) = draw_board(WIDE, 10_000.0)
-    middle = np.array(albedo.shape[::-1]) / 2
-    turn = cv2.getRotationMatrix2D(middle, degrees, 0.5)
-    turn[:, 2] += np.array([450.3, 400.7]) - middle
-    grey = cv2.warpAffine(
-        cv2.GaussianBlur(albedo, (0, 0), 2), turn, (900, 800), flags=cv2.INTER_LINEAR, borderValue=0.85
-    )
-    xy = np.array(list(WIDE.centers().values()))
-    at = [[np.c_[(p[:, :1] - x_min) * 10_000 - 0.5, (y_max - p[:, 1:]) * 10_000 - 0.5, np.ones(len(p))] @ turn.T][0]
-          for p in (xy, xy - 0.015)]  # fmt: skip
-    return (grey * 255).astype(np.uint8), *at
-
-
-def test_tags_with_two_border_bits_are_read_where_they_are():
-    grey, centers, corners = wide_photo()
-    found = detect(grey, WIDE.kind)
-    assert [t.id for t in found] == list(WIDE.centers())
-    assert np.abs(np.array([t.center for t in found]) - centers).max() < 0.15
-    assert np.abs(np.array([t.corners[0] for t in found]) - corners).max() < 0.5
-    assert detect(grey, "tag36h11") == []
-
-
-def test_a_photo_of_tags_with_another_border_is_told_what_to_write(tmp_path):
-    write_picture(tmp_path / "kalibr.png", wide_photo()[0])
-    with pytest.raises(NoTags, match=r"12 with a border of 2: border_bits = 2 in the board's file"):
-        detect_photo(tmp_path / "kalibr.png", "tag36h11")
-    write_picture(tmp_path / "usual.png", (255 * draw_board(BOARD, 3000.0)[0]).astype(np.uint8))
-    with pytest.raises(NoTags, match=r"35 with a border of 1: border_bits = 1 in the board's file"):
-        detect_photo(tmp_path / "usual.png", "tag36h11/2")
 
 
 @pytest.mark.parametrize("dist", [(-0.3, 0.08), (0.1, -0.1, 0.002, -0.001)])

@@ -6,7 +6,7 @@ from photo_helpers import SMALL, a_camera
 from test_trust import FOUR, SIZE, four, moved, views, zoomed
 
 from raytwin.errors import InputError
-from raytwin.photos.camera import calibrate_detections, model_table
+from raytwin.photos.camera import calibrate_detections
 from raytwin.photos.camera.fit import ModelSpec, Sighting, fit
 from raytwin.photos.camera.model import FEW_PHOTOS, select_model
 from raytwin.photos.camera.uncertainty import fit_uncertainty
@@ -17,8 +17,6 @@ def test_auto_fits_all_coefficients_to_few_photos_and_chooses_with_more(count, m
     _, _, tags = views(seed=1, count=count)
     found = calibrate_detections(tags, SIZE, SMALL)
     assert found.model == model
-    (why,) = [t.why for t in model_table(found) if t.taken]
-    assert why.startswith("too few photos" if count < FEW_PHOTOS else "the smallest that predicts as well as the best")
 
 
 @pytest.mark.parametrize(("count", "bent"), [(3, False), (4, True)])
@@ -47,11 +45,10 @@ def test_how_far_models_that_predict_alike_lie_apart_goes_into_sigma():
     _, _, tags = views(seed=1, count=6)
     seen = [Sighting(p, tuple(t)) for p, t in tags.items()]
     start = fit(seen, SIZE, SMALL, ModelSpec("k1k2"))
-    taken, trials, gap = select_model(seen, SIZE, SMALL, "auto", start)
+    taken, errors, gap = select_model(seen, SIZE, SMALL, "auto", start)
     assert taken.form.model == "full5"
-    best = min(t.held_out_px for t in trials.values())
-    fits = {n: fit(seen, SIZE, SMALL, ModelSpec(n.split(",")[0], "bent" in n), taken) for n in trials}
-    cx = [fits[n].shared[2] - taken.shared[2] for n, t in trials.items() if t.held_out_px <= 1.1 * best]
+    fits = {n: fit(seen, SIZE, SMALL, ModelSpec(n.split(",")[0], "bent" in n), taken) for n in errors}
+    cx = [fits[n].shared[2] - taken.shared[2] for n, e in errors.items() if e <= 1.1 * min(errors.values())]
     assert len(cx) > 2
     assert gap[2, 2] == pytest.approx(np.mean(np.square(cx)), rel=1e-3)
     known = fit_uncertainty(taken)

@@ -10,6 +10,6 @@ from raytwin.photos.boards.board import (
     check_offsets,
     draw_board,
     read_board,
-    refuse_heights,
+    refuse_removed,
     write_board,
 )

@@ -28,6 +28,12 @@ FAMILIES = {
 PAPER, INK = 0.85, 0.04
 """Albedo of white paper and of printed black."""
 
+REMOVED = {
+    "heights": "offsets, as `raytwin photo calibrate -o` writes them now",
+    "border_bits": "tags with a border of one bit",
+}
+"""Keys of a board that 0.2.0 removed -> what is expected instead."""
+
 Count = Annotated[int, msgspec.Meta(ge=1, le=1000)]
 TagId = Annotated[int, msgspec.Meta(ge=0)]
 
@@ -57,15 +63,13 @@ class BoardTag(Record, frozen=True):
 class Board(Record, frozen=True):
     """Tags of one family with black edges of `tag_edge` metres: either a `grid`, or a list of `tags`.
 
-    `border_bits`: how many cells wide the tags' black border is; Kalibr prints two. `offsets`: how the sheet is bent,
-    as a calibration finds it; flat without any.
+    `offsets`: how the sheet is bent, as a calibration finds it; flat without any.
     """
 
     family: str
     tag_edge: Positive
     grid: Grid | None = None
     tags: tuple[BoardTag, ...] | None = None
-    border_bits: Literal[1, 2] = 1
     offsets: Offsets | None = None
 
     def centers(self) -> dict[int, tuple[float, float]]:
@@ -97,18 +101,13 @@ class Board(Record, frozen=True):
         return np.asarray(sheet(xy.reshape(-1, 2))).reshape(xy.shape[:-1])
 
     @property
-    def kind(self) -> str:
-        """What a detector must look for: `tag36h11`, or `tag36h11/2` for a border of two bits."""
-        return self.family if self.border_bits == 1 else f"{self.family}/{self.border_bits}"
-
-    @property
     def digest(self) -> str:
-        """16 hex digits of what is printed: family, border, edge and centres (to 1 nm), not the sheet's shape.
+        """16 hex digits of what is printed: family, edge and centres (to 1 nm), not the sheet's shape.
 
         A grid and the same tags as a list have the same digest; so do boards whose tags are listed in another order.
         """
         places = sorted((i, round(1e9 * x), round(1e9 * y)) for i, (x, y) in self.centers().items())
-        text = repr((self.kind, round(1e9 * self.tag_edge), places))
+        text = repr((self.family, round(1e9 * self.tag_edge), places))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def flat(self) -> "Board":
@@ -122,22 +121,17 @@ def read_board(path: str | os.PathLike) -> Board:
     See Board and Grid. Raises InputError that names the field that is wrong.
     """
     data = read_toml(path)
-    grid: Any = data.get("grid")
-    of_board = ("family", "tag_edge", "border_bits") if isinstance(grid, dict) else ()
-    above = [key for key in of_board if key in grid and key not in data]
-    for keys, where in (([key for key in Grid.__struct_fields__ if key in data], "below"), (above, "above")):
-        if keys:
-            raise InputError(path, f"{', '.join(keys)} {where} the line [grid]", "them elsewhere")
-    refuse_heights(data, path)
+    refuse_removed(data, path)
     board = to_record(path, data, Board)
     check_board(board, path)
     return board
 
 
-def refuse_heights(table: Mapping[str, Any], where: object) -> None:
-    """Raise InputError for the polynomial that was the shape of a board before 0.2.0."""
-    if "heights" in table:
-        raise InputError(where, "offsets, as `raytwin photo calibrate -o` writes them now", "heights, removed in 0.2.0")
+def refuse_removed(table: Mapping[str, Any], where: object) -> None:
+    """Raise InputError for what 0.2.0 removed: a board's shape as a polynomial, and tags with a wide border."""
+    for key, instead in REMOVED.items():
+        if key in table:
+            raise InputError(where, instead, f"{key}, removed in 0.2.0")
 
 
 def write_board(path: str | os.PathLike, board: Board, comment: str = "") -> None:
@@ -196,11 +190,11 @@ def family_size(family: str) -> int:
     return len(cv2.aruco.getPredefinedDictionary(FAMILIES[family]).bytesList)
 
 
-def tag_cells(family: str, tag_id: int, border_bits: int = 1) -> np.ndarray:
+def tag_cells(family: str, tag_id: int) -> np.ndarray:
     """(n, n) float: 1 where the tag's cell is white; n counts the black border's cells on both sides."""
     dictionary = cv2.aruco.getPredefinedDictionary(FAMILIES[family])
-    side = dictionary.markerSize + 2 * border_bits
-    cells = cv2.aruco.generateImageMarker(dictionary, tag_id, side, borderBits=border_bits)
+    side = dictionary.markerSize + 2
+    cells = cv2.aruco.generateImageMarker(dictionary, tag_id, side)
     # OpenCV stores the AprilTag families turned by half a turn against the AprilTag library's upright.
     return np.rot90(cells, 2) / 255.0
 
@@ -221,7 +215,7 @@ def draw_board(board: Board, pixels_per_metre: float) -> tuple[np.ndarray, tuple
     x_min, y_max = (low + high + np.array([-width, height]) / pixels_per_metre) / 2
     sheet = np.full((height, width), PAPER, np.float32)
     for tag_id, (x, y) in centers.items():
-        cells = INK + (PAPER - INK) * tag_cells(board.family, tag_id, board.border_bits)
+        cells = INK + (PAPER - INK) * tag_cells(board.family, tag_id)
         left = (x - board.tag_edge / 2 - x_min) * pixels_per_metre
         top = (y_max - y - board.tag_edge / 2) * pixels_per_metre
         columns, across = _coverage(left, board.tag_edge * pixels_per_metre, len(cells))

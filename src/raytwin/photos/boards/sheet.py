@@ -40,21 +40,18 @@ class Sheet:
     bar: float
 
 
-def lay_out(board: Board, paper: tuple[float, float], margin: float, landscape: bool | None = None) -> Sheet:
+def lay_out(board: Board, paper: tuple[float, float], margin: float) -> Sheet:
     """The board in the middle of the paper's free width, a bar to measure below it; InputError where it does not fit.
 
-    `landscape` None: upright where that fits, else turned. `margin`: blank at each edge of the paper, metres.
+    The paper is turned where that alone fits. `margin`: blank at each edge of the paper, metres.
     """
     check_gap(board)
-    low, high = sorted(paper)
-    turns = {None: (paper, paper[::-1]), True: ((high, low),), False: ((low, high),)}[landscape]
     width, height = _needed(board, margin)
-    for across, up in turns:
+    for across, up in (paper, paper[::-1]):
         if across >= width - 1e-9 and up >= height - 1e-9:
             return _placed(board, (across, up), margin, (up - height) / 2)
     want = f"at least {_mm(width)} x {_mm(height)} for this board, its bar and a margin of {_mm(margin)}"
-    turned = ", which does not fit turned either" * (len(turns) > 1)
-    raise InputError("--paper", want, f"{_mm(turns[0][0])} x {_mm(turns[0][1])}{turned}")
+    raise InputError("--paper", want, f"{_mm(paper[0])} x {_mm(paper[1])}, which does not fit turned either")
 
 
 def _needed(board: Board, margin: float) -> tuple[float, float]:
@@ -84,7 +81,7 @@ def grid_of(board: Board) -> Grid:
 
 def cell(board: Board) -> float:
     """Metres: the side of a tag's bit."""
-    return board.tag_edge / len(tag_cells(board.family, 0, board.border_bits))
+    return board.tag_edge / len(tag_cells(board.family, 0))
 
 
 def _id_size(board: Board) -> float:
@@ -99,7 +96,7 @@ def check_gap(board: Board) -> None:
     neighbour's black edge comes into that, and the blur of lens and print closes the gap.
     """
     if cell(board) < SMALLEST_CELL:
-        smallest = SMALLEST_CELL * len(tag_cells(board.family, 0, board.border_bits))
+        smallest = SMALLEST_CELL * len(tag_cells(board.family, 0))
         raise InputError("--tag", f"at least {_mm(smallest)}, so that a printer can draw its bits", _mm(board.tag_edge))
     least = board.tag_edge + cell(board)
     if grid_of(board).pitch < least - 1e-9:
@@ -142,7 +139,7 @@ def pdf_bytes(sheet: Sheet) -> bytes:
 
 def _draw_tag(canvas, board: Board, tag_id: int, left: float, bottom: float) -> None:
     """The tag's black runs as one path with shared coordinates, so that no seam shows between neighbours."""
-    cells = tag_cells(board.family, tag_id, board.border_bits)
+    cells = tag_cells(board.family, tag_id)
     n = len(cells)
     xs = [POINTS * (left + board.tag_edge * i / n) for i in range(n + 1)]
     ys = [POINTS * (bottom + board.tag_edge * i / n) for i in range(n, -1, -1)]

@@ -11,7 +11,6 @@ from raytwin.photos.camera.calibration_result import (
     CalibrationWarning,
     FoundBoard,
     View,
-    model_table,
 )
 from raytwin.photos.camera.camera_file import read_board_shapes, with_shape, write_camera_file
 from raytwin.photos.camera.detection import NoTags, Tag, detect, detect_photo, detect_photos
@@ -27,4 +26,3 @@ from raytwin.photos.camera.pose import (
     refined_pose,
     rotation_degrees,
 )
-from raytwin.photos.camera.uncertainty import deviations, pose_deviation, uncertainty_map

@@ -25,8 +25,8 @@ from raytwin.photos.camera.calibration_result import Calibration, CalibrationWar
 from raytwin.photos.camera.detection import Find, Tag, detect, detect_photos
 from raytwin.photos.camera.diagnostics import CheckInputs, coverage, line_of_sight, misfit, warnings_for
 from raytwin.photos.camera.fit import INTRINSICS, MODELS, Fit, ModelSpec, Sighting, fit, matched
-from raytwin.photos.camera.model import TrialRow, select_model
-from raytwin.photos.camera.uncertainty import FitUncertainty, fit_uncertainty, with_poses
+from raytwin.photos.camera.model import select_model
+from raytwin.photos.camera.uncertainty import FitUncertainty, fit_uncertainty
 from raytwin.progress import Progress, silent
 
 LEAST_VIEWS = 3
@@ -86,7 +86,7 @@ def calibrate(
     shown = {str(p): p.name if unique else str(p) for p in paths}
     paths, broken = readable_photos(paths)
     paths, image_size, others = _of_one_size(paths)
-    found, without = detect_photos(paths, board.kind, progress, find, threads)
+    found, without = detect_photos(paths, board.family, progress, find, threads)
     wrong = {str(photo): why for photo, why in (broken | others).items()} | without
     progress("fit", 0, 1)
     result = calibrate_detections(
@@ -113,24 +113,25 @@ def calibrate_detections(
     wrong = dict(wrong or {})
     if not any(detections.values()):
         seen = "; ".join(f"{name}: {why}" for name, why in list(wrong.items())[:3])
-        raise InputError(where, f"photos of {board.kind} tags", seen or "none")
+        raise InputError(where, f"photos of {board.family} tags", seen or "none")
     pose.check_tags(list(detections.values()), board, where)
     _check_inside(detections, image_size)
     distinct = _distinct(detections, image_size)
     wrong |= dict.fromkeys((photo for photo in detections if photo not in distinct), REPEATED)
     views, straight = _first_views(distinct, image_size, board, wrong)
     _check_enough(views, wrong, where)
+    pose.check_places(sum(len(v.tags) for v in straight), sum(len(v.tags) for v in views), where)
     result = fit(straight, image_size, board, ModelSpec(PRELIMINARY if model == "auto" else model))
     for _ in range(ROUNDS):
         # This fit reveals the detector's bias and the outliers; without both, the next fit is better.
         views, straight = _inliers(views, board, result, wrong)
         _check_enough(views, wrong, where)
-        result, trials, gap = select_model(straight, image_size, board, model, result)
+        result, held_out, gap = select_model(straight, image_size, board, model, result)
     _check_explained(result, where)
     read = [{t.id for t in v.tags} for v in views]
     outliers = {v.photo: sorted(ids - {t.id for t in v.tags}) for ids, v in zip(read, straight, strict=True)}
     known = fit_uncertainty(result, gap)
-    made = _calibration(straight, board, result, known, trials, detections)
+    made = _calibration(straight, board, result, known, held_out, detections)
     warnings = warnings_for(CheckInputs(made, result, known, straight, board, wrong, outliers))
     return msgspec.structs.replace(made, warnings=tuple(CalibrationWarning(*w) for w in warnings))
 
@@ -213,7 +214,7 @@ def _calibration(
     board: Board,
     result: Fit,
     known: FitUncertainty,
-    trials: dict[str, TrialRow],
+    held_out: dict[str, float],
     detections: Mapping[str, Sequence[Tag]],
 ) -> Calibration:
     names, seen, there = result.form.names, result.observations, result.observations.seen
@@ -225,14 +226,11 @@ def _calibration(
         View(view.photo, len(view.tags), rms[i], pose.rotation(result.R[i]), tuple(result.t[i].tolist()), influence[i])
         for i, view in enumerate(views)
     )
-    sights, cosine = line_of_sight(result, board)
+    cosine = line_of_sight(result, board)
     evidence = Evidence(
         coverage=coverage(seen.pixels[there], seen.image_size),
         tilts=tuple(np.degrees(np.arccos(np.clip(np.abs(cosine), 0, 1))).tolist()),
-        distance=float(np.median(sights)),
-        covariance=tuple(map(tuple, with_poses(result, known).tolist())),
-        noise_px=known.noise_px,
-        trials=trials,
+        held_out_px=held_out,
         taken=str(result.form),
         board=_shaped(board, result),
         seen=tuple(map(tuple, seen.pixels[there].tolist())),
@@ -262,18 +260,18 @@ def _found_board(board: Board, result: Fit, known: FitUncertainty) -> FoundBoard
 
 
 def _of_one_size(paths: Sequence[Path]) -> tuple[list[Path], tuple[int, int], dict[Path, str]]:
-    """The photos of the commonest size, that size, and why the others are left out, unless they are half of all.
+    """The photos of the commonest size, that size, and why the others are left out.
 
-    Those a quarter turn from the others are never taken: their pixels were turned after the lens had drawn them, and
+    Those a quarter turn from the others are left out too: their pixels were turned after the lens had drawn them, and
     its centre and its axes with them.
     """
     sizes = dict(zip(paths, map(photo_size, paths), strict=True))
-    size = Counter(sizes.values()).most_common(1)[0][0]
-    kept, others = ([p for p in paths if (sizes[p] == size) is alike] for alike in (True, False))
-    strange = [p for p in others if sizes[p] != size[::-1]]
+    size, count = Counter(sizes.values()).most_common(1)[0]
     w, h = size
-    if others and (len(kept) < LEAST_VIEWS or 2 * len(strange) >= len(paths)):
-        raise InputError(others[0], f"{w} x {h} pixels, as {kept[0].name} has", "{} x {}".format(*sizes[others[0]]))
+    others = [p for p in paths if sizes[p] != size]
+    if others and count < LEAST_VIEWS:
+        raise InputError(others[0], f"{w} x {h} pixels, as other photos have", "{} x {}".format(*sizes[others[0]]))
+    kept = [p for p in paths if sizes[p] == size]
     return kept, size, {p: "{} x {} pixels where most have {} x {}".format(*sizes[p], w, h) for p in others}
 
 

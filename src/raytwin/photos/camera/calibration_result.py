@@ -8,7 +8,6 @@ import msgspec
 from raytwin.errors import InputError
 from raytwin.photos.boards import Board, Offsets
 from raytwin.photos.camera.detection import Tag
-from raytwin.photos.camera.model import TrialRow
 from raytwin.scene import Matrix, Record, Vector
 
 
@@ -46,19 +45,14 @@ class Evidence(Record, frozen=True):
     """What a calibration rests on, and what may be said from it; not part of its JSON.
 
     `coverage`: the share of the frame's 10 x 10 cells with a tag's centre. `tilts`: the angle between the board's
-    normal and the line of sight, degrees, by view. `distance`: the board's middle from the camera, the median over the
-    views, metres. `covariance`: of (fx, fy, cx, cy, the model's coefficients, omega, tau), see `uncertainty`; pixels,
-    radians, metres; `noise_px`: one standard deviation of a tag's coordinate that goes with it. `trials`: what came of
-    each model, `taken` among them. `board`: with its shape. `seen`: the tags' centres, by view; `residuals`:
-    projected minus seen of each, pixels. `found`: by photo, all tags that were detected.
+    normal and the line of sight, degrees, by view. `held_out_px`: each model's error in unseen photos, that of the one
+    `taken` among them. `board`: with its shape. `seen`: the tags' centres, by view; `residuals`: projected minus seen
+    of each, pixels. `found`: by photo, all tags that were detected.
     """
 
     coverage: float
     tilts: tuple[float, ...]
-    distance: float
-    covariance: tuple[tuple[float, ...], ...]
-    noise_px: float
-    trials: dict[str, TrialRow]
+    held_out_px: dict[str, float]
     taken: str
     board: Board
     seen: tuple[tuple[float, float], ...]
@@ -116,11 +110,6 @@ class Calibration(Record, frozen=True):
 
     def tags_of(self, photo: str | os.PathLike, board: Board) -> tuple[Tag, ...] | None:
         """The tags that were found in a photo, so that it need not be searched again; None for any other photo."""
-        if self.evidence is None or self.evidence.board.kind != board.kind:
+        if self.evidence is None or self.evidence.board.family != board.family:
             return None
         return self.evidence.found.get(str(photo))
-
-
-def model_table(calibration: Calibration) -> list[TrialRow]:
-    """Why the model was taken, and the others were not; empty for a calibration that was read back."""
-    return [] if calibration.evidence is None else [*calibration.evidence.trials.values()]

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 
 import msgspec
 
-from raytwin.photos.boards import Board, Offsets, check_offsets, refuse_heights
+from raytwin.photos.boards import Board, Offsets, check_offsets, refuse_removed
 from raytwin.scene import Camera, Record
 from raytwin.scene.toml_json import plain, read_toml, to_record, write_toml
 
@@ -41,7 +41,7 @@ def read_board_shapes(path: str | os.PathLike) -> tuple[BoardShape, ...]:
     """Return the shapes in a camera.toml; none where it was written without."""
     data = {k: v for k, v in read_toml(path).items() if k == "boards"}
     for i, shape in enumerate(data.get("boards", ())):
-        refuse_heights(shape, f"{path}: boards[{i}]")
+        refuse_removed(shape, f"{path}: boards[{i}]")
     return to_record(path, data, _ShapesOnly).boards
 
 

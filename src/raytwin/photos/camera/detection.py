@@ -1,8 +1,4 @@
-"""AprilTags in a photo: pupil_apriltags, shifted by half a pixel into OpenCV's convention.
-
-A kind of tag is a family, `tag36h11`, or one whose black border is two bits wide, `tag36h11/2`, as Kalibr prints them:
-the AprilTag library finds none of those, OpenCV's ArUco all.
-"""
+"""AprilTags in a photo: pupil_apriltags, shifted by half a pixel into OpenCV's convention."""
 
 import os
 from collections import Counter, defaultdict
@@ -16,12 +12,11 @@ import pupil_apriltags
 
 from raytwin.errors import InputError
 from raytwin.images.photo_files import read_grey
-from raytwin.photos.boards import FAMILIES
 from raytwin.progress import Progress, silent
 from raytwin.scene import Record
 
 Find = Callable[[np.ndarray, str], "list[Tag]"]
-"""find(grey, kind) -> the tags in a photo, in the photo's own pixels; `detect` is one."""
+"""find(grey, family) -> the tags in a photo, in the photo's own pixels; `detect` is one."""
 
 
 class NoTags(InputError):
@@ -80,7 +75,7 @@ scale, in a tenth of the time.
 """
 
 
-def detect(pixels: np.ndarray, kind: str = "tag36h11", reductions: Sequence[float] | None = None) -> list[Tag]:
+def detect(pixels: np.ndarray, family: str = "tag36h11", reductions: Sequence[float] | None = None) -> list[Tag]:
     """The tags in a photo, sRGB uint8 (H, W, 3) or grey (H, W), by id.
 
     An id seen at two places says nothing about which is the board's: both are dropped. So are tags that need more
@@ -89,17 +84,13 @@ def detect(pixels: np.ndarray, kind: str = "tag36h11", reductions: Sequence[floa
     """
     grey = pixels if pixels.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(pixels), cv2.COLOR_RGB2GRAY)
     grey, size = np.ascontiguousarray(grey), np.array(grey.shape[::-1])
-    family, _, border = kind.partition("/")
-    if border:
-        found = _wide_bordered(grey, family, int(border))
-    else:
-        found = _bordered_by_one(grey, family, reductions or (REDUCTIONS if size.max() > SEARCH_SIDE else (1.0,)))
+    found = _search(grey, family, reductions or (REDUCTIONS if size.max() > SEARCH_SIDE else (1.0,)))
     whole = sorted((t for t in found if _is_whole(np.array(t.corners) + 0.5, size)), key=lambda t: t.id)
     times = Counter(tag.id for tag in whole)
     return [tag for tag in whole if times[tag.id] == 1]
 
 
-def _bordered_by_one(grey: np.ndarray, family: str, reductions: Sequence[float]) -> list[Tag]:
+def _search(grey: np.ndarray, family: str, reductions: Sequence[float]) -> list[Tag]:
     with _borrowed(family) as detector:
         for reduction in reductions:
             detector.tag_detector_ptr.contents.quad_decimate = reduction
@@ -115,22 +106,6 @@ def _bordered_by_one(grey: np.ndarray, family: str, reductions: Sequence[float])
     ]
 
 
-def _wide_bordered(grey: np.ndarray, family: str, border: int) -> list[Tag]:
-    options = cv2.aruco.DetectorParameters()
-    options.markerBorderBits = border
-    options.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-    detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(FAMILIES[family]), options)
-    corners, ids, _ = detector.detectMarkers(grey)
-    found = []
-    for quad, tag_id in zip(corners, np.ravel(ids) if ids is not None else (), strict=True):
-        # Clockwise from the upper left of OpenCV's upright, which is AprilTag's turned by half a turn.
-        a, b, c, d = quad[0].astype(float)
-        meet = np.linalg.solve(np.stack([c - a, b - d], axis=-1), b - a)
-        center = a + meet[0] * (c - a)
-        found.append(Tag(int(tag_id), tuple(center.tolist()), tuple(tuple(p.tolist()) for p in (b, a, d, c)), 0.0))
-    return found
-
-
 def _edges(corners: np.ndarray) -> np.ndarray:
     return np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
 
@@ -140,24 +115,19 @@ def _is_whole(corners: np.ndarray, size: np.ndarray) -> bool:
     return bool(min(corners.min(), (size - corners).min()) >= _edges(corners).max() / 8)
 
 
-def detect_photo(path: str | os.PathLike, kind: str = "tag36h11", find: Find = detect) -> list[Tag]:
+def detect_photo(path: str | os.PathLike, family: str = "tag36h11", find: Find = detect) -> list[Tag]:
     """The tags in a photo's file; NoTags, with the reason, where there is none."""
     grey = read_grey(path)
-    if tags := find(grey, kind):
+    if tags := find(grey, family):
         return tags
-    if mirrored := find(grey[:, ::-1], kind):
-        raise NoTags(path, f"{kind} tags", f"a mirrored photo (its mirror image shows {len(mirrored)} tags)")
-    family, _, border = kind.partition("/")
-    if others := find(grey, family if border else f"{family}/2"):
-        bits = 1 if border else 2
-        got = f"{len(others)} with a border of {bits}: border_bits = {bits} in the board's file"
-        raise NoTags(path, f"{kind} tags", got)
-    raise NoTags(path, f"{kind} tags", "no tag that appears once")
+    if mirrored := find(grey[:, ::-1], family):
+        raise NoTags(path, f"{family} tags", f"a mirrored photo (its mirror image shows {len(mirrored)} tags)")
+    raise NoTags(path, f"{family} tags", "no tag that appears once")
 
 
 def detect_photos(
     photos: Sequence[str | os.PathLike],
-    kind: str,
+    family: str,
     progress: Progress = silent,
     find: Find = detect,
     threads: int | None = None,
@@ -172,7 +142,7 @@ def detect_photos(
     # Decoding and detecting both let other threads run.
     progress("detect", 0, len(photos))
     with ThreadPoolExecutor(min(len(photos), threads or os.cpu_count() or 1) or 1) as pool:
-        searches = [pool.submit(detect_photo, photo, kind, find) for photo in photos]
+        searches = [pool.submit(detect_photo, photo, family, find) for photo in photos]
         for done, (photo, search) in enumerate(zip(photos, searches, strict=True), start=1):
             try:
                 tags[str(photo)] = search.result()

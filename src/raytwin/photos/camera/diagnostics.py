@@ -98,11 +98,10 @@ def normal_spread(rotations: Sequence[np.ndarray]) -> float:
     return float(np.degrees(np.arccos(np.clip((normals @ normals.T).min(), -1, 1))))
 
 
-def line_of_sight(found: Fit, board: Board) -> tuple[np.ndarray, np.ndarray]:
-    """By view, to the board's middle: metres, and the cosine of its angle with the normal, below 0 from behind."""
+def line_of_sight(found: Fit, board: Board) -> np.ndarray:
+    """By view, the cosine of the angle between the line to the board's middle and the normal, below 0 from behind."""
     sights = found.R @ np.append(np.mean(list(board.centers().values()), axis=0), 0.0) + found.t
-    metres = np.linalg.norm(sights, axis=1)
-    return metres, -(found.R[:, :, 2] * sights).sum(axis=1) / metres
+    return np.asarray(-(found.R[:, :, 2] * sights).sum(axis=1) / np.linalg.norm(sights, axis=1))
 
 
 def misfit(found: Fit) -> float:
@@ -160,7 +159,7 @@ def _degenerate(case: CheckInputs) -> Warnings:
 
 def _mirrored(case: CheckInputs) -> Warnings:
     """A mirrored description fits as well, seen from behind; but no detector reads a tag from there."""
-    behind, grid = int((line_of_sight(case.found, case.board)[1] < 0).sum()), case.board.grid
+    behind, grid = int((line_of_sight(case.found, case.board) < 0).sum()), case.board.grid
     if behind:
         advice = "swap the sign of x"
         if grid is not None:
@@ -177,7 +176,7 @@ def _odd(case: CheckInputs) -> Warnings:
         name, why, rest = found
         after = f"with {', '.join(left_out)} left out, " if left_out else ""
         blame = "(another camera, zoom or orientation, or blur): leave it out"
-        if name == case.views[np.abs(line_of_sight(case.found, case.board)[1]).argmin()].photo:
+        if name == case.views[np.abs(line_of_sight(case.found, case.board)).argmin()].photo:
             blame = "(blur, another camera, or the only view so steep): take more as steep before you leave it out"
         yield "odd-photo", f"{name}: {after}{why} {blame}"
         left_out.append(name)

@@ -6,7 +6,6 @@ only where it predicts as well, a bent board only where it predicts better.
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -29,33 +28,27 @@ FEWEST_FOR_A_BEND = 4
 """Photos: with fewer, the board is taken for flat."""
 
 
-class TrialRow(NamedTuple):
-    """What came of one model: held-out error in pixels, infinite where no fit converges, whether it was taken, why."""
-
-    model: str
-    held_out_px: float
-    taken: bool
-    why: str
-
-
 def select_model(
     views: Sequence[Sighting], image_size: tuple[int, int], board: Board, model: str, start: Fit
-) -> tuple[Fit, dict[str, TrialRow], np.ndarray]:
-    """Choose whether the board is bent, then the lens: the fit, every model's trial, and `gap`, see `_gap`."""
+) -> tuple[Fit, dict[str, float], np.ndarray]:
+    """Choose whether the board is bent, then the lens: the fit, each model's held-out error, and `gap` (see `_gap`).
+
+    The error is in pixels, infinite where no fit converges.
+    """
     fits: dict[str, Fit] = {}
     errors: dict[str, float] = {}
-    doubts: dict[str, str] = {}
+    folded: set[str] = set()  # the lens folds back inside the frame
 
     def attempt(form: ModelSpec, begin: Fit) -> None:
         try:
             found = fits[str(form)] = fit(views, image_size, board, form, begin)
         except InputError:
-            errors[str(form)], doubts[str(form)] = math.inf, "the fit does not converge"
+            errors[str(form)] = math.inf
             return
         # A mean of photos, not of squares, so that one foreign photo does not choose the model.
         errors[str(form)] = float(leave_one_out(found)[1].mean())
         if undone(found.K, found.dist, image_size).fault:
-            doubts[str(form)] = "the lens folds back inside the frame"
+            folded.add(str(form))
 
     lenses = [*MODELS][::-1] if model == "auto" else [model]
     for bent in (False, True)[: 1 + (len(views) >= FEWEST_FOR_A_BEND)]:
@@ -67,8 +60,8 @@ def select_model(
         attempt(ModelSpec(lens, fits[taken].form.bent), fits[taken])
     good = _as_good({n: errors[n] for n in fits if fits[n].form.bent == fits[taken].form.bent})
     good = [taken, *good] if len(views) < FEW_PHOTOS else good[::-1]
-    best = next((n for n in good if n not in doubts), good[0])
-    return fits[best], trial_rows(errors, doubts, best, len(views)), _gap(fits, errors, fits[best])
+    best = next((n for n in good if n not in folded), good[0])
+    return fits[best], errors, _gap(fits, errors, fits[best])
 
 
 def _as_good(errors: Mapping[str, float]) -> list[str]:
@@ -90,17 +83,3 @@ def _gap(fits: Mapping[str, Fit], errors: Mapping[str, float], taken: Fit) -> np
         alike = [f for f in alike if f.form == richest]
     moved = [(f.lens - taken.lens)[: len(taken.form.names)] for f in alike or [taken]]
     return np.mean([np.outer(m, m) for m in moved], axis=0)
-
-
-def trial_rows(errors: Mapping[str, float], doubts: Mapping[str, str], taken: str, photos: int) -> dict[str, TrialRow]:
-    """What came of each model, in the order they were tried."""
-    chosen = "the smallest that predicts as well as the best"
-    if photos < FEW_PHOTOS:
-        chosen = "too few photos to choose a smaller one by"
-    rows = {}
-    for model, error in errors.items():
-        times = error / min(errors.values())
-        why = "as good" if times <= RELATIVE_SLACK else f"{times:.3g} times the best"
-        why = (chosen if model == taken else why) if math.isfinite(times) else ""
-        rows[model] = TrialRow(model, error, model == taken, "; ".join(filter(None, (why, doubts.get(model)))))
-    return rows

@@ -9,7 +9,6 @@ import os
 from collections.abc import Sequence
 
 import cv2
-import msgspec
 import numpy as np
 from scipy.special import fdtrc
 
@@ -17,10 +16,8 @@ from raytwin.errors import InputError
 from raytwin.photos.boards.board import Board, spans_a_plane
 from raytwin.photos.camera import lens_model
 from raytwin.photos.camera.bias import unbiased
-from raytwin.photos.camera.board_layout import check_layout
 from raytwin.photos.camera.detection import Tag, detect_photo
 from raytwin.photos.camera.fit import matched
-from raytwin.photos.camera.uncertainty import pose_deviation
 from raytwin.scene import Camera, Matrix, Record, Vector
 
 WRONGLY_RULED_OUT = 1e-3
@@ -49,6 +46,9 @@ def ambiguous(ratio: float | None, tags: int) -> bool:
 MAX_OFF_FOCAL_LENGTHS = 0.004
 """Before anything is fitted: a tag this far, in focal lengths, off the homography of the others is an outlier."""
 
+LEAST_AGREEING = 2 / 3
+"""Share of the tags: with fewer on one homography the photos show another board. Of a row taken for two, half agree."""
+
 
 class Pose(Record, frozen=True):
     """`p_cam = R_cam_board @ p_board + t_cam_board`, metres; `rms_px`: root mean squared distance of its tags."""
@@ -70,8 +70,7 @@ class PoseReport(Record, frozen=True):
     """Both poses of one photo, from `tags` tags, and how far they lie apart; `outliers`: ids of the tags left out.
 
     `ambiguity`: the error of the second minimum that every planar pose has over that of the first, None where there is
-    one only. `sigma_degrees`, `sigma_metres`: one standard deviation of the refined pose, of the camera's turn and of
-    its place; None where the camera's own is not known.
+    one only.
     """
 
     photo: str
@@ -82,8 +81,6 @@ class PoseReport(Record, frozen=True):
     translation_metres: float
     ambiguity: float | None
     outliers: tuple[int, ...] = ()
-    sigma_degrees: float | None = None
-    sigma_metres: float | None = None
 
 
 def homography_pose(K, dist: Sequence[float], tags: Sequence[Tag], board: Board) -> Pose:
@@ -144,6 +141,7 @@ def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, ph
     points, pixels = matched(used, board)
     # Known distortion: what is left of a tag's distance from the homography is noise, or a mistake.
     inside = consistent(points, lens_model.undistort(pixels, K, dist), MAX_OFF_FOCAL_LENGTHS)
+    check_places(int(inside.sum()), len(used), photo)
     kept, by = list(range(len(used))), None
     for _ in range(3):
         if spans_a_plane(points[inside, :2]):
@@ -173,14 +171,8 @@ def pose_of_photo(calibration, photo: str | os.PathLike, board: Board) -> PoseRe
     A photo that the calibration saw is not searched again.
     """
     tags = calibration.tags_of(photo, board)
-    tags = detect_photo(photo, board.kind) if tags is None else tags
-    shaped = calibration.shaped(board)
-    found = pose_of_tags(calibration.K, calibration.dist, tags, shaped, str(photo))
-    if calibration.evidence is None:
-        return found
-    used = [t.id for t in tags if t.id in board.centers() and t.id not in found.outliers]
-    degrees, metres = pose_deviation(calibration, shaped.points(used), found.refined.R, found.refined.t)
-    return msgspec.structs.replace(found, sigma_degrees=degrees, sigma_metres=metres)
+    tags = detect_photo(photo, board.family) if tags is None else tags
+    return pose_of_tags(calibration.K, calibration.dist, tags, calibration.shaped(board), str(photo))
 
 
 def camera_of_photo(calibration, photo: str | os.PathLike, board: Board) -> Camera:
@@ -203,12 +195,18 @@ def consistent(points: np.ndarray, image: np.ndarray, threshold: float) -> np.nd
 
 
 def check_tags(views: Sequence[Sequence[Tag]], board: Board, where: str) -> None:
-    """Raise InputError unless some tag of some view is on the board, beside those that the board's file has there."""
+    """Raise InputError unless some tag of some view is on the board."""
     shown = {t.id for tags in views for t in tags}
     known = set(board.centers())
     if shown and not shown & known:
         raise InputError(where, f"tags of the board (ids {_list(known)})", f"other tags (ids {_list(shown)})")
-    check_layout(views, board, where)
+
+
+def check_places(agree: int, tags: int, where: str) -> None:
+    """Raise InputError unless LEAST_AGREEING of the tags lie where one homography of the board puts them."""
+    if agree < LEAST_AGREEING * tags:
+        got = f"{agree} of {tags} that do: is its number of columns the one in the photos?"
+        raise InputError(where, "tags that lie as the board's file says", got)
 
 
 def outlier_limit(errors: np.ndarray) -> float:

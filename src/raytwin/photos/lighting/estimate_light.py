@@ -168,7 +168,7 @@ def _stand_of(path: Path, lens: Camera, definition: boards.Board) -> Camera:
     size = photo_size(path)
     if size != lens.image_size:
         raise InputError(path, f"{lens.width} x {lens.height} pixels, as the camera's", f"{size[0]} x {size[1]}")
-    tags = camera_package.detect_photo(path, definition.kind)
+    tags = camera_package.detect_photo(path, definition.family)
     pose = camera_package.pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
     if pose.rms_px > POSE_PX * max(1.0, lens.width / 2000):
         raise InputError(path, "a photo by the camera of --camera", f"tags {pose.rms_px:.1f} px off where it sees them")

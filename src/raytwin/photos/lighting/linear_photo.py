@@ -131,7 +131,7 @@ def read_linear(
 def _cells(image: np.ndarray, pixels: np.ndarray, camera: Camera, board: Board, path: Path) -> _Cells:
     points, white = [], []
     for tag, centre in board.centers().items():
-        cells = tag_cells(board.family, tag, board.border_bits)
+        cells = tag_cells(board.family, tag)
         n = len(cells)
         middles = ((np.arange(n) + 0.5) / n - 0.5) * board.tag_edge
         x, y = np.meshgrid(centre[0] + middles, centre[1] - middles)

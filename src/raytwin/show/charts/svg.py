@@ -8,9 +8,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
 
-import numpy as np
-
-from raytwin.show.data_urls import png_url
 from raytwin.show.numbers import short
 
 INK, SOFT, GRID, OUTLINE = "#1b2330", "#5a6575", "#e9edf1", "#c9ced6"
@@ -70,11 +67,6 @@ def words(
     style += f' transform="rotate(-90 {at[0]:.1f} {at[1]:.1f})"' if turned else ""
     place = f'x="{at[0]:.1f}" y="{at[1] + 0.36 * size:.1f}" font-size="{size:g}" fill="{colour}"'
     return f"<text {place}{style}>{escape(text)}</text>"
-
-
-def picture(low: XY, high: XY, pixels: np.ndarray) -> str:
-    """Return sRGB uint8 (H, W, 3), stretched over the box."""
-    return f'<image {_place(low, high)} preserveAspectRatio="none" href="{png_url(pixels)}"/>'
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from raytwin.photos.camera import calibrate_detections, pose_of_tags
 from raytwin.photos.synthetic_photos import poses
 
 SIZE = (1008, 756)
+OTHER = r"tags that lie as the board's file says, got \d+ of \d+ that do|3 photos that show the board, got 0"
 TRUE = Board("tag36h11", 0.022, Grid(6, 6, 0.0286))
 
 
@@ -20,47 +21,45 @@ def _tags(seed: int = 0, count: int = 6) -> dict:
     return seen(camera, poses(TRUE, camera, count, rng), TRUE, 0.1, rng)
 
 
-def test_a_row_twice_as_long_as_its_file_says_is_refused():
-    """Most neighbours are along a row, where two files agree: the few across decide."""
-    true, camera = _grid(18, 2), a_camera(*SIZE)
-    rng = np.random.default_rng(0)
-    tags = seen(camera, poses(true, camera, 4, rng), true, 0.1, rng)
-    with pytest.raises(InputError, match="id 18 lies above id 0, so it has 18 columns"):
-        calibrate_detections(tags, SIZE, _grid(9, 4))
-
-
 def _grid(columns: int, rows: int, first_id: int = 0, order: str = "up") -> Board:
     return msgspec.structs.replace(TRUE, grid=Grid(columns, rows, 0.0286, first_id, order))
 
 
+def _listed() -> Board:
+    """The same tags in other places."""
+    ids = np.random.default_rng(0).permutation(36).tolist()
+    listed = tuple(BoardTag(i, at) for i, at in zip(ids, TRUE.centers().values(), strict=True))
+    return Board("tag36h11", 0.022, tags=listed)
+
+
 @pytest.mark.parametrize(
-    ("columns", "rows", "order"),
-    [(5, 6, "up"), (4, 9, "up"), (9, 4, "up"), (12, 3, "up"), (3, 12, "up"), (7, 5, "down"), (18, 2, "up")],
+    "board",
+    [
+        _grid(5, 6),
+        _grid(4, 9),
+        _grid(9, 4),
+        _grid(12, 3),
+        _grid(3, 12),
+        _grid(7, 5, order="down"),
+        _grid(18, 2),
+        _listed(),
+    ],
 )
-def test_another_number_of_columns_is_refused_with_the_number_in_the_photos(columns, rows, order):
+def test_another_board_gives_no_camera(board):
     """Of 5 columns the fit was singular; of 4 and 9 its rms was hundreds of pixels; of 3 and 12 a pixel's fifth."""
-    text = f"a board of {columns} columns and {rows} rows, as its file says, got one where id 6 lies above id 0"
-    for seed in (0, 1):
-        with pytest.raises(InputError, match=f"{text}, so it has 6 columns"):
-            calibrate_detections(_tags(seed), SIZE, _grid(columns, rows, order=order))
+    with pytest.raises(InputError, match=OTHER):
+        calibrate_detections(_tags(), SIZE, board)
 
 
 def test_one_photo_of_another_board_gives_no_pose():
     camera = a_camera(*SIZE)
-    with pytest.raises(InputError, match="so it has 6 columns"):
+    with pytest.raises(InputError, match=OTHER):
         pose_of_tags(camera.K, camera.dist, _tags()["view_00"], _grid(9, 4))
 
 
 @pytest.mark.parametrize("board", [TRUE, _grid(6, 5), _grid(6, 6, first_id=6), _grid(6, 6, order="down")])
 def test_the_board_itself_its_rows_cut_its_ids_moved_by_a_row_or_its_mirror_image_give_a_camera(board):
     assert calibrate_detections(_tags(), SIZE, board, "k1k2").rms_px < 0.3
-
-
-def test_tags_listed_in_other_places_are_refused():
-    ids = np.random.default_rng(0).permutation(36).tolist()
-    listed = tuple(BoardTag(i, at) for i, at in zip(ids, TRUE.centers().values(), strict=True))
-    with pytest.raises(InputError, match=r"the board that its file describes, got another: id \d+ lies beside id 0"):
-        calibrate_detections(_tags(), SIZE, Board("tag36h11", 0.022, tags=listed))
 
 
 def test_a_tag_that_is_read_wrongly_says_nothing_of_the_board():
