@@ -109,7 +109,7 @@ def opened_png(data: bytes):
 
 def test_a_notebook_keeps_pictures_and_shows_the_viewer_where_it_can(known, right, monkeypatch):
     image = raytwin.Image(right)
-    assert opened_png(image._repr_mimebundle_()["images/image/png"]).size == (336, 252)
+    assert opened_png(image._repr_mimebundle_()["image/png"]).size == (336, 252)
     found = raytwin.compare(right * np.float32(0.5), known)
     html = found._repr_html_()
     pictures = [opened_png(base64.b64decode(p)) for p in re.findall(r"base64,([^\"]+)", html)]
@@ -119,15 +119,15 @@ def test_a_notebook_keeps_pictures_and_shows_the_viewer_where_it_can(known, righ
     assert "FAIL" in html
     assert found.cause in html
     wide = raytwin.Image(np.ones((30, 2000, 3), np.float32))
-    assert opened_png(wide._repr_mimebundle_()["images/image/png"]).size == (400, 6)
-    row = opened_png(found._repr_mimebundle_()["images/image/png"])
+    assert opened_png(wide._repr_mimebundle_()["image/png"]).size == (400, 6)
+    row = opened_png(found._repr_mimebundle_()["image/png"])
     assert row.size == (3 * 336 + 2 * 8, 252)
     assert np.array_equal(np.asarray(row)[:, 344:680], np.asarray(pictures[1]))
-    assert list(found._repr_mimebundle_()) == ["images/image/png"]  # no notebook
+    assert list(found._repr_mimebundle_()) == ["image/png"]  # no notebook
     monkeypatch.setattr(widget, "in_notebook", lambda: True)
     pytest.importorskip("anywidget")
     assert list(found._repr_mimebundle_()) == list(image._repr_mimebundle_())
-    assert list(image._repr_mimebundle_()) == ["images/image/png", "application/vnd.jupyter.widget-view+json"]
+    assert list(image._repr_mimebundle_()) == ["image/png", "application/vnd.jupyter.widget-view+json"]
 
 
 def test_names_in_a_notebook_are_text(right):
@@ -236,7 +236,7 @@ def test_the_snippets_of_the_tutorial_run_as_a_notebook(shell):
         if done.result is not None and not captured.outputs:
             shown[-1].append(shell.display_formatter.format(done.result)[0])
     kinds = [[set(data) - {"text/plain"} for data in one] for one in shown]
-    view, html, png = "application/vnd.jupyter.widget-view+json", "text/html", "images/image/png"
+    view, html, png = "application/vnd.jupyter.widget-view+json", "text/html", "image/png"
     # compare, an image, a subject, Bitmap, eight renders: pictures that stay, then the viewer
     assert all(kinds[k] == [{html, png}, {view}] for k in (1, 2, 5, 9, 10))
     assert kinds[6] == kinds[7] == kinds[8] == [{html}]  # two benches and light levels: a table

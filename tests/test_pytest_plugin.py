@@ -442,7 +442,7 @@ def test_report_lists_every_comparison_once_failures_first(warm, tmp_path):
     for page in pages:
         text = (out / page).read_text()
         assert "http" not in re.sub(r"http://www\.w3\.org/\S+|<script.*?</script>", "", text, flags=re.DOTALL)
-    assert index.count("data:images/image/png") == 3 * 5
+    assert index.count("data:image/png") == 3 * 5
     assert (out / "notes.txt").exists()
 
 

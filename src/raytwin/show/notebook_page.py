@@ -58,7 +58,7 @@ def still_of(thing: Any) -> dict[str, Any]:
         return {}
     heights = [len(pixels) for pixels, _ in figures]
     rows = [np.pad(p, ((0, max(heights) - len(p)), (0, GAP), (0, 0)), constant_values=255) for p, _ in figures]
-    return {"images/image/png": encoded(np.concatenate(rows, axis=1)[:, :-GAP], "png")}
+    return {"image/png": encoded(np.concatenate(rows, axis=1)[:, :-GAP], "png")}
 
 
 def widget_of(thing: Any, still: str = "") -> dict[str, Any]:

@@ -272,7 +272,7 @@ def test_gradescope_gets_text_first_a_picture_a_failing_test_and_a_leaderboard(g
     assert [t["visibility"] for t in told["tests"]] == ["visible", "hidden", "visible"]
     assert [t["output_format"] for t in told["tests"]] == ["text", "text", "html"]
     assert sum(t["score"] for t in told["tests"]) == pytest.approx(told["score"])
-    assert 'src="data:images/image/png;base64,' in told["tests"][2]["output"]
+    assert 'src="data:image/png;base64,' in told["tests"][2]["output"]
     seen = sum(t["score"] for t in told["tests"] if t["visibility"] == "visible")
     assert told["output"].startswith(f"{pages.of_points(seen)} of 30 points, of the exercises that are shown now")
     assert [row["name"] for row in told["leaderboard"]] == ["seconds per picture", "error"]

@@ -86,7 +86,7 @@ def test_with_its_functions_filled_in_it_arrives_at_the_twin(tmp_path, monkeypat
     assert all(one.success for one in done), [one.error_before_exec or one.error_in_exec for one in done]
     shown = [one.result for one in done if isinstance(one.result, Pictures)]
     assert len(shown) == 7  # each stage's picture but the second's
-    assert all(one._repr_mimebundle_()["images/image/png"].startswith(b"\x89PNG") for one in shown)
+    assert all(one._repr_mimebundle_()["image/png"].startswith(b"\x89PNG") for one in shown)
     said = capsys.readouterr().out
     assert said.count("PASS") == len(STAGES)
     assert "FAIL" not in said

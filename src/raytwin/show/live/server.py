@@ -95,8 +95,8 @@ class Server:
     def application(self) -> Application:
         files_ = {"/viewer.js": viewer.module, "/viewer.css": viewer.style}
         files_ |= {f"/{name}": partial(asset, name) for name in ("report.css", "charts.js")}
-        own = {f"/{name}": partial(asset, f"show/live/{name}") for name in ("explore.js", "explore.css")}
-        own |= {"/": partial(render_page, "show/live/explore.html.j2")}
+        own = {f"/{name}": partial(asset, f"live/{name}") for name in ("explore.js", "explore.css")}
+        own |= {"/": partial(render_page, "live/explore.html.j2")}
         texts = [(path, _Text, {"server": self, "make": make}) for path, make in (files_ | own).items()]
         guarded = {"/about": _About, "/socket": _Socket, "/scene.toml": _Toml}
         pages = [(path, handler, {"server": self}) for path, handler in guarded.items()]
