@@ -138,7 +138,7 @@ def test_a_development_version_puts_its_own_wheel_in_or_says_what_to_do(tmp_path
     with zipfile.ZipFile(tmp_path / "a.zip") as archive:
         assert wheel in archive.read("setup.sh").decode()
         with zipfile.ZipFile(archive.open(wheel)) as inner:
-            assert {"raytwin/grade/rubric.toml", "raytwin/diagnose/faults.tsv"} <= set(inner.namelist())
+            assert {"raytwin/teach/grade/rubric.toml", "raytwin/explain/faults.tsv"} <= set(inner.namelist())
     monkeypatch.setattr("raytwin.teach.grade.gradescope.__file__", str(tmp_path / "a" / "b" / "c" / "gradescope.py"))
     with pytest.raises(InputError, match=r"--wheel: This is version .*\.dev0, which no package index has"):
         write_zip(tmp_path / "r.toml", tmp_path / "b.zip")
