@@ -148,7 +148,7 @@ def test_function(path, factor):
 @FACTORS
 def test_function_without_noise(shadow, factor):
     calls = []
-    shadow.check(lambda seed: calls.append(seed) or Image(shadow.image.mean * factor).mean)
+    shadow.check(lambda seed: calls.append(seed) or raytwin.Image(shadow.image.mean * factor).mean)
     assert calls == [0, 1]
 
 @FACTORS
