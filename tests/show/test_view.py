@@ -58,7 +58,7 @@ def test_other_sizes_give_a_page_that_shows_both(pair, other):
     assert f"the test image is 36 x 24 pixels, the reference {w} x {h}" in text
     assert f"{w} × {h} pixels" in text
     page = (out / "report.html").read_text(encoding="utf-8")
-    assert page.count('<img class="alone" src="data:images/image/') == 2
+    assert page.count('<img class="alone" src="data:image/') == 2
     assert "RMSE" not in text  # no number of theirs means anything
     assert "<script" not in page
     assert not (out / "heatmap.png").exists()

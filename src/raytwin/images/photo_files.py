@@ -241,4 +241,4 @@ def encoded(picture: Any, kind: str, **options: Any) -> bytes:
 
 def data_url(picture: Any, kind: str, **options: Any) -> str:
     """Return the same as a data URL."""
-    return f"data:images/image/{kind};base64,{base64.b64encode(encoded(picture, kind, **options)).decode('ascii')}"
+    return f"data:image/{kind};base64,{base64.b64encode(encoded(picture, kind, **options)).decode('ascii')}"
