@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
+from scipy.spatial.distance import pdist
 from scipy.special import fdtrc
 
 from raytwin.errors import InputError
@@ -139,9 +140,12 @@ def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, ph
     if not spans_a_plane(board.points(t.id for t in used)[:, :2]):
         raise InputError(photo, "at least 4 tags of the board, not in one line", f"ids {_list(t.id for t in used)}")
     points, pixels = matched(used, board)
+    image = lens_model.undistort(pixels, K, dist)
+    # On the board: a bend moves a tag by less than half of the way to the next one, another board by all of it.
+    near = consistent(image, points[:, :2], pdist(points[:, :2]).min() / 2)
+    check_places(int(near.sum()), len(used), photo)
     # Known distortion: what is left of a tag's distance from the homography is noise, or a mistake.
-    inside = consistent(points, lens_model.undistort(pixels, K, dist), MAX_OFF_FOCAL_LENGTHS)
-    check_places(int(inside.sum()), len(used), photo)
+    inside = consistent(points, image, MAX_OFF_FOCAL_LENGTHS)
     kept, by = list(range(len(used))), None
     for _ in range(3):
         if spans_a_plane(points[inside, :2]):
