@@ -11,7 +11,7 @@ from raytwin import twin
 from raytwin.fast import trace
 from raytwin.images.photo_files import list_photos, read_photo
 from raytwin.photos import boards, synthetic_photos
-from raytwin.photos import camera as camera_package
+from raytwin.photos.camera import calibrate, camera_of_photo
 from raytwin.scene import Camera, Sphere
 from raytwin.scene.scene_files import scene_and_photos, write_camera
 from raytwin.scene.toml_json import plain, read_toml, write_toml
@@ -48,8 +48,8 @@ def augmented(studio):
     """Each photo drawn on, its truth, and the errors by region; the camera is calibrated from the photos."""
     camera, board = studio / "camera.toml", boards.read_board(studio / "board.toml")
     taken = list_photos(studio / "photos")
-    found = camera_package.calibrate(taken, board, "k1k2")
-    write_camera(camera, camera_package.camera_of_photo(found, taken[0], board))
+    found = calibrate(taken, board, "k1k2")
+    write_camera(camera, camera_of_photo(found, taken[0], board))
     rows = augment_photos(taken, studio, studio / "drawn", camera=camera, against=studio / "with")
     return [(read_photo(studio / "drawn" / p.name), read_photo(studio / "with" / p.name), row)
             for p, row in zip(taken, rows, strict=True)]  # fmt: skip

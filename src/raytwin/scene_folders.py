@@ -45,7 +45,7 @@ def all_scenes() -> list[Path]:
     return own or list(scene_folders().values())
 
 
-def find_scene(path: str | os.PathLike) -> Path:
+def find_scene(path: str | os.PathLike[str]) -> Path:
     """The file of the scene `path`: a file, a folder, or a name: ./NAME, then scenes/NAME, then what is shipped."""
     path = Path(path)
     if path.suffix == ".exr":
@@ -89,7 +89,7 @@ def scene_sentence(folder: Path) -> str:
     return " ".join(comment.split()).split(". ")[0].rstrip(".")
 
 
-def copy_scene(path: str | os.PathLike, out: str | os.PathLike) -> Path:
+def copy_scene(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> Path:
     """The scene's folder with all that it needs, copied to `out`, which must not be there yet."""
     folder, out = find_scene(path).parent, Path(out)
     if out.exists():

@@ -15,8 +15,7 @@ from raytwin.fast import trace
 from raytwin.images.image import Image, Surface
 from raytwin.images.photo_files import list_photos, to_bytes
 from raytwin.photos import boards
-from raytwin.photos import camera as camera_package
-from raytwin.photos.camera import Calibration, Pose, PoseReport
+from raytwin.photos.camera import Calibration, Pose, PoseReport, calibrate
 from raytwin.photos.camera.calibration_result import CalibrationWarning, View
 from raytwin.scene import Scene
 from raytwin.scene.scene_files import read_scene
@@ -59,7 +58,7 @@ def make_result(scenes) -> Callable[..., Result]:
 def calibration(scenes) -> Calibration:
     """The desk's camera."""
     folder = scenes / "desk"
-    return camera_package.calibrate(list_photos(folder / "photos"), boards.read_board(folder / "board.toml"))
+    return calibrate(list_photos(folder / "photos"), boards.read_board(folder / "board.toml"))
 
 
 def copied(image: Image) -> Image:

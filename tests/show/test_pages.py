@@ -26,7 +26,7 @@ from raytwin.images.exr import write_exr
 from raytwin.images.image import Image
 from raytwin.images.photo_files import list_photos, to_bytes
 from raytwin.photos import boards
-from raytwin.photos import camera as camera_package
+from raytwin.photos.camera import CalibrationWarning, calibrate
 from raytwin.photos.lighting import light_models
 from raytwin.photos.lighting.estimate_light import LightEstimate
 from raytwin.photos.lighting.linear_photo import LinearPhoto
@@ -124,9 +124,9 @@ def levels(folder: Path, make_result, scenes) -> list[Path]:
 
 def calibration(folder: Path, make_result, scenes) -> list[Path]:
     desk = scenes / "desk"
-    found = camera_package.calibrate(list_photos(desk / "photos")[:4], boards.read_board(desk / "board.toml"))
+    found = calibrate(list_photos(desk / "photos")[:4], boards.read_board(desk / "board.toml"))
     views = (msgspec.structs.replace(found.views[0], photo=EVIL), *found.views[1:])
-    warning = (camera_package.CalibrationWarning("few_views", EVIL),)
+    warning = (CalibrationWarning("few_views", EVIL),)
     write_calibration(msgspec.structs.replace(found, views=views, warnings=warning), folder / "camera.html", EVIL)
     return [folder / "camera.html"]
 

@@ -17,7 +17,7 @@ from raytwin.scene import Environment, Phong, Scene, Sphere
 from raytwin.scene.scene_files import read_scene
 from raytwin.tracer.lights.environment_map import environment_map
 from raytwin.twin import phong, render
-from raytwin.twin.levels import open_sky
+from raytwin.twin.twin_light import open_sky
 from raytwin.twin.twin_scene import _envmap
 
 TURNED = ((0.6, 0.8, 0.0), (-0.8, 0.6, 0.0), (0.0, 0.0, 1.0))

@@ -209,7 +209,7 @@ def test_more_samples_than_one_launch_holds_are_added_up(scenes, compiled, monke
     scene = read_scene(scenes / "overlap")
     scene = scene.with_camera(scene.camera.resized(40, 30))
     whole = render(scene, "path", samples=48, batches=4, cache=False)
-    monkeypatch.setattr("raytwin.twin.levels.LANES", 500)
+    monkeypatch.setattr("raytwin.twin.twin_light.LANES", 500)
     pieces, parts = render(scene, "path", samples=48, batches=4, cache=False), []
     assert (pieces.surface.ids == whole.surface.ids).all()
     sigma = np.sqrt((whole.variance + pieces.variance).mean())

@@ -714,7 +714,7 @@ def _seen_somewhere(t: _Tested, level: float) -> float:
 
 
 def _image(estimators: list[Estimator], share: float, size: Size) -> Family:
-    """The mean over everything; `detectable`: relative to its mean, in the worst channel that is not DIM_SHARE."""
+    """The mean over everything; `detectable`: relative to its mean, in the worst channel of those that are not dim."""
     from scipy.special import ndtri
 
     level = sidak(share, 3)

@@ -192,7 +192,7 @@ def nearer(
 ) -> tuple[tuple[float, ...], float]:
     """Parameters that explain more, and their cost: least squares whose tolerance shrinks from round to round.
 
-    It counts in units of MAX_STEPS_AT_FIRST small steps, so that a difference of 1 / MAX_STEPS_AT_FIRST is one of them.
+    It counts in units of MAX_STEPS_AT_FIRST small steps, so that one of them is a difference of its inverse.
     """
     from scipy.optimize import least_squares
 

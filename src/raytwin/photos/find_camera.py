@@ -14,12 +14,12 @@ from raytwin.scene.scene_files import scene_and_photos
 from raytwin.scene_folders import find_scene
 
 if TYPE_CHECKING:
-    from raytwin.photos import camera as camera_package
+    from raytwin.photos.camera import Calibration, PoseReport
 
 
 def find_camera(
     path: str | Path | Scene, photo: str | None = None, progress: Progress = silent
-) -> "tuple[Scene, Path | None, camera_package.Calibration | None, camera_package.PoseReport | None]":
+) -> "tuple[Scene, Path | None, Calibration | None, PoseReport | None]":
     """What is to be rendered, its camera found: calibrated from its photos, standing where `photo` was taken.
 
     A scene whose file gives its camera, or made in Python, needs no photo. Returns the scene, the photo's path,
@@ -33,7 +33,7 @@ def find_camera(
             )
         return scene, None, None, None
     from raytwin.photos import boards
-    from raytwin.photos import camera as camera_package
+    from raytwin.photos.camera import calibrate, camera_at, pose_of_photo
 
     folder = find_scene(path).parent
     board = boards.read_board(folder / asked.board)
@@ -41,7 +41,7 @@ def find_camera(
     name = photo or asked.photo
     where = "--photo" if photo else f"{folder / 'scene.toml'}: camera.photo"
     check_one_of(where, name, (p.name for p in taken))
-    calibration = camera_package.calibrate(taken, board, model=asked.model, progress=progress)
-    pose = camera_package.pose_of_photo(calibration, folder / asked.photos / name, board)
-    camera = camera_package.camera_at(calibration, pose.refined)
+    calibration = calibrate(taken, board, model=asked.model, progress=progress)
+    pose = pose_of_photo(calibration, folder / asked.photos / name, board)
+    camera = camera_at(calibration, pose.refined)
     return scene.with_camera(camera), folder / asked.photos / name, calibration, pose

@@ -9,8 +9,8 @@ has a ray where Newton's method, from the distorted point, comes to an ideal poi
 determinant stays positive on the straight line to there from the middle.
 
 A fit folds where no photo constrains the lens, in a corner. Renderers leave such pixels black, as if they met nothing
-(`without_ray`), and say so once; a lens that loses more than MAX_SHARE_WITHOUT_RAYS of the
-frame is refused (`check_lens`).
+(`without_ray`), and say so once; a lens that loses more than MAX_SHARE_WITHOUT_RAYS of the frame
+is refused (`check_lens`).
 """
 
 import warnings

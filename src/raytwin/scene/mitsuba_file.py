@@ -47,12 +47,12 @@ def allowed() -> tuple[str, ...]:
     return tuple(name for name in os.environ.get(ALLOW, "").split(os.pathsep) if name)
 
 
-def is_mitsuba(path: str | os.PathLike) -> bool:
+def is_mitsuba(path: str | os.PathLike[str]) -> bool:
     """Whether the scene that `path` names is a Mitsuba file."""
     return find_scene(path).suffix.lower() == ".xml"
 
 
-def read_mitsuba(path: str | os.PathLike) -> MitsubaScene:
+def read_mitsuba(path: str | os.PathLike[str]) -> MitsubaScene:
     """Read a Mitsuba scene, given its file, its folder or its name. Raises InputError with file and place."""
     file = find_scene(path)
     folder = file.absolute().parent

@@ -29,7 +29,7 @@ ROUNDED = 2e-3
 """R R^T is off by less where a rotation was rounded to three decimals or more."""
 
 
-def read_scene(path: str | os.PathLike | Scene) -> Scene:
+def read_scene(path: str | os.PathLike[str] | Scene) -> Scene:
     """Read and check a scene, given the `path` of its folder or scene.toml, or its name; or check one made in Python.
 
     Raises InputError that names file and field, also where the camera is yet to be calibrated from photos. Lengths are
@@ -41,7 +41,7 @@ def read_scene(path: str | os.PathLike | Scene) -> Scene:
     return scene
 
 
-def scene_and_photos(path: str | os.PathLike | Scene) -> tuple[Scene, PhotoCamera | None]:
+def scene_and_photos(path: str | os.PathLike[str] | Scene) -> tuple[Scene, PhotoCamera | None]:
     """Read and check a scene and, where its camera is to be found in photos, which; till then that is NOWHERE."""
     if isinstance(path, Scene):
         check_camera(path.camera, f"scene {path.name}: camera.")
@@ -71,7 +71,7 @@ def scene_and_photos(path: str | os.PathLike | Scene) -> tuple[Scene, PhotoCamer
     return scene, photos
 
 
-def scene_name(path: str | os.PathLike) -> str:
+def scene_name(path: str | os.PathLike[str]) -> str:
     """Return the name of a scene: its folder's, with the file's where that is not scene.toml."""
     file = find_scene(path)
     return file.resolve().parent.name + ("" if file.name == "scene.toml" else f"-{file.stem}")
@@ -209,7 +209,7 @@ def _no_rotation(R: np.ndarray) -> str:
     return f"a rounded one ({what}). Write {(np.round(u @ v, 9) + 0.0).tolist()}"
 
 
-def read_camera(path: str | os.PathLike) -> Camera:
+def read_camera(path: str | os.PathLike[str]) -> Camera:
     """A camera.toml, as `raytwin photo calibrate -o` writes it; the boards' shapes in it are passed over."""
     data = read_toml(path)
     data.pop("boards", None)
@@ -218,5 +218,5 @@ def read_camera(path: str | os.PathLike) -> Camera:
     return camera
 
 
-def write_camera(path: str | os.PathLike, camera: Camera, comment: str = "") -> None:
+def write_camera(path: str | os.PathLike[str], camera: Camera, comment: str = "") -> None:
     write_toml(path, plain(camera), comment)

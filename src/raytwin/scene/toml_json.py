@@ -22,7 +22,7 @@ from raytwin.scene.record_base import explained
 T = TypeVar("T")
 
 
-def write_json(path: str | os.PathLike, value: Any) -> None:
+def write_json(path: str | os.PathLike[str], value: Any) -> None:
     write_text(path, json_text(value))
 
 
@@ -31,7 +31,7 @@ def json_text(value: Any) -> str:
     return msgspec.json.format(msgspec.json.encode(value, enc_hook=_foreign), indent=2).decode() + "\n"
 
 
-def write_toml(path: str | os.PathLike, value: Mapping[str, Any], comment: str = "") -> None:
+def write_toml(path: str | os.PathLike[str], value: Mapping[str, Any], comment: str = "") -> None:
     head = "".join(f"# {line}\n" for line in comment.splitlines())
     write_text(path, head + tomli_w.dumps(plain(value)))
 
@@ -49,7 +49,7 @@ def _foreign(value: Any) -> Any:
     raise TypeError(f"cannot write {type(value).__name__}")
 
 
-def read_toml(path: str | os.PathLike) -> dict[str, Any]:
+def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
     path = check_file(path, "a TOML file")
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
@@ -61,7 +61,7 @@ def read_toml(path: str | os.PathLike) -> dict[str, Any]:
         raise InputError(path, "TOML", error) from None
 
 
-def to_record(path: str | os.PathLike, data: Any, kind: type[T], prefix: str = "") -> T:
+def to_record(path: str | os.PathLike[str], data: Any, kind: type[T], prefix: str = "") -> T:
     """`data` (parsed TOML or JSON) as the record `kind`, or an InputError that names file, field and what was found."""
     try:
         record = msgspec.convert(data, kind)
@@ -74,7 +74,9 @@ def to_record(path: str | os.PathLike, data: Any, kind: type[T], prefix: str = "
     return record
 
 
-def _readable(path: str | os.PathLike, data: Any, error: msgspec.ValidationError, kind: Any, prefix: str) -> InputError:
+def _readable(
+    path: str | os.PathLike[str], data: Any, error: msgspec.ValidationError, kind: Any, prefix: str
+) -> InputError:
     """msgspec's error in this project's words, with the value that was found."""
     field, what = explained(error)
     found: Any = data
@@ -93,7 +95,7 @@ def _readable(path: str | os.PathLike, data: Any, error: msgspec.ValidationError
     return InputError(f"{path}: {_join(prefix, field)}", what, shown if len(shown) <= 60 else shown[:57] + "...")
 
 
-def unknown_key(path: str | os.PathLike, field: str, known: Iterable[str] = ()) -> InputError:
+def unknown_key(path: str | os.PathLike[str], field: str, known: Iterable[str] = ()) -> InputError:
     """The error for a key of a TOML file that is none of those `known`, with its line and what was meant."""
     meant = get_close_matches(field.rpartition(".")[2], list(known), 1)
     line = _line_of(path, field)
@@ -101,7 +103,7 @@ def unknown_key(path: str | os.PathLike, field: str, known: Iterable[str] = ()) 
     return InputError(place, f"is no known key.{f' Did you mean {meant[0]}?' if meant else ''}")
 
 
-def _line_of(path: str | os.PathLike, field: str) -> int | None:
+def _line_of(path: str | os.PathLike[str], field: str) -> int | None:
     """The line of a TOML file on which a key, or the table of that name, stands; None where no line is its own."""
     if not Path(path).is_file():
         return None

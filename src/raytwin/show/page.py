@@ -33,15 +33,10 @@ def render_part(template: str, **data: Any) -> str:
 
 
 def asset(name: str) -> str:
-    """Return the text of a file of show/, or of FOLDER/FILE of raytwin; a text of several lines as it is."""
+    """Return the text of a file of show/, or of FOLDER/FILE below it; a text of several lines as it is."""
     if "\n" in name:
         return name
-    folder, _, file = name.rpartition("/")
-    return (
-        resources.files(f"raytwin.show.{folder}" if folder else "raytwin.show")
-        .joinpath(file)
-        .read_text(encoding="utf-8")
-    )
+    return resources.files("raytwin.show").joinpath(name).read_text(encoding="utf-8")
 
 
 @functools.cache

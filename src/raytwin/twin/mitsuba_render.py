@@ -107,7 +107,7 @@ def _surface(scene: MitsubaScene, loaded: Any) -> Surface:
     import drjit as dr
     import mitsuba as mi
 
-    from raytwin.twin.levels import numbers_of
+    from raytwin.twin.twin_light import numbers_of
 
     width, height = scene.image_size
     y, x = (a.ravel() for a in np.mgrid[0:height, 0:width])

@@ -74,7 +74,7 @@ def render(
 
 
 def _rendered(scene: Scene, textures: Mapping[int, np.ndarray], plan: "_Plan", progress: Progress) -> Image:
-    from raytwin.twin.levels import TwinLight  # Mitsuba's classes exist once a variant is set
+    from raytwin.twin.twin_light import TwinLight  # Mitsuba's classes exist once a variant is set
 
     twin, rung = TwinLight(scene, textures, plan.depth), RUNGS[plan.rung]
     passes = 1 if plan.exact else 1 + plan.samples
@@ -168,7 +168,7 @@ def _centers(
     import drjit as dr
     import mitsuba as mi
 
-    from raytwin.twin.levels import LANES
+    from raytwin.twin.twin_light import LANES
 
     n = shape[0] * shape[1]
     ids, depth, normal = np.empty(n, np.int32), np.empty(n, np.float32), np.empty((n, 3), np.float32)
@@ -191,7 +191,7 @@ def _sampled(
     import drjit as dr
     import mitsuba as mi
 
-    from raytwin.twin.levels import LANES
+    from raytwin.twin.twin_light import LANES
 
     n, double = shape[0] * shape[1], dr.float64_array_t(mi.Float)
     # Where the batches do not share the samples evenly, the first `more` have one more.

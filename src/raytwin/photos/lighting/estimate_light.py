@@ -11,9 +11,9 @@ import numpy as np
 from raytwin.errors import InputError
 from raytwin.images.photo_files import photo_size
 from raytwin.photos import boards
-from raytwin.photos import camera as camera_package
 from raytwin.photos.augment import augment, printed
 from raytwin.photos.boards.board import PAPER, draw_board
+from raytwin.photos.camera import detect_photo, pose_of_tags, read_board_shapes, with_shape
 from raytwin.photos.lighting import light_models as models
 from raytwin.photos.lighting.board_plane import Sheet
 from raytwin.photos.lighting.linear_photo import LinearPhoto, read_linear, value_of_one
@@ -95,7 +95,7 @@ def estimate_light(
     Raises InputError where the photos are no photos of the board by the camera, LightRefused where they do not show
     their light.
     """
-    definition = camera_package.with_shape(boards.read_board(board), camera_package.read_board_shapes(camera))
+    definition = with_shape(boards.read_board(board), read_board_shapes(camera))
     lens = read_camera(camera)
     cameras = []
     for done, path in enumerate(taken):
@@ -168,8 +168,8 @@ def _stand_of(path: Path, lens: Camera, definition: boards.Board) -> Camera:
     size = photo_size(path)
     if size != lens.image_size:
         raise InputError(path, f"{lens.width} x {lens.height} pixels, as the camera's", f"{size[0]} x {size[1]}")
-    tags = camera_package.detect_photo(path, definition.family)
-    pose = camera_package.pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
+    tags = detect_photo(path, definition.family)
+    pose = pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
     if pose.rms_px > POSE_PX * max(1.0, lens.width / 2000):
         raise InputError(path, "a photo by the camera of --camera", f"tags {pose.rms_px:.1f} px off where it sees them")
     return msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)

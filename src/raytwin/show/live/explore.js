@@ -602,7 +602,7 @@ function chart() {
   for (const v of ticks_of(y0, y1)) parts.push(made("line", { x1: box.left, x2: box.right, y1: y(v), y2: y(v) }), made("text", { x: box.left - 7, y: y(v) + 4, "text-anchor": "end" }, v < 1e-3 ? v.toExponential(0).replace(/-(\d)$/, "-0$1") : String(Number(v.toPrecision(1)))));
   parts.push(made("text", { x: box.right, y: h - 5, "text-anchor": "end" }, "seconds"), made("text", { x: box.left + 6, y: box.top + 12 }, "RMSE"));
   const ends = ["tracer", "twin"].map((side) => points.now.filter((p) => p.side === side && p.seconds > 0).at(-1)).filter(Boolean);
-  const upper = Math.min(...ends.map((p) => y(error(p))));  // its name stands above it, the other's below: they never meet
+  const upper = ends.sort((p, q) => y(error(p)) - y(error(q)))[0];  // its name stands above it, the other's below: they never meet
   for (const [list, age] of [[points.past, "past"], [points.now, ""]])
     for (const side of ["tracer", "twin"]) {
       const own = list.filter((p) => p.side === side && p.seconds > 0), colour = `var(--${side})`;
@@ -614,7 +614,7 @@ function chart() {
         parts.push(dot);
       }
       const last = own.at(-1), left = x(last.seconds) > w - 110;
-      if (!age) parts.push(made("text", { class: "name", x: x(last.seconds) + (left ? -9 : 9), y: y(error(last)) + (last === ends.find((p) => y(error(p)) === upper) ? -8 : 17), "text-anchor": left ? "end" : "start" }, `${side} ${last.samples > 1 ? last.samples : ""}`));
+      if (!age) parts.push(made("text", { class: "name", x: x(last.seconds) + (left ? -9 : 9), y: y(error(last)) + (last === upper ? -8 : 17), "text-anchor": left ? "end" : "start" }, `${side} ${last.samples > 1 ? last.samples : ""}`));
     }
   const svg = made("svg", { viewBox: `0 0 ${w} ${h}`, role: "img", "aria-label": points.now.map((p) => `${p.side}, ${p.samples} samples: ${seconds(p.seconds)}, error ${p.error === null ? "below " : ""}${digits(error(p))}`).join("; ") });
   svg.append(...parts);

@@ -38,7 +38,7 @@ class Desk:
 
     def __init__(self, width: int = 160, scene: str = "desk") -> None:
         from raytwin.photos import boards  # with OpenCV, which writing the walk needs not
-        from raytwin.photos import camera as camera_package
+        from raytwin.photos.camera import detect_photos
 
         self.scene, asked = scene_and_photos(scene)
         assert asked is not None  # the desk's camera is to be found
@@ -47,7 +47,7 @@ class Desk:
         taken = list_photos(folder / asked.photos)[:PHOTOS]
         self.photo_name = asked.photo if asked.photo in [p.name for p in taken] else taken[0].name
         self.photo = read_photo(folder / asked.photos / self.photo_name)
-        self._found, _ = camera_package.detect_photos(taken, self.board.family)
+        self._found, _ = detect_photos(taken, self.board.family)
         self._name = str(folder / asked.photos / self.photo_name)
         self._width = width
         self.centers = np.array([s.center for s in spheres])
@@ -77,14 +77,12 @@ class Desk:
 
     def calibrated(self) -> "Desk":
         """Itself, with the camera that raytwin finds: K and the distortion by least squares, and the photo's pose."""
-        from raytwin.photos import camera as camera_package
+        from raytwin.photos.camera import calibrate_detections, camera_at, pose_of_tags
 
         sizes = self.photo.shape[1], self.photo.shape[0]
-        found = camera_package.calibrate_detections(self._found, sizes, self.board)
-        pose = camera_package.pose_of_tags(
-            found.K, found.dist, self._found[self._name], found.shaped(self.board)
-        ).refined
-        camera = camera_package.camera_at(found, pose)
+        found = calibrate_detections(self._found, sizes, self.board)
+        pose = pose_of_tags(found.K, found.dist, self._found[self._name], found.shaped(self.board)).refined
+        camera = camera_at(found, pose)
         self.full_K = np.array(found.K)
         camera = camera.resized(self._width, round(self._width * sizes[1] / sizes[0]))
         self.scene = self.scene.with_camera(camera)
