@@ -110,7 +110,7 @@ def test_a_students_mistake_is_named(mistake):
 
 
 def test_a_tracer_that_is_right_in_its_own_way_is_not_blamed():
-    """In float32; measure/named_causes.py has every form."""
+    """In float32."""
     made = diagnose(views(run(mistaken(*CORRECT[3]), [as_arrays(scene) for scene in SCENES[:2]])))
     assert not made.cause
 

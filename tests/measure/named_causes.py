@@ -1,13 +1,11 @@
-"""How often the right cause is named: `python -m measure.named_causes alone | ways | students | pairs [N]`.
+"""How often the correct cause is named: `python -m measure.named_causes students | pairs [N]`.
 
-Faults of the catalogue planted alone, in each of their ways or by two, on drawn scenes as a rubric has them: three with
-shadows, one without; mistakes in tracers that students wrote; and correct tracers, which must not be blamed. Then the
-faults that look alike: which is named where which was planted.
+Mistakes in tracers that students wrote, and correct tracers, which must not be blamed; or faults of the catalogue
+planted by two. Drawn scenes as a rubric has them: three with shadows, one without.
 """
 
 import time
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import count, islice
 
 import numpy as np
@@ -31,14 +29,13 @@ def pictures_with(ways: Sequence[Pipeline]) -> list[SubmittedImage]:
 
 
 class Tally:
-    """Counts, a line for each that is not named first, and what was taken for what."""
+    """Counts, and a line for each that is not named first."""
 
     def __init__(self) -> None:
         self.counts = dict.fromkeys(
             ("all", "hidden", "detected", "named first", "first three", "false though proved"), 0
         )
         self.seconds = 0.0
-        self.confused: Counter[tuple[str, str]] = Counter()
 
     def take(self, wanted: set[str], label: str, made: Explanation, seconds: float) -> None:
         """`wanted`: names of which one must come first."""
@@ -53,17 +50,14 @@ class Tally:
         self.counts["first three"] += near
         self.counts["false though proved"] += made.certainty == "proved" and not near
         if first not in wanted and made.certainty != "correct":
-            self.confused[label, " or ".join([first, *others])] += 1
             print(f"{label}: {first} or {others}, {made.certainty} {made.sentences[:1]}", flush=True)
 
     def report(self, what: str, added: dict[str, str] | None = None) -> None:
-        """Print the counts as the table `what`, rows `added` below them, and what was taken for what."""
+        """Print the counts as the table `what`, rows `added` below them."""
         rows = [*self.counts.items(), *(added or {}).items()]
         each = f"{self.seconds / max(self.counts['all'], 1):.2f}"
         command = f"python -m measure.named_causes {' '.join(record.arguments())}"
         record.table("causes", what, ["", "count"], [*rows, ("CPU seconds each", each)], command)
-        for (planted_, named), times in sorted(self.confused.items()):
-            print(f"{planted_:34} -> {named}{f' ({times} times)' if times > 1 else ''}")
 
 
 def timed(views: list[SubmittedImage]) -> tuple[Explanation, float]:
@@ -108,32 +102,22 @@ def can_be_made(faults: Sequence[tuple[Fault, Pipeline]]) -> bool:
     return True
 
 
-def of_faults(what: str, chosen: Iterable[Sequence[tuple[Fault, Pipeline]]]) -> None:
-    """Diagnose planted faults and report as `what`. Of two, one that shows beside the other has to come first."""
-    tally = Tally()
-    for faults in chosen:
-        names = {f.name for f in (seen_of(faults) if len(faults) > 1 else (faults[0][0],))}
-        made, seconds = timed(pictures_with([way for _, way in faults]))
-        label = " + ".join(f.name if f.name in names else f"({f.name})" for f, _ in faults)
-        tally.take(names, label, made, seconds)
-    tally.report(what)
-
-
-def main() -> None:
-    what, number = (*record.arguments(), "60")[:2]
+def of_pairs(number: int) -> None:
+    """Diagnose pairs of planted faults. Of two, one that shows beside the other has to come first."""
+    rng, tally = np.random.default_rng(0), Tally()
     direct = [f for f in FAULTS if f.ways]
-    if what == "students":
-        of_students()
-    elif what == "alone":
-        of_faults(what, ([(f, f.ways[0])] for f in direct))
-    elif what == "ways":
-        of_faults(what, ([(f, way)] for f in direct for way in f.ways))
-    else:
-        rng = np.random.default_rng(0)
-        drawn = (rng.choice(len(direct), 2, replace=False) for _ in count())
-        two = ([(direct[i], direct[i].ways[0]) for i in pair] for pair in drawn)
-        of_faults(what, islice(filter(can_be_made, two), int(number)))
+    drawn = (rng.choice(len(direct), 2, replace=False) for _ in count())
+    two = ([(direct[i], direct[i].ways[0]) for i in pair] for pair in drawn)
+    for faults in islice(filter(can_be_made, two), number):
+        names = {f.name for f in seen_of(faults)}
+        made, seconds = timed(pictures_with([way for _, way in faults]))
+        tally.take(names, " + ".join(f.name if f.name in names else f"({f.name})" for f, _ in faults), made, seconds)
+    tally.report("pairs")
+
+
+def main(what: str, number: str = "60") -> None:
+    of_students() if what == "students" else of_pairs(int(number))
 
 
 if __name__ == "__main__":
-    main()
+    main(*record.arguments())

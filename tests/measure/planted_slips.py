@@ -28,7 +28,6 @@ from typing import Any
 
 import numpy as np
 from measure import record
-from measure.undetected_slips import stop
 from starter_submissions import PLAIN
 from tracers_by_students import BOARD_FRAME, VECTORS
 
@@ -154,6 +153,10 @@ def _place(text: str, line: int, column: int) -> int:
 
 
 # ------------------------------------------------------------------------------------------ what changes nothing
+
+
+def stop(number: int, frame: object) -> None:
+    raise TimeoutError
 
 
 @cache

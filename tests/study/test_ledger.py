@@ -5,7 +5,6 @@ from math import cos, inf, pi, radians, sin
 import msgspec
 import numpy as np
 import pytest
-from measure.planted_ledger import results
 from scene_of import changed, scene_of
 from truths import WHITE, in_wedge, view_of, wedge
 
@@ -113,12 +112,6 @@ def test_a_right_subject_has_no_error_of_its_own(overlap, fast):
     small = overlap.with_camera(overlap.camera.resized(64, 48))
     found = rows(make_ledger(small, fast_package.trace(small, "shadow", fast), "shadow", fast, faulty=True))
     assert found["the subject's own error"].rmse < 1e-5
-
-
-def test_no_planted_bug_is_taken_for_rounding():
-    found = list(results(8))
-    assert len(found) > 6
-    assert max(one.innocent for _, _, one in found) < 1e-6
 
 
 def test_of_a_sampled_level_the_subjects_error_and_its_samples_are_one_part(overlap, fast):
