@@ -60,14 +60,14 @@ def test_over_scenes_with_several_suns_the_angle_is_the_largest_of_them():
     assert family.sentence(about_x, [aside]) == "the sun's direction is off by 0 degrees"
 
 
-@pytest.mark.parametrize(("known", "value"), [(True, 1 / 255), (False, 1.0)])
-def test_an_image_of_one_value_is_said_to_be_one_and_no_power_is_fitted(known, value):
+def test_an_image_of_one_value_is_said_to_be_one_and_no_power_is_fitted():
     scene = SCENES["overlap"]
     right = trace(scene)
-    flat = Image(mean=np.full(right.mean.shape, value, np.float32))
-    said = explain(flat, right, scene if known else None)[0].reason
-    assert f"every pixel has the same value, {value:.4g}" in said
-    assert "power" not in said
+    for known, value in ((True, 1 / 255), (False, 1.0)):
+        flat = Image(mean=np.full(right.mean.shape, value, np.float32))
+        said = explain(flat, right, scene if known else None)[0].reason
+        assert f"every pixel has the same value, {value:.4g}" in said
+        assert "power" not in said
 
 
 def test_a_rounded_pi_is_said_in_percent_and_nothing_wrong_is_called_right():
@@ -80,15 +80,15 @@ def test_a_rounded_pi_is_said_in_percent_and_nothing_wrong_is_called_right():
     assert both.sentence((1.0, 2.0), ()) == "the sky's part is 2 times too bright"
 
 
-@pytest.mark.parametrize(("name", "count"), [("eclipse", 3), ("overlap", 12)])
-def test_where_a_few_scattered_values_are_off_nothing_is_named(name, count):
-    scene = SCENES[name]
-    right = trace(scene)
-    rng = np.random.default_rng(count)
-    shown = right.mean.copy()
-    shown.reshape(-1, 3)[rng.choice(80 * 60, count, replace=False)] += rng.normal(0, 0.05, (count, 3))
-    for known in (scene, None):
-        assert not any(said.names_a_cause for said in explain(Image(shown), right, known))
+def test_where_a_few_scattered_values_are_off_nothing_is_named():
+    for name, count in (("eclipse", 3), ("overlap", 12)):
+        scene = SCENES[name]
+        right = trace(scene)
+        rng = np.random.default_rng(count)
+        shown = right.mean.copy()
+        shown.reshape(-1, 3)[rng.choice(80 * 60, count, replace=False)] += rng.normal(0, 0.05, (count, 3))
+        for known in (scene, None):
+            assert not any(said.names_a_cause for said in explain(Image(shown), right, known)), name
 
 
 def test_a_cause_under_noise_has_to_bring_the_noisy_pixels_nearer():
@@ -149,20 +149,16 @@ def with_radius(scene, index, more):
     return changed(scene, objects=(*scene.objects[:index], wrong, *scene.objects[index + 1 :]))
 
 
-@pytest.mark.parametrize("name", ["eclipse", "distorted"])
-def test_a_radius_that_is_a_little_off_is_not_taken_for_several_rays_a_pixel(name):
-    scene = SCENES[name]
-    index = next(i for i, thing in enumerate(scene.objects) if isinstance(thing, Sphere))
-    made = trace(with_radius(scene, index, 1e-3))
-    assert "rays a pixel" not in "".join(f.text for f in explain(made, trace(scene), scene))
-
-
-@pytest.mark.parametrize(("index", "more"), [(0, 1e-3), (1, -1e-3)])
-def test_a_radius_that_is_a_millimetre_off_is_named_with_its_sphere(index, more):
+def test_a_radius_that_is_a_little_off_is_named_with_its_sphere_and_not_taken_for_several_rays_a_pixel():
+    for name in ("eclipse", "distorted"):
+        scene = SCENES[name]
+        index = next(i for i, thing in enumerate(scene.objects) if isinstance(thing, Sphere))
+        made = trace(with_radius(scene, index, 1e-3))
+        assert "rays a pixel" not in "".join(f.text for f in explain(made, trace(scene), scene)), name
     scene = SCENES["overlap"]
-    made = trace(with_radius(scene, index, more))
-    said = explain(made, trace(scene), scene)[0].reason
-    assert f"the radius of {scene.names[index]} is 1 mm too {'large' if more > 0 else 'small'}" in said
+    for index, more in ((0, 1e-3), (1, -1e-3)):
+        said = explain(trace(with_radius(scene, index, more)), trace(scene), scene)[0].reason
+        assert f"the radius of {scene.names[index]} is 1 mm too {'large' if more > 0 else 'small'}" in said
 
 
 WAVES = 1 + 0.2 * (np.sin(np.arange(80) / 5) * np.cos(np.arange(60) / 3)[:, None])[..., None]
