@@ -22,6 +22,7 @@ PARTS = (
 FOUND = Table("made <up>", *SIZE[::-1], "rmse", 0.01, PATH, "", (FILL, SHADOW, PATH, TWIN), PARTS, 256, 8e-4, 3.0)
 
 
+@pytest.mark.nightly
 def test_any_two_pictures_are_shown_to_eleven_bits(browse, tmp_path):
     rng = np.random.default_rng(3)
     names = "tracer: shadow", "twin: path", "reference: all light"
@@ -69,17 +70,14 @@ def test_no_recommendation_says_why_and_no_tolerance_how_to_get_one():
     assert "--tolerance T" in answer(msgspec.structs.replace(FOUND, choice=None, tolerance=None))[-1]
 
 
-@pytest.mark.parametrize(
-    ("row", "said"),
-    [
+def test_a_method_is_described_in_words():
+    for row, said in (
         (FILL, "the background alone"),
         (SHADOW, "cast shadows of the sun, sky without occlusion, one ray per pixel"),
         (TWIN, "light with at most 6 bounces, 16 samples per pixel (Mitsuba)"),
         (msgspec.structs.replace(PATH, depth=3, samples=1), "light with at most 1 bounce, 1 sample per pixel"),
-    ],
-)
-def test_a_method_is_described_in_words(row, said):
-    assert words(row) == said
+    ):
+        assert words(row) == said
 
 
 def test_the_summary_has_a_line_per_method_and_part_and_marks_the_choice():

@@ -25,6 +25,7 @@ CLICKS = r"""
 """
 
 
+@pytest.mark.nightly
 def test_a_click_on_a_part_shows_its_values_and_a_second_click_the_difference(make_result, tmp_path, browse):
     result = make_result()
     picture = np.zeros((60, 80, 3), np.float32)  # of every second pixel of 160 x 120

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 from raytwin.errors import InputError
-from raytwin.images.photo_files import from_bytes, read_photo
 from raytwin.photos.camera import detect_photos
 from raytwin.photos.camera.calibration_result import Calibration, View
 from raytwin.show.atlas_page import atlas_summary
 from raytwin.show.terminal_text import augment_summary, calibration_summary
-from raytwin.show.walk_cell import FOLDER, show
 from raytwin.study.atlas.experiment import Atlas, Curve, Found
 from raytwin.teach.walk.desk import Desk
 from raytwin.teach.walk.written import with_functions
@@ -53,17 +51,6 @@ def test_the_atlas_says_where_each_method_breaks_or_refuses_and_what_was_predict
     ]
 
 
-def test_two_images_are_shown_beside_each_other_with_a_white_gap(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    yours, other = np.full((6, 5, 3), 0.25, np.float32), np.full((6, 5, 3), 0.75, np.float32)
-    show("my image", yours, other)
-    row = from_bytes(read_photo(tmp_path / FOLDER / "my-image.png"))
-    assert row.shape == (6, 18, 3)
-    for part, value in ((row[:, :5], 0.25), (row[:, 5:13], 1.0), (row[:, 13:], 0.75)):
-        assert part == pytest.approx(value, abs=5e-3)
-    assert "RMSE 0.5 beside the twin" in capsys.readouterr().out
-
-
 def test_functions_are_replaced_each_in_its_own_place():
     text = "a = 1\n\ndef f(x):\n    return x\n\n\ndef g(x):\n    # long\n    y = 2\n    return y\n\nb = f(3) + g(4)\n"
     made = with_functions(text, {"f": "def f(x):\n    z = 5 * x\n    return z\n\n", "g": "def g(x):\n    return 7 * x"})
@@ -73,6 +60,7 @@ def test_functions_are_replaced_each_in_its_own_place():
         with_functions(text, {"h": ""})
 
 
+@pytest.mark.nightly
 def test_the_lessons_corners_are_half_a_pixel_off_opencvs(scenes):
     desk = Desk(scenes / "desk")
     found, _ = detect_photos([scenes / "desk" / "photos" / desk.photo_name], desk.board.family)

@@ -18,21 +18,18 @@ def srgb(x: float) -> float:
     return 12.92 * x if x <= 0.0031308 else 1.055 * x ** (1 / 2.4) - 0.055
 
 
-@pytest.mark.parametrize(
-    ("look", "shown"),
-    [
+def test_a_pictures_pixels_are_the_radiance_as_the_viewer_would_show_it():
+    values = (0.0, 0.002, 0.05, 0.25, 0.5, 0.9, 1.0, 3.0)
+    for look, shown in (
         (Look(), lambda x: srgb(min(x, 1))),
         (Look(exposure=1.0), lambda x: srgb(min(2 * x, 1))),
         (Look(gamma=2.0), lambda x: srgb(min(x, 1)) ** 0.5),
         (Look(tone="Reinhard"), lambda x: srgb(x / (1 + x))),
-    ],
-)
-def test_a_pictures_pixels_are_the_radiance_as_the_viewer_would_show_it(look, shown):
-    values = (0.0, 0.002, 0.05, 0.25, 0.5, 0.9, 1.0, 3.0)
-    pixels = to_screen(np.tile(np.array(values, np.float32)[:, None, None], (1, 8, 3)), look)
-    for value, row in zip(values, pixels, strict=True):
-        assert row == pytest.approx(255 * shown(value), abs=1), value  # half floats, then a rounding
-    assert to_screen(np.full((1, 1, 3), -1, np.float32), look).max() == 0
+    ):
+        pixels = to_screen(np.tile(np.array(values, np.float32)[:, None, None], (1, 8, 3)), look)
+        for value, row in zip(values, pixels, strict=True):
+            assert row == pytest.approx(255 * shown(value), abs=1), (look, value)  # half floats, then a rounding
+        assert to_screen(np.full((1, 1, 3), -1, np.float32), look).max() == 0
 
 
 def test_the_jpeg_that_is_sent_shows_the_image(base):
@@ -44,22 +41,14 @@ def test_the_jpeg_that_is_sent_shows_the_image(base):
     assert np.ptp(sent) > 100
 
 
-@pytest.mark.parametrize("x", [-0.3, 0.0, 0.3])
-def test_a_path_that_runs_behind_the_eye_ends_before_it(base, x):
+def test_a_path_that_runs_to_the_eyes_plane_or_behind_it_ends_before_it(base):
     camera = msgspec.structs.replace(base.camera, dist=())
     (fx, _, cx), (_, fy, cy) = camera.K[:2]
     start = (0.5, 0.2, 1.0)
-    assert _project(camera, (x, -0.2, 2.0), start) == pytest.approx((fx * x / 2 + cx, -fy * 0.1 + cy))
-    # The line from `start` to (x, 0, -1) meets z = NEAR_METRES after this share of it.
-    share = (1 - NEAR_METRES) / 2
-    end = (0.5 + (x - 0.5) * share) / NEAR_METRES, (0.2 - 0.2 * share) / NEAR_METRES
-    expected = fx * end[0] + cx, fy * end[1] + cy
-    assert _project(camera, (x, 0.0, -1.0), start) == pytest.approx(expected)
-
-
-def test_a_path_that_ends_in_the_eyes_own_plane_ends_before_it_too(base):
-    camera = msgspec.structs.replace(base.camera, dist=())
-    (fx, _, cx), (_, fy, cy) = camera.K[:2]
-    share = 1 - NEAR_METRES
-    expected = fx * (0.5 - 0.5 * share) / NEAR_METRES + cx, fy * (0.2 - 0.2 * share) / NEAR_METRES + cy
-    assert _project(camera, (0.0, 0.0, 0.0), (0.5, 0.2, 1.0)) == pytest.approx(expected)
+    assert _project(camera, (0.3, -0.2, 2.0), start) == pytest.approx((fx * 0.15 + cx, -fy * 0.1 + cy))
+    for x, z in ((-0.3, -1.0), (0.0, -1.0), (0.3, -1.0), (0.0, 0.0)):
+        # The line from `start` to (x, 0, z) meets NEAR_METRES after this share of it.
+        share = (1 - NEAR_METRES) / (1 - z)
+        end = (0.5 + (x - 0.5) * share) / NEAR_METRES, (0.2 - 0.2 * share) / NEAR_METRES
+        expected = fx * end[0] + cx, fy * end[1] + cy
+        assert _project(camera, (x, 0.0, z), start) == pytest.approx(expected), (x, z)
