@@ -1,9 +1,6 @@
-"""A student's tracer, right in every stage, in plain NumPy; mistakes in it, as replacements of its text; and functions
-that other processes call: they import nothing of raytwin."""
+"""A student's tracer, correct in every stage, in plain NumPy, and mistakes in it, as replacements of its text."""
 
-import os
 import re
-from pathlib import Path
 
 from starter_submissions import PLAIN
 
@@ -18,7 +15,6 @@ WRONG = {
     "shape": ('return out.reshape(scene["height"], scene["width"], 3)', "return out"),
     "raises": ("return out.reshape", "raise ValueError('<b>no</b>'); return out.reshape"),
     "hangs": ("return out.reshape", "import time\n    while True: time.sleep(1)\n    return out.reshape"),
-    "exits": ("return out.reshape", "import os; os._exit(3)\n    return out.reshape"),
     "cached": (
         "def render(scene):",
         "CACHE = {}\ndef render(scene):\n    return CACHE.setdefault(len(scene), paint(scene))\ndef paint(scene):",
@@ -33,18 +29,3 @@ def tracer(mistake: str = "") -> str:
     old, new = WRONG[mistake]
     assert old in RIGHT
     return RIGHT.replace(old, new)
-
-
-def square(x: int) -> int:
-    if x < 0:
-        raise ValueError(x)
-    return x * x
-
-
-def die_once(flag: str) -> str:
-    """Ends its process, but the first time only."""
-    path = Path(flag)
-    if path.exists():
-        return "alive"
-    path.touch()
-    os._exit(9)

@@ -9,11 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from program import raytwin
-from starter_submissions import PLAIN
-from tracers_by_students import mistaken
 
 from raytwin.errors import InputError, SubjectEnded
-from raytwin.study.compare_scene import stage_causes
 from raytwin.teach.contract.subject import find_subject
 from raytwin.teach.contract.subject_process import SubjectProcess
 
@@ -39,32 +36,26 @@ def subject(folder, body, also=", seed=0, samples=1"):
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize(
-    ("body", "how"),
-    [
-        ("os._exit(0)", "exit code 0"),
-        ("os._exit(3)", "exit code 3"),
+def test_a_subject_that_ends_the_process_fails_the_comparison(scenes, tmp_path):
+    for body, how in (
         ("os.kill(os.getpid(), 11)", "signal SIGSEGV"),
         ("os.fork() or __import__('time').sleep(60); os._exit(0)", "exit code 0"),
-    ],
-)
-def test_a_subject_that_ends_the_process_fails_the_comparison(scenes, tmp_path, body, how):
-    run = raytwin(
-        "compare", scenes / "single", "--size", "24x18", "--subject", subject(tmp_path, body), "-o", tmp_path / "out",
-        cwd=tmp_path,
-    )  # fmt: skip
-    assert run.returncode == 1
-    assert run.stdout == ""
-    assert f"ended with {how} before it gave one" in run.stderr
-    assert not (tmp_path / "out").exists()
+    ):
+        asked = "--size", "24x18", "--subject", subject(tmp_path, body), "-o", tmp_path / "out"
+        run = raytwin("compare", scenes / "single", *asked, cwd=tmp_path)
+        assert (run.returncode, run.stdout) == (1, ""), body
+        assert f"ended with {how} before it gave one" in run.stderr
+        assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.nightly
 def test_what_ends_while_it_is_loaded_is_said_too(tmp_path):
     (tmp_path / "mine.py").write_text("import os\nos._exit(0)\n")
     with pytest.raises(SubjectEnded, match="ended with exit code 0"):
         find_subject(str(tmp_path / "mine.py"), "shadow")
 
 
+@pytest.mark.nightly
 def test_the_folder_the_output_and_what_is_left_behind_are_the_subjects_own(scenes, tmp_path, capfd):
     body = "os.chdir('/'); print('Comparison(pass)', flush=True); os.fork() or __import__('time').sleep(60)"
     began = time.monotonic()
@@ -77,6 +68,7 @@ def test_the_folder_the_output_and_what_is_left_behind_are_the_subjects_own(scen
     assert time.monotonic() - began < 50  # not until the child that was left behind ends
 
 
+@pytest.mark.nightly
 def test_a_program_that_leaves_a_process_behind_has_ended_when_it_has(tmp_path, single):
     (tmp_path / "mine.py").write_text(
         "import os, sys, time, numpy as np\nfrom raytwin import Image, write_image\n"
@@ -117,6 +109,7 @@ def test_what_a_function_raises_takes_and_is_called_is_as_if_it_were_here(tmp_pa
         find_subject(subject(tmp_path, "1 / seed"), "shadow")(single, 0)
 
 
+@pytest.mark.nightly
 def test_no_process_is_left_when_raytwin_ends(tmp_path):
     process = SubjectProcess(subject(tmp_path, "pass"))
     process.describe()
@@ -125,11 +118,3 @@ def test_no_process_is_left_when_raytwin_ends(tmp_path):
     with pytest.raises(ProcessLookupError):
         os.killpg(pid, 0)
     assert not Path(f"/proc/{pid}").exists()
-
-
-@pytest.mark.nightly
-def test_the_line_that_check_names_is_named_by_compare_too(tmp_path):
-    (tmp_path / "mine.py").write_text(mistaken(PLAIN, "+ root) / (2*a)", "+ root) / (3*a)"))
-    (said,) = stage_causes(find_subject(str(tmp_path / "mine.py"), "shadow"))
-    assert said.text.startswith("intersect_sphere: ")
-    assert "line 44: " in said.text

@@ -35,14 +35,6 @@ seconds_a_call = 3600
 """
 HASTY = RUBRIC.replace("seconds = 3600\nseconds_a_call = 3600", "seconds = 60\nseconds_a_call = 1")
 """For the one who hangs: on a busy machine the others may take long."""
-NOTHING = "\n".join(
-    f"def {f}:\n    return 0 * {of}\n"
-    for f, of in (
-        ("back_project(K, dist, width, height)", "__import__('numpy').ones((height, width, 3))"),
-        ("intersect_sphere(origins, directions, center, radius)", "origins[:, 0]"),
-        ("shade(points, normals, albedo, to_light, irradiance, sky)", "points"),
-    )
-)
 
 
 def notebook(*cells: str) -> str:
@@ -51,21 +43,16 @@ def notebook(*cells: str) -> str:
 
 PI = tracers.tracer("pi")
 HANDED_IN = {
-    **{f"{name or 'right'}.py": tracers.tracer(name) for name in tracers.WRONG if name != "hangs"},
+    **{f"{name}.py": tracers.tracer(name) for name in ("no shadows", "pi", "gamma", "nan", "raises", "cached")},
     "right.py": tracers.RIGHT,
     "<script>/tracer.py": "import helper\nrender = helper.render\n",
     "<script>/helper.py": tracers.tracer("gamma"),
-    "helped/tracer.py": "from helper import *\nimport helper\ndef render(scene): return helper.render(scene)\n",
-    "helped/helper.py": PI,
     "parts.py": PI.replace("def render", "def own"),
     "beside.py": PI.replace("return out.reshape", "return out[:, ::-1].reshape"),
-    "nothing.py": NOTHING,
     "empty.py": "",
     "syntax.py": "def render(:",
     "nested.ipynb": "[" * 200_000,
-    "cells.ipynb": '{"cells": 5}',
     "large.py": "#" * 3_100_000,
-    "surrogate.ipynb": notebook('"\ud800"\ndef shade(): pass'),
     "book.ipynb": notebook(tracers.RIGHT + "#" + "x" * 1_100_000, "1 / 0", "%matplotlib inline", *["x = 1"] * 100),
 }
 """File -> text: what its student handed in."""

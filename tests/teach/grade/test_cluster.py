@@ -53,21 +53,6 @@ def test_a_thing_that_kills_its_local_process_costs_itself_alone():
     assert str(found[3].error) == "3: expected a process that lives, got one that is killed"
 
 
-def test_an_error_costs_its_own_thing_alone():
-    done = {
-        d.thing: d.result if d.error is None else str(d.error)
-        for d in map_parallel(tracers.square, [2, -1, 3], Workers())
-    }
-    assert done == {2: 4, -1: "-1", 3: 9}
-
-
-@pytest.mark.skipif(os.name != "posix", reason="the test's module is found by fork's path alone")
-def test_a_process_that_is_killed_takes_nothing_with_it(tmp_path, monkeypatch):
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([TESTS, os.environ.get("PYTHONPATH", "")]))
-    done = list(map_parallel(tracers.die_once, [str(tmp_path / "a"), str(tmp_path / "b")], Workers(2)))
-    assert [d.result for d in done] == ["alive", "alive"]
-
-
 def test_no_scheduler_at_the_address_is_said(monkeypatch):
     monkeypatch.setattr("raytwin.parallel.CONNECT", 0.5)
     with pytest.raises(MachineError, match="the address of a Dask scheduler"):

@@ -91,17 +91,14 @@ def test_infinities_in_the_wrong_place_are_errors_and_the_right_ones_none():
     assert fingerprint([np.zeros(2)], [np.zeros(3)]) == ""
 
 
-@pytest.mark.parametrize(
-    ("field", "value", "said"),
-    [
+def test_a_row_that_is_wrong_is_refused_with_its_field(tmp_path):
+    for field, value, said in (
         ("fingerprint", "1 2", r"feedback\[0\]\.fingerprint"),
         ("sentence", " ", r"feedback\[0\]\.sentence"),
         ("stage", "shad", "did you mean shade"),
-    ],
-)
-def test_a_row_that_is_wrong_is_refused_with_its_field(tmp_path, field, value, said):
-    row = {"stage": "shade", "sentence": "x", "fingerprint": " ".join(["0.5"] * 16)} | {field: value}
-    text = RUBRIC.format(seed=1) + "[[feedback]]\n" + "".join(f'{k} = "{v}"\n' for k, v in row.items())
-    (tmp_path / "r.toml").write_text(text)
-    with pytest.raises(InputError, match=said):
-        read_rubric(tmp_path / "r.toml")
+    ):
+        row = {"stage": "shade", "sentence": "x", "fingerprint": " ".join(["0.5"] * 16)} | {field: value}
+        text = RUBRIC.format(seed=1) + "[[feedback]]\n" + "".join(f'{k} = "{v}"\n' for k, v in row.items())
+        (tmp_path / "r.toml").write_text(text)
+        with pytest.raises(InputError, match=said):
+            read_rubric(tmp_path / "r.toml")

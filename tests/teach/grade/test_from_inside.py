@@ -37,16 +37,14 @@ PI = "albedo / np.pi *", "albedo *"
     ("text", "points", "cause"),
     [
         (PLAIN, [4, 8, 2], ()),
-        (LEFT_OUT, [4, 8, 0], ("own-wall",)),
         (LEFT_OUT.replace("p + 1e-6 * normal[hit]", "p"), [4, 8, 0], ("own-wall",)),
         (PLAIN.replace(*GAMMA), [4, 0, 2], ()),  # one mistake, which the shadows pay for
         (LEFT_OUT.replace(*PI), [0, 8, 0], ()),  # two: the function pays for one
     ],
-    ids=["correct", "left out", "left out, on the surface", "gamma", "left out, without pi"],
+    ids=["correct", "left out", "gamma", "left out, without pi"],
 )
-@pytest.mark.parametrize("hints", [0, 2])
-def test_each_mistake_is_paid_for_where_it_shows(tmp_path, text, points, cause, hints):
-    (tmp_path / "r.toml").write_text(RUBRIC.replace("hints = 0", f"hints = {hints}"))
+def test_each_mistake_is_paid_for_where_it_shows(tmp_path, text, points, cause):
+    (tmp_path / "r.toml").write_text(RUBRIC)
     (tmp_path / "a.py").write_text(text)
     (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
     assert [pytest.approx(e.points, abs=2) for e in result.exercises] == points
@@ -57,9 +55,8 @@ def test_each_mistake_is_paid_for_where_it_shows(tmp_path, text, points, cause, 
         assert inside.sentences == ("Pictures from outside are wrong, too. Start with shadows.",)
 
 
-@pytest.mark.parametrize("old", ['stage = "render"\ndrawn = 2\ninside', "drawn = 2\ninside"])
-def test_only_drawn_pictures_are_seen_from_inside(tmp_path, old):
-    new = old.replace('"render"', '"hit_points"') if "render" in old else 'scenes = ["single"]\ninside'
-    (tmp_path / "r.toml").write_text(RUBRIC.replace(old, new))
+def test_only_drawn_pictures_are_seen_from_inside(tmp_path):
+    named = RUBRIC.replace("drawn = 2\ninside", 'scenes = ["single"]\ninside')
+    (tmp_path / "r.toml").write_text(named)
     with pytest.raises(InputError, match=r"exercises\[2\]\.inside: expected an exercise of render with drawn scenes"):
         read_rubric(tmp_path / "r.toml")

@@ -32,6 +32,7 @@ def grade(folder):
     )
 
 
+@pytest.mark.nightly
 def test_an_error_of_the_graders_own_costs_one_result_which_is_named_and_graded_again_next_time(folder, monkeypatch):
     errors = {
         "unlucky": ZeroDivisionError("ours"),

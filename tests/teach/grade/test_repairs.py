@@ -1,5 +1,6 @@
 """A submission that is graded gets the line to look at, in its sandbox, as far as the rubric's hints go."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import msgspec
@@ -10,11 +11,10 @@ from starter_submissions import PLAIN, SLIPS
 from raytwin.explain.repair import Repair
 from raytwin.parallel import Workers
 from raytwin.scene import Tolerance
-from raytwin.teach.contract.stage_table import LESSONS
 from raytwin.teach.grade.check_picture import _compare_points
 from raytwin.teach.grade.class_run import jobs_of, run
 from raytwin.teach.grade.result import Marked, Result
-from raytwin.teach.grade.sandboxed_repair import SecondLook, _helps, _with_hint
+from raytwin.teach.grade.sandboxed_repair import SecondLook, _with_hint
 from raytwin.teach.sandbox.sandbox import Code
 
 SOURCE = next(s.source for s in SLIPS if s.label == "sum of everything")
@@ -37,6 +37,7 @@ def test_the_line_of_a_slip_is_told_where_the_submission_lets_it_be_found(tmp_pa
         assert any(said in sentence for sentence in exercise.sentences) == told, exercise.sentences
 
 
+@pytest.mark.nightly
 def test_a_function_that_changes_its_arguments_loses_one_case_and_is_told_the_line(tmp_path):
     text = PLAIN.replace("    oc = origins - center\n", "    origins -= center\n    oc = origins\n")
     (tmp_path / "r.toml").write_text(f'title = "t"\nhints = 3\n{SPHERES}')
@@ -83,56 +84,33 @@ def wrong_image(*faults):
     return Marked("image", "render", "fail", 0, 1, "visible", "", 1e-3, **said)
 
 
-@pytest.mark.parametrize(
-    ("faults", "sure", "place"),
-    [
-        (("nothing-met",), True, 0),  # says only what is seen
-        (("no-planes",), True, 0),
-        (("endless-planes",), True, 1),
-    ],
-)
-def test_whether_the_line_or_the_cause_comes_first(faults, sure, place):
-    made = _with_hint(wrong_image(*faults), Repair("", 7, "the sign is wrong", "-a", "a", sure=sure), 2, "")
-    assert [k for k, sentence in enumerate(made.sentences) if "line 7" in sentence] == [place]
-
-
-def test_a_repair_that_helps_nothing_else_is_likely():
+def test_whether_the_line_or_the_cause_comes_first_and_how_sure_it_is():
+    line = Repair("", 7, "the sign is wrong", "-a", "a")
+    for faults, place in ((("nothing-met",), 0), (("no-planes",), 0), (("endless-planes",), 1)):  # two say what is seen
+        made = _with_hint(wrong_image(*faults), line, 2, "")
+        assert [k for k, sentence in enumerate(made.sentences) if "line 7" in sentence] == [place], faults
     unnamed = msgspec.structs.replace(wrong_image(), sureness="")
-    for sure, said in ((True, "proved"), (False, "likely")):
-        assert _with_hint(unnamed, Repair("", 7, "the sign is wrong", "-a", "a", sure=sure), 2, "").sureness == said
+    for sure, said in ((True, "proved"), (False, "likely")):  # likely: it helps nothing else
+        assert _with_hint(unnamed, replace(line, sure=sure), 2, "").sureness == said
+    for fault, said in (("shadow-offset", "likely"), ("nothing-met", "proved")):
+        likely = msgspec.structs.replace(wrong_image(fault), sureness="likely")
+        made = _with_hint(likely, line, 2, "")
+        assert "line 7" in made.sentences[0]
+        assert made.sureness == said
 
 
-@pytest.mark.parametrize(("fault", "said"), [("shadow-offset", "likely"), ("nothing-met", "proved")])
-def test_beside_a_likely_cause_of_pictures_that_says_why_the_line_comes_first_and_neither_is_proved(fault, said):
-    likely = msgspec.structs.replace(wrong_image(fault), sureness="likely")
-    made = _with_hint(likely, Repair("", 7, "a square is missing", "a", "a**2"), 2, "")
-    assert "line 7" in made.sentences[0]
-    assert made.sureness == said
-
-
-@pytest.mark.parametrize(("runs_it", "answers", "helps"), [
-    (True, [None, "right"], True), (True, [None, "wrong"], False), (False, [None, None], True),
-])  # fmt: skip
-def test_a_change_helps_what_runs_it_where_a_case_becomes_right(runs_it, answers, helps):
-    stage = LESSONS["shade"]
-    cases = stage.cases(1)[:2]
-    made = {"right": cases[1].expected, "wrong": tuple(2 * a for a in cases[1].expected), None: None}
-    left = iter([[made[answer]] for answer in answers])
-    trials = SimpleNamespace(lines=lambda *_: {}, run=lambda *_: next(left))
-    change = SimpleNamespace(runs_in=lambda lines: runs_it)
-    assert _helps(change, trials, (), [(stage, case) for case in cases]) == helps
-
-
-@pytest.mark.parametrize("other", [True, False])
-def test_a_picture_is_repaired_for_sure_where_no_other_picture_stays_wrong(monkeypatch, other):
-    repaired = {"hit_points": Repair("", 7, "the sign is wrong", "-a", "a")} | ({"render": Repair("", 8, "", "", "")}
-                                                                               if other else {})  # fmt: skip
-    monkeypatch.setattr("raytwin.teach.grade.sandboxed_repair._repair", lambda stage, *_: repaired.get(stage.name))
-    look = SecondLook(SimpleNamespace(hints=2), Code("a", "f = 1"))
-    child = SimpleNamespace(functions=("hit_points", "render"), spent=0.0)
-    tried = [msgspec.structs.replace(wrong_image(), stage=stage) for stage in ("hit_points", "render")]
-    look._repair(tried, (), (), (), (), SimpleNamespace(child=child))
-    assert look.found["hit_points"].sure == other
+def test_a_picture_is_repaired_for_sure_where_no_other_picture_stays_wrong(monkeypatch):
+    for other in (True, False):
+        repaired = {"hit_points": Repair("", 7, "the sign is wrong", "-a", "a")}
+        repaired |= {"render": Repair("", 8, "", "", "")} if other else {}
+        monkeypatch.setattr(
+            "raytwin.teach.grade.sandboxed_repair._repair", lambda stage, *_, found=repaired: found.get(stage.name)
+        )
+        look = SecondLook(SimpleNamespace(hints=2), Code("a", "f = 1"))
+        child = SimpleNamespace(functions=("hit_points", "render"), spent=0.0)
+        tried = [msgspec.structs.replace(wrong_image(), stage=stage) for stage in ("hit_points", "render")]
+        look._repair(tried, (), (), (), (), SimpleNamespace(child=child))
+        assert look.found["hit_points"].sure == other
 
 
 def test_what_follows_from_another_function_is_looked_at_last():
@@ -141,14 +119,14 @@ def test_what_follows_from_another_function_is_looked_at_last():
     assert result.first_problem == "the cause"
 
 
-@pytest.mark.parametrize(("miss", "passes"), [(np.nan, True), (np.inf, False), (0.0, False)])
-def test_points_of_rays_that_meet_nothing_are_nan(miss, passes):
+def test_points_of_rays_that_meet_nothing_are_nan():
     right = np.zeros((4, 5, 3)) + np.arange(5)[:, None]
     right[:2] = np.nan
-    got = np.where(np.isnan(right), miss, right)
-    assert _compare_points(right, got, Tolerance())[0] == passes
+    for miss, passes in ((np.nan, True), (np.inf, False), (0.0, False)):
+        assert _compare_points(right, np.where(np.isnan(right), miss, right), Tolerance())[0] == passes, miss
 
 
+@pytest.mark.nightly
 def test_a_text_that_is_nested_too_deeply_is_graded(tmp_path):
     """As deep as Python's own reader allows."""
     deep = "    return albedo * (n * irradiance + sky * 1.3)" + " + 0 * n" * 800

@@ -3,7 +3,6 @@
 import re
 from pathlib import Path
 
-import pytest
 from msgspec.structs import replace
 
 from raytwin.show import class_page as pages
@@ -39,21 +38,18 @@ def test_a_page_that_is_handed_out_is_whole_and_says_nothing_of_the_grader(grade
     assert '"width"' in gamma
 
 
-@pytest.mark.parametrize(
-    ("text", "left"),
-    [
+def test_no_folder_of_the_graders_machine_is_handed_out():
+    for text, left in (
         ("PermissionError: '/root/.pyenv/lib/python3.11/encodings/__init__.py'", "PermissionError: '__init__.py'"),
         ('File "/home/ann/grading/in/ada.py", line 3', 'File "ada.py", line 3'),
         (r"C:\Users\ann\ada.py is wrong", "ada.py is wrong"),
         (f"in {Path.cwd()}/class/ada.py", "in ada.py"),
         ("../class/ada.py: expected UTF-8", "ada.py: expected UTF-8"),
         ("albedo/pi, 1 / 2, m/s, a[0]/b/c, (x)/y/z", "albedo/pi, 1 / 2, m/s, a[0]/b/c, (x)/y/z"),
-    ],
-)
-def test_no_folder_of_the_graders_machine_is_handed_out(text, left):
-    result = Result("a", "k", "t", (wrong("a", text), wrong("b")), problem=text, printed=text, notes=(text,))
-    told = for_student(result, RUBRIC)
-    assert {told.problem, told.printed, *told.notes, *told.exercises[0].sentences} == {left}
+    ):
+        result = Result("a", "k", "t", (wrong("a", text), wrong("b")), problem=text, printed=text, notes=(text,))
+        told = for_student(result, RUBRIC)
+        assert {told.problem, told.printed, *told.notes, *told.exercises[0].sentences} == {left}
 
 
 def test_what_is_not_visible_is_not_handed_out_nor_the_graders_own_fault():
@@ -83,25 +79,22 @@ def test_one_mistake_in_two_exercises_is_one_to_mend_and_has_a_sign_of_its_own(g
 SOURCE = "import numpy as np\n\n\ndef render(scene):\n    a = 1\n    b = a\n    return b\n"
 
 
-@pytest.mark.parametrize(
-    ("sentence", "here"),
-    [
+def test_the_lines_that_sentences_speak_of_are_shown_with_their_neighbours():
+    for sentence, here in (
         ("a place to mend it: line 5: the sign", {5}),
         ("ValueError: no\nada.py, line 6, in render: b = a", {6}),
         ("two changes: line 1: x; and line 7: y", {1, 7}),
         ("ValueError: no\nhelper.py, line 6, in f: 1", None),
         ("wrong everywhere", None),
         ("line 99: beyond the end", None),
-    ],
-)
-def test_the_lines_that_sentences_speak_of_are_shown_with_their_neighbours(sentence, here):
-    made = with_own_text(Result("a", "k", "t", (wrong("a", sentence),)), Code(source=SOURCE, file="my ada.py"))
-    lines = made.exercises[0].code
-    assert {line.number for line in lines if line.here} == (here or set())
-    if here:
-        near = {n + k for n in here for k in (-2, -1, 0, 1, 2)} & set(range(1, 8))
-        assert lines == tuple(CodeLine(n, SOURCE.splitlines()[n - 1], n in here) for n in sorted(near))
-        assert f"<i>{min(here)}</i>" in student_page(made, RUBRIC)
+    ):
+        made = with_own_text(Result("a", "k", "t", (wrong("a", sentence),)), Code(source=SOURCE, file="my ada.py"))
+        lines = made.exercises[0].code
+        assert {line.number for line in lines if line.here} == (here or set()), sentence
+        if here:
+            near = {n + k for n in here for k in (-2, -1, 0, 1, 2)} & set(range(1, 8))
+            assert lines == tuple(CodeLine(n, SOURCE.splitlines()[n - 1], n in here) for n in sorted(near))
+            assert f"<i>{min(here)}</i>" in student_page(made, RUBRIC)
 
 
 def test_a_notebooks_cells_are_named_by_what_they_define():

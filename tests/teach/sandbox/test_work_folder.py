@@ -50,7 +50,7 @@ def test_a_folder_is_removed_however_deep_whatever_its_rights_and_links_in_it_ar
     (folder / "link").symlink_to(tmp_path / "outside")
     (folder / "broken").symlink_to(tmp_path / "nowhere")
     os.mkfifo(folder / "pipe")
-    nested(folder, 2500)  # longer than any path may be
+    nested(folder, 2100)  # longer than any path may be
     (folder / "1" / "a").chmod(0)
     (folder / "2").chmod(0o500)
     remove(folder)
@@ -83,15 +83,6 @@ def test_what_is_too_much_is_said_and_links_are_not_followed(tmp_path, monkeypat
     assert excess(work, 4_000_000) == ""
     monkeypatch.setattr(work_folder, "MOST_FILES", 4)
     assert excess(work, 4_000_000) == "it wrote more than 10 000 files: ended"
-
-
-def test_nobody_waits_for_a_folder_whose_removal_takes_long_and_it_goes_all_the_same(tmp_path, monkeypatch):
-    (tmp_path / "work").mkdir()
-    nested(tmp_path / "work", 500)
-    monkeypatch.setattr(work_folder, "REMOVAL_SECONDS", 0.0)
-    remove(tmp_path / "work")
-    assert (tmp_path / "work").exists()
-    assert goes(tmp_path / "work")
 
 
 def test_a_copy_has_the_files_and_who_may_run_them_without_links_devices_and_hidden_folders(tmp_path):
@@ -139,11 +130,9 @@ time.sleep(600)
 
 def test_the_next_run_removes_what_a_killed_one_left_and_nobody_elses(tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    command = [sys.executable, "-c", HOLDS_ONE]
     environment = os.environ | {"TMPDIR": str(tmp_path)}
-    running = [
-        subprocess.Popen([sys.executable, "-c", HOLDS_ONE], env=environment, stdout=subprocess.PIPE, text=True)
-        for _ in range(2)
-    ]
+    running = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(2)]
     try:
         killed, living = (Path(process.stdout.readline().strip()) for process in running)
         mine, held = work_folder.new_folder()
