@@ -9,7 +9,6 @@ import pytest
 ALLOWED = re.compile(
     r"cuda|CUDA"  # needs an NVIDIA GPU
     r"|lacks locks"  # the kernel's, or a container's
-    r"|no libLLVM that Dr.Jit aborts with"  # one that is too new, by chance
     r"|Windows"
     r"|not a checkout"
 )

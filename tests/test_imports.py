@@ -46,6 +46,7 @@ def test_the_lower_floors_load_no_heavy_library():
     assert not loaded_by(lower) & set(HEAVY)
 
 
+@pytest.mark.nightly
 def test_importing_any_module_runs_nothing_and_writes_nothing(tmp_path):
     code = (
         "import importlib, pkgutil, raytwin\n"
@@ -57,12 +58,14 @@ def test_importing_any_module_runs_nothing_and_writes_nothing(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.nightly
 def test_to_draw_into_photos_and_tell_of_it_takes_neither_mitsuba_nor_what_compares_images():
     loads = "import raytwin.cli, raytwin.show.terminal_text, raytwin.study.augment_photos"
     draws = "from raytwin import fast, twin; assert not twin.chosen().libllvm or fast.ENGINES['drjit32'].float_type"
     assert not loaded_by(f"{loads}; {draws}") & {"mitsuba", "asyncio", "raytwin.compare", "raytwin.explain.diagnosis"}
 
 
+@pytest.mark.nightly
 def test_comparing_two_files_does_without_the_folders_that_the_guide_lists(tmp_path):
     (row,) = re.findall(r"^\| which folders `raytwin diff` .*$", GUIDE.read_text(encoding="utf-8"), re.M)
     for name, scale in (("a", 1), ("b", 2)):

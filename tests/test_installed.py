@@ -1,7 +1,6 @@
 """The wheel works where it is installed: no checkout beside it, with nothing but what its extras bring."""
 
 import ast
-import contextlib
 import json
 import re
 import runpy
@@ -9,7 +8,6 @@ import subprocess
 import sys
 import tarfile
 import tomllib
-import urllib.request
 import zipfile
 from pathlib import Path
 
@@ -160,6 +158,10 @@ def test_every_extra_that_is_missing_is_named_at_once_in_one_line(run):
         "stability": "photos",
         "walk --notebook": "notebook",
     }
+    calls = {"render(raytwin.read_scene('single'))": "twin,llvm", "read_board('board.toml')": "photos"}
+    tries = (f"try: raytwin.{call}\nexcept raytwin.InputError as error: print(error)" for call in calls)
+    in_python = run("-c", "\n".join(("import raytwin", *tries))).stdout.splitlines()
+    assert all(f"'raytwin[{e}]'" in line for e, line in zip(calls.values(), in_python, strict=True)), in_python
     *told, (code, doctor) = json.loads(run("chain", json.dumps([c.split() for c in (*needs, "doctor")])).stdout)
     for (command, extras), (refused, line) in zip(needs.items(), told, strict=True):
         assert (refused, line.count("\n")) == (2, 1), line
@@ -169,21 +171,6 @@ def test_every_extra_that_is_missing_is_named_at_once_in_one_line(run):
     assert re.search(r"^backend +none: .*pip install 'raytwin\[twin,llvm\]'", doctor, re.MULTILINE)
     for extra, use in (("twin,llvm", "compare a scene"), ("photos", "calibrate"), ("live", "explore")):
         assert re.search(rf"pip install 'raytwin\[{extra}\]' to use .*{use}", doctor), doctor
-
-
-def test_from_python_too_the_missing_extra_is_named(run):
-    calls = {
-        "render(raytwin.read_scene('single'))": "twin,llvm",
-        "compare_scene('single')": "twin,llvm",
-        "mitsuba_sensor(raytwin.read_scene('single').camera)": "twin,llvm",
-        "levels('single', 0.1)": "twin,llvm",
-        "read_board('board.toml')": "photos",
-        "calibrate": "photos",
-    }
-    tries = (f"try: raytwin.{call}\nexcept raytwin.InputError as error: print(error)" for call in calls)
-    told = run("-c", "\n".join(("import raytwin", *tries))).stdout.splitlines()
-    for extra, line in zip(calls.values(), told, strict=True):
-        assert f"pip install 'raytwin[{extra}]'" in line
 
 
 def test_the_wheels_types_hold_where_nothing_but_its_dependencies_is_installed(environment_with, tmp_path):
@@ -230,20 +217,6 @@ def test_an_installed_raytwin_does_its_jobs_in_an_empty_folder(run, tmp_path):
 def test_a_scene_whose_camera_is_given_needs_neither_opencv_nor_a_board(run):
     done = run("raytwin", "compare", "single", "--size", "64x48", extras=FULL, blocked=WITHOUT_PHOTOS)
     assert "report: out/single/report.html" in done.stdout
-
-
-def test_an_installed_raytwin_shows_a_scene_on_a_live_page(environment_with, tmp_path):
-    command = [environment_with(*FULL, also=("pytest",)), "-um", "raytwin", "explore", "single", "--size", "32x24"]
-    environment = clean_environment(tmp_path)
-    with subprocess.Popen(
-        [*command, "--no-browser"], cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True
-    ) as child, contextlib.ExitStack() as after:  # fmt: skip
-        after.callback(child.terminate)
-        address, _, token = child.stdout.readline().split(" at ")[1].strip().partition("#")
-        asked = urllib.request.Request(f"{address}about", headers={"X-Raytwin-Token": token.rpartition("=")[2]})
-        page, about = (urllib.request.urlopen(what, timeout=100).read().decode() for what in (address, asked))
-    assert "<script" in page
-    assert json.loads(about)["scene"] == "single"
 
 
 def test_too_old_a_python_is_refused_in_one_line():

@@ -6,16 +6,11 @@ import re
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from raytwin.cli import app
-from raytwin.errors import InputError
-from raytwin.images import image_input
 from raytwin.images.exr import read_exr
-from raytwin.images.image import Image
-from raytwin.images.image_formats import write_image
 from raytwin.renderers import references
 
 pytestmark = pytest.mark.nightly
@@ -77,14 +72,8 @@ def run(warm, folder, *options: str, **sources: str) -> pytest.RunResult:
         (folder / f"{name}.py").write_text(HEAD + source)
     out = folder.with_suffix(".told")
     out.unlink(missing_ok=True)
-    known = (
-        "-W",
-        "error",
-        "-W",
-        "ignore:Module already imported",
-        "--strict-markers",
-        "--continue-on-collection-errors",
-    )
+    warnings = "-W", "error", "-W", "ignore:Module already imported"
+    known = *warnings, "--strict-markers", "--continue-on-collection-errors"
     asked = dict(os.environ), str(folder), str(out), [*known, *options]
     warm.stdin.write(json.dumps(asked).encode() + b"\n")
     warm.stdin.flush()
@@ -123,10 +112,6 @@ def test_array(shadow, factor):
     shadow.check(shadow.image.mean * factor)
 
 @FACTORS
-def test_list(shadow, factor):
-    shadow.check((shadow.image.mean * factor).tolist())
-
-@FACTORS
 @pytest.mark.parametrize("ending", ["exr", "png"])
 def test_file(shadow, tmp_path, ending, factor):
     raytwin.write_image(tmp_path / f"a.{ending}", raytwin.Image((shadow.image.mean * factor**2).astype("f4")))
@@ -138,22 +123,8 @@ def test_variance(path, factor):
     path.check(made.mean(0), variance=made.var(0, ddof=1) / 16)
 
 @FACTORS
-def test_renders(path, factor):
-    path.check(np.array([noisy(path, factor)(seed) for seed in range(6)]))
-
-@FACTORS
 def test_function(path, factor):
     path.check(noisy(path, factor), renders=8)
-
-@FACTORS
-def test_function_without_noise(shadow, factor):
-    calls = []
-    shadow.check(lambda seed: calls.append(seed) or raytwin.Image(shadow.image.mean * factor).mean)
-    assert calls == [0, 1]
-
-@FACTORS
-def test_tolerance(shadow, factor):
-    shadow.check(shadow.image.mean * factor**0.1, tolerance=1e-4)
 
 def test_compare_does_not_fail(shadow):
     assert shadow.compare(2 * shadow.image.mean).verdict == "fail"
@@ -234,7 +205,7 @@ def checked(warm, tmp_path_factory):
 
 def test_arrays_files_renders_and_functions_pass_where_they_agree_and_fail_where_not(checked):
     _, result = checked
-    cases = ("array", "list", "variance", "renders", "function", "function_without_noise", "tolerance")
+    cases = ("array", "variance", "function")
     expected = {f"test_{case}[1.01]" for case in cases} | {f"test_file[{e}-1.01]" for e in ("exr", "png")}
     others = {"test_nan", "test_noise_untold", "test_missing", "test_no_rung", "test_cases[nosuch-surface]"}
     others |= {name for name in failures(result) if name.startswith("test_thing[")}
@@ -315,25 +286,6 @@ def test_shipped(raytwin_reference, name, rung):
 NEVER = {"test_broken", "test_mistyped", "test_shipped[single-shadow]", "test_shipped[glass-path]"}
 
 
-CLEAR = """
-def test_clear(raytwin_reference):
-    pixels = np.full((6, 8, 4), 0.5, np.float32)
-    pixels[..., 3] = float(Path("value").read_text())
-    raytwin_reference("mine", "path", image=True).check(pixels)
-"""
-
-
-def test_a_transparent_image_fails_against_an_opaque_one_of_ones_own(warm, tmp_path):
-    clear = "from pathlib import Path\n" + CLEAR
-    (tmp_path / "value").write_text("1")
-    assert not failures(run(warm, tmp_path, "--raytwin-update", test_clear=clear))
-    assert not failures(run(warm, tmp_path, test_clear=clear))
-    (tmp_path / "value").write_text("0")
-    result = run(warm, tmp_path, test_clear=clear)
-    assert failures(result).keys() == {"test_clear"}
-    result.stdout.fnmatch_lines(["*alpha differs in 48 pixels*"])
-
-
 def test_update_makes_what_is_missing_or_stale_of_ones_own_and_nothing_else(warm, tmp_path, monkeypatch):
     (tmp_path / "pytest.ini").write_text("[pytest]\nraytwin_references = my/images\nraytwin_scenes = my/scenes\n")
     for name in ("ball", "overlap"):
@@ -350,29 +302,19 @@ def test_update_makes_what_is_missing_or_stale_of_ones_own_and_nothing_else(warm
     result, names = failed(test_it=OWN)
     assert names == mine | traced
     commands = [line.partition("To make it: ")[2].split() for line in result.outlines if "To make it: ra" in line]
-    assert commands[0] == [
-        "raytwin",
-        "reference",
-        "make",
-        "my/scenes/ball",
-        "--rung",
-        "shadow",
-        "--folder",
-        "my/images",
-    ]
+    assert " ".join(commands[0]) == "raytwin reference make my/scenes/ball --rung shadow --folder my/images"
     monkeypatch.chdir(tmp_path)
     assert CliRunner().invoke(app, commands[0][1:]).exit_code == 0  # the command works
 
     assert failed()[1] == {*mine, "test_traced[overlap]"}
     result, names = failed("--raytwin-update")
     assert not names
-    result.stdout.fnmatch_lines(
-        [
-            "*no reference can be made of this image*NaN*",
-            "*There: ball, *overlap, *single*",
-            "*'overlpa', *image=True*",
-        ]
+    asked = (
+        "*no reference can be made of this image*NaN*",
+        "*There: ball, *overlap, *single*",
+        "*'overlpa', *image=True*",
     )
+    result.stdout.fnmatch_lines(asked)
     (tmp_path / "my/scenes/ball/scene.toml").write_text(SCENE.replace("radius = 0.05", "radius = 0.04"))
     (tmp_path / "value").write_text("0.6")
     result, names = failed()
@@ -403,10 +345,9 @@ def test_itself(raytwin_reference):
 """
 
 
-@pytest.mark.parametrize("workers", ["0", "2"])
-def test_an_update_fails_two_other_images_of_one_name_and_names_both_tests(warm, tmp_path, workers):
+def test_an_update_fails_two_other_images_of_one_name_and_names_both_tests(warm, tmp_path):
     for _ in range(2):  # without a reference, then with one
-        result = run(warm, tmp_path, "--raytwin-update", "-n", workers, test_two=TWO_NAMED_ALIKE)
+        result = run(warm, tmp_path, "--raytwin-update", "-n", "2", test_two=TWO_NAMED_ALIKE)
         result.assert_outcomes(passed=3, failed=2)
         failed = failures(result).keys() - {"test_itself"}
         (loser,) = failed
@@ -465,25 +406,24 @@ def test_crash(raytwin_reference):
 """
 
 
-@pytest.mark.parametrize("place", ["file", "file/below"])
-def test_a_report_that_cannot_be_written_is_a_wrong_option(warm, tmp_path, place):
+def test_a_report_that_cannot_be_written_is_a_wrong_option(warm, tmp_path):
     (tmp_path / "file").touch()
-    result = run(warm, tmp_path, "--raytwin-report", place, test_all=ALL)
-    assert result.ret == pytest.ExitCode.USAGE_ERROR
-    (line,) = filter(None, result.outlines)
-    assert re.match(rf"ERROR: --raytwin-report: {tmp_path}/{place}: expected a folder to write, got ", line)
+    for place in ("file", "file/below"):
+        result = run(warm, tmp_path, "--raytwin-report", place, test_all=ALL)
+        assert result.ret == pytest.ExitCode.USAGE_ERROR
+        (line,) = filter(None, result.outlines)
+        assert re.match(rf"ERROR: --raytwin-report: {tmp_path}/{place}: expected a folder to write, got ", line)
 
 
-@pytest.mark.parametrize("workers", ["0", "2"])
-def test_a_report_that_is_lost_during_the_run_is_said_in_a_line(warm, tmp_path, workers):
-    result = run(warm, tmp_path, "--raytwin-report", "out", "-n", workers, "--dist=loadfile", test_lost=SPOILS)
+def test_a_report_that_is_lost_during_the_run_is_said_in_a_line(warm, tmp_path):
+    result = run(warm, tmp_path, "--raytwin-report", "out", "-n", "2", "--dist=loadfile", test_lost=SPOILS)
     result.assert_outcomes(passed=1, failed=2)
     assert failures(result)["test_afterwards"].startswith("Failed: overlap/shadow: pass, but")
     result.stdout.fnmatch_lines(["*pass, but its page cannot be written: */out/*"])
     result.stdout.fnmatch_lines(["*the report lacks this test: */out/check-*", f"raytwin: no report: {tmp_path}/out*"])
     result.stdout.no_fnmatch_line("*INTERNALERROR*")
     (tmp_path / "out").unlink()
-    result = run(warm, tmp_path, "--raytwin-report", "out", "-n", workers, "-k", "test_spoils")
+    result = run(warm, tmp_path, "--raytwin-report", "out", "-n", "2", "-k", "test_spoils")
     assert result.ret == pytest.ExitCode.USAGE_ERROR  # nothing failed, but what was asked for is not there
 
 
@@ -499,47 +439,3 @@ def test_a_run_that_does_not_use_the_plugin_loads_nothing_for_it(pytester):
             assert {name for name in sys.modules if name.startswith("raytwin")} == {"raytwin", "raytwin.pytest_plugin"}
     """)
     pytester.runpytest_subprocess("-p", "no:hypothesispytest", "-p", "no:jaxtyping").assert_outcomes(passed=1)
-
-
-# ------------------------------------------------------------------------------------------ formats
-
-
-@pytest.fixture
-def smooth() -> Image:
-    ramp = np.linspace(0, 1.5, 64 * 48 * 3).reshape(48, 64, 3)
-    return Image(np.random.default_rng(2).permuted(ramp).astype(np.float32))
-
-
-@pytest.mark.parametrize("ending", ["png", "exr", "half", "float16", "pfm"])
-def test_a_formats_rounding_stays_within_the_step_that_is_granted_for_it(smooth, tmp_path, ending):
-    thing = tmp_path / f"a.{ending}"
-    if ending == "float16":
-        thing = smooth.mean.astype(np.float16)
-    elif ending == "half":
-        thing = thing.with_suffix(".exr")
-        write_image(thing, Image(smooth.mean.astype(np.float16).astype(np.float32)))
-    else:
-        write_image(thing, smooth)
-    taken = image_input.as_image(thing)
-    error = np.abs(taken.image.mean - taken.fitted(smooth).mean)
-    if ending in ("exr", "pfm"):
-        assert taken.rounding.half is None
-        assert error.max() == 0
-    else:
-        share = error / taken.rounding.half
-        assert share.max() <= 1
-        assert np.quantile(share, 0.9) > 0.4  # no more is granted than needed, dark or bright
-
-
-def test_the_spread_of_renders_gives_the_variance_of_their_mean():
-    x = np.random.default_rng(3).exponential(size=(5, 4, 6, 3))
-    for things in (x, list(x), [Image(i) for i in x], lambda seed: x[seed]):
-        made = image_input.as_image(things, renders=5).image
-        np.testing.assert_allclose(made.mean, x.mean(0), rtol=1e-6)
-        np.testing.assert_allclose(made.variance, x.var(0, ddof=1) / 5, rtol=1e-6)
-        assert made.batches == 5
-
-
-def test_renders_of_different_shapes_are_refused():
-    with pytest.raises(InputError, match="one shape"):
-        image_input.as_image([np.zeros((2, 3, 3))] * 3 + [np.zeros((3, 2, 3))])

@@ -63,11 +63,10 @@ def raytwin_words(command: str) -> list[str]:
     return words[1:]
 
 
-@pytest.mark.parametrize("text", TEXTS, ids=lambda p: str(p.relative_to(ROOT)))
-def test_links_lead_to_files_that_are_there(text):
-    links = re.findall(r"\]\(([^)#]+?)(?:#[^)]*)?\)", text.read_text(encoding="utf-8"))
-    missing = [link for link in links if "://" not in link and not is_there(text.parent / link)]
-    assert missing == []
+def test_links_lead_to_files_that_are_there():
+    for text in TEXTS:
+        links = re.findall(r"\]\(([^)#]+?)(?:#[^)]*)?\)", text.read_text(encoding="utf-8"))
+        assert [link for link in links if "://" not in link and not is_there(text.parent / link)] == [], text
 
 
 def is_there(path: Path) -> bool:
@@ -93,10 +92,9 @@ def test_the_devcontainer_is_set_up_by_the_readmes_commands():
     assert parse(raytwin_words(walk)) is None
 
 
-@pytest.mark.parametrize("text", TEXTS, ids=lambda p: str(p.relative_to(ROOT)))
-def test_every_command_and_option_that_is_named_exists(text):
+def test_every_command_and_option_that_is_named_exists():
     """Each command is parsed by the program itself, to the last option; nothing runs."""
-    for command in (c for c in commands(text) if not any(sign in c for sign in ("|", "...", "["))):
+    for command in (c for text in TEXTS for c in commands(text) if not any(sign in c for sign in ("|", "...", "["))):
         refused = parse(words := raytwin_words(command))
         if refused == "InputError" and any(word.startswith("out/") for word in words):
             continue  # an earlier command makes the scene
@@ -177,6 +175,7 @@ def write(files: list[tuple[str, str]], folder: Path) -> None:
         (folder / name).write_text(content, encoding="utf-8")
 
 
+@pytest.mark.nightly
 def test_the_learners_code_prints_what_its_comment_says(checkout, monkeypatch, capsys):
     (code,) = (block for block in blocks(README, "python") if "raytwin.trace" in block)
     found = [float(v) for v in re.findall(r"[\d.]+", printed_by(code, checkout, monkeypatch, capsys))]
@@ -204,6 +203,7 @@ def pytest_says(folder: str, cwd: Path) -> str:
     return done.stdout + done.stderr
 
 
+@pytest.mark.nightly
 def test_the_python_of_a_page_runs_and_prints_what_its_comment_says(checkout, monkeypatch, capsys):
     rays = [block for block in blocks(DOCS / "python.md", "python") if "camera_rays(" in block]
     for code, printed in ((rays, "(3,) (600, 800, 3)\n"), (blocks(DOCS / "start.md", "python"), "pass\n")):
@@ -248,6 +248,7 @@ def printed_by(code: str, folder: Path, monkeypatch, capsys) -> str:
     return capsys.readouterr().out
 
 
+@pytest.mark.nightly
 def test_batches_are_decided_as_the_readme_and_the_page_on_renderers_say(checkout, monkeypatch, capsys):
     (shown,) = (block for block in blocks(DOCS / "noise.md", "python") if "exponential" in block)
     code = ["\n".join(blocks(README, "python")), shown]
@@ -256,19 +257,12 @@ def test_batches_are_decided_as_the_readme_and_the_page_on_renderers_say(checkou
     assert re.match(r"fail \d+ the whole image is \d\.\d+ % too bright", second)
 
 
-@pytest.mark.nightly
-def test_the_maintainers_test_passes_as_written(checkout):
-    (code,) = (block for block in blocks(DOCS / "renderer.md", "python") if "def my_render" in block)
-    write([("maintainer/test_mine.py", code)], checkout)
-    assert "1 passed" in pytest_says("maintainer", checkout)
-
-
-@pytest.mark.parametrize("name", ["from_element", "in_wedge", "parallel", "perpendicular"])
-def test_the_numbers_of_the_closed_forms_are_those_of_their_formulas(name):
+def test_the_numbers_of_the_closed_forms_are_those_of_their_formulas():
     page = (DOCS / "closed-forms.md").read_text(encoding="utf-8")
-    table = page.split(f"<!-- closed form: {name} -->\n")[1].strip().split("\n\n")[0]
-    rows = [[float(cell) for cell in line.strip("|").split("|")] for line in table.splitlines()[2:]]
-    for *given, value in rows:
-        if name == "in_wedge":
-            given = [given[0], given[1], given[1], given[2]]  # both planes have the same albedo
-        assert getattr(truths, name)(*given) == pytest.approx(value, rel=1e-11)
+    for name in ("from_element", "in_wedge", "parallel", "perpendicular"):
+        table = page.split(f"<!-- closed form: {name} -->\n")[1].strip().split("\n\n")[0]
+        rows = [[float(cell) for cell in line.strip("|").split("|")] for line in table.splitlines()[2:]]
+        for *given, value in rows:
+            if name == "in_wedge":
+                given = [given[0], given[1], given[1], given[2]]  # both planes have the same albedo
+            assert getattr(truths, name)(*given) == pytest.approx(value, rel=1e-11), name

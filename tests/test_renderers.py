@@ -54,9 +54,6 @@ def wrong_size(scene):
 def broken(scene):
     return scene["moon"]
 
-def forgetful(scene):
-    pass
-
 def leaves(scene):
     raise SystemExit(5)
 """
@@ -91,19 +88,14 @@ def test_a_learners_function_is_compared_in_the_tracers_place(theirs, scenes, mo
     assert wrong.comparison.verdict == "fail"
 
 
-@pytest.mark.parametrize(
-    ("function", "said"),
-    [
+def test_what_a_function_does_wrong_is_told_in_one_line(theirs, single):
+    for function, said in (
         ("wrong_size", r"expected an image \(480, 640, 3\), got float64 \(3, 3, 3\)"),
         ("broken", "expected an image .*, got KeyError: 'moon'"),
-        ("forgetful", "forgetful returned None: is there a return[?]$"),
         ("leaves", "expected an image .*, got SystemExit: 5"),
-        ("nosuch", "expected a function, got nothing of that name"),
-    ],
-)
-def test_what_a_function_does_wrong_is_told_in_one_line(theirs, single, function, said):
-    with pytest.raises(InputError, match=said):
-        find_subject(f"{theirs}:{function}", "shadow")(single)
+    ):
+        with pytest.raises(InputError, match=said):
+            find_subject(f"{theirs}:{function}", "shadow")(single)
 
 
 def test_an_image_and_a_folder_of_images_are_subjects(tmp_path, single):

@@ -56,15 +56,7 @@ def test_braces_in_a_name_stay_in_the_page(tmp_path):
     assert "A: a{}{0}{x}.pfm of a{}{0}{x}.pfm, 24 by 24 pixels" in (tmp_path / "out{}" / "report.html").read_text()
 
 
-def test_a_scene_named_with_braces_is_compared(scenes, tmp_path):
-    folder = tmp_path / "my {0} {scene}"
-    folder.mkdir()
-    (folder / "scene.toml").write_text((scenes / "single" / "scene.toml").read_text())
-    run = raytwin("compare", folder, "--size", "40x30", "-o", tmp_path / "out")
-    assert run.returncode == 0, run.stderr
-    assert "PASS  my {0} {scene}" in run.stdout
-
-
+@pytest.mark.nightly
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such names")
 def test_no_command_sends_a_names_escapes_to_the_terminal(scenes, tmp_path):
     a, b = picture(tmp_path / f"{ESCAPE}.pfm"), picture(tmp_path / "b.pfm")
@@ -109,6 +101,7 @@ def test_an_output_whose_name_is_not_utf8_is_refused_before_the_work(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(os.name == "nt", reason="Windows keeps a folder that a process is in")
 def test_a_working_folder_that_vanished_is_named(tmp_path, monkeypatch):
     (tmp_path / "gone").mkdir()
@@ -118,6 +111,7 @@ def test_a_working_folder_that_vanished_is_named(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.nightly
 def test_ctrl_c_during_the_first_imports_ends_in_one_line(tmp_path):
     (tmp_path / "typer.py").write_text("raise KeyboardInterrupt\n")
     run = raytwin_alone("--help", PYTHONPATH=str(tmp_path))
@@ -134,19 +128,6 @@ MISWRITTEN = {
 """How no number is written on a terminal -> what finds it."""
 
 
-@pytest.mark.parametrize(
-    ("text", "wrong"),
-    [
-        ("12,500 bytes", 1), ("12 500 bytes", 1), ("1.5e-7", 1), ("1 photos", 1), ("2 photo", 1),
-        ("64 samples a pixel", 1),
-        ("12500 bytes, 1.5e-07, 1 photo, 0 photos, 1.1 times, 64 samples per pixel, 336 x 252", 0),
-    ],
-)  # fmt: skip
-def test_a_number_that_is_written_otherwise_is_found(text, wrong):
-    assert len([what for what, found in MISWRITTEN.items() if re.search(found, text)]) == wrong
-
-
-@pytest.mark.nightly
 @pytest.mark.nightly
 def test_commands_write_numbers_in_one_form(scenes, tmp_path):
     photos = sorted((scenes / "desk" / "photos").glob("*.jpg"))[:4]

@@ -10,7 +10,6 @@ have, is left out and counted. Each is graded with the ready rubric. What a stud
 
 import ast
 import difflib
-import os
 import re
 import resource
 import signal
@@ -44,7 +43,7 @@ from raytwin.teach.contract.stage_table import CONTRACT
 from raytwin.teach.grade.grade_submission import grade_submission
 from raytwin.teach.grade.job import job_of
 from raytwin.teach.grade.result import Result
-from raytwin.teach.grade.rubric import PICTURES, READY, read_rubric
+from raytwin.teach.grade.rubric import READY, read_rubric
 
 MOST = 1.35
 """Weight: what is more far-fetched is left out."""
@@ -285,34 +284,10 @@ def verdict_of(slip: Planted, result: Result) -> Verdict:
     return Verdict(how, right, proved, line, line_right, first)
 
 
-def cpu_seconds() -> float:
-    """Of this process, and of those that it has started."""
-    spent = os.times()
-    return spent.user + spent.system + spent.children_user + spent.children_system
-
-
-def graded(file: Path, whole: Path, functions: Path) -> Result:
-    """The grade by the rubric `whole`, or by its `functions` alone where these decide what is read first.
-
-    A function that fails and is repaired comes before all pictures; without these it takes a fraction of the seconds.
-    """
-    for path in (functions, whole):
-        result = grade_submission(job_of(file.stem, file, path, read_rubric(path)))
-        if (worst := result.worst) is not None and worst.status == "fail" and worst.sureness == "proved":
-            break
-    return result
-
-
-def rubrics(folder: Path) -> tuple[Path, Path]:
-    """The ready rubric with all that is known of repairs, and its functions alone."""
-    text = READY.read_text(encoding="utf-8").replace("\nseed =", "\nhints = 3\nseed =", 1)
-    head, *exercises = text.partition("\n[speed]")[0].split("[[exercises]]")
-    limits = "[limits]" + text.partition("[limits]")[2]
-    alone = [e for e in exercises if not any(f'"{stage}"' in e for stage in PICTURES)]
-    whole, functions = folder / "rubric.toml", folder / "functions.toml"
-    whole.write_text(text, encoding="utf-8")
-    functions.write_text("[[exercises]]".join([head, *alone]) + "\n" + limits, encoding="utf-8")
-    return whole, functions
+ROWS = (
+    "slips of the operators", "drawn", "do not run", "change nothing", "planted", "detected", "named first", "proved",
+    "proved and right", "line named", "line named and right",
+)  # fmt: skip
 
 
 def main(number: str = "16", seed: str = "0") -> int:
@@ -323,33 +298,29 @@ def main(number: str = "16", seed: str = "0") -> int:
     counts: Counter[str] = Counter()
     ways: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
-        whole, functions = rubrics(Path(folder))
+        file, rubric = Path(folder, "submission.py"), Path(folder, "rubric.toml")
+        # The ready rubric with all that is known of repairs.
+        rubric.write_text(
+            READY.read_text(encoding="utf-8").replace("\nseed =", "\nhints = 3\nseed =", 1), encoding="utf-8"
+        )
         some = (drawn_slips(name, int(number), int(seed), counts) for name in TEXTS)
         for slip, by in (one for row in zip_longest(*some) for one in row if one is not None):
-            file = Path(folder, "submission.py")
             file.write_text(slip.source, encoding="utf-8")
-            began = cpu_seconds()
-            result = graded(file, whole, functions)
-            spent = cpu_seconds() - began
+            result = grade_submission(job_of("a", file, rubric, read_rubric(rubric)))
             counts["planted"] += 1
             if all(e.status in ("pass", "missing") for e in result.exercises):
                 print(f"UNSEEN {slip} ({slip.operator}): changes {by:.1e}", flush=True)
                 continue
             told = verdict_of(slip, result)
             ways[told.how] += 1
-            counts["detected"] += 1
-            counts["named first"] += told.right
-            counts["proved"] += told.proved
-            counts["proved and right"] += told.proved and told.right
-            counts["line named"] += told.line is not None
-            counts["line named and right"] += told.line_right
-            others = sorted({name for e in result.exercises for name in e.causes})
-            how = f"{'ok' if told.right else 'WRONG'} {told.how}{' (proved)' if told.proved else ''} {spent:.1f} s"
-            print(f"{how} {slip} ({slip.operator}): {told.first[:170]} | line {told.line} of {slip.lines} {others}",
-                  flush=True)  # fmt: skip
-    rows: list[tuple[Any, ...]] = [(row, counts[row]) for row in (
-        "slips of the operators", "drawn", "do not run", "change nothing", "planted", "detected", "named first",
-        "proved", "proved and right", "line named", "line named and right")]  # fmt: skip
+            counts += Counter({
+                "detected": 1, "named first": told.right, "proved": told.proved,
+                "proved and right": told.proved and told.right, "line named": told.line is not None,
+                "line named and right": told.line_right,
+            })  # fmt: skip
+            how = f"{'ok' if told.right else 'WRONG'} {told.how}{' (proved)' if told.proved else ''}"
+            print(f"{how} {slip} ({slip.operator}): {told.first[:170]} | line {told.line} of {slip.lines}", flush=True)
+    rows = [(row, counts[row]) for row in ROWS]
     rows += [(f"named by {how}" if how != "unknown" else "no name", count) for how, count in ways.most_common()]
     record.table("causes", "planted", ["", "count"], rows, f"python -m measure.planted_slips {number} {seed}")
     return 0

@@ -104,6 +104,7 @@ class Moved(Traced):
         return super().prepare(changed(scene, objects=(moved, *others)))
 
 
+@pytest.mark.nightly
 def test_a_bug_is_not_hidden_by_light_that_is_missing_on_purpose(scenes):
     moved = Moved(surface=True)
     result = compare_scene(scenes / "overlap", subject=moved, rung="path", size=(96, 72), samples=64, cache=False)
@@ -146,6 +147,7 @@ def test_few_samples_fail_no_right_tracer(scenes, level, samples):
         assert result.settings["twin's samples per pixel"] == str(samples)
 
 
+@pytest.mark.nightly
 def test_a_tracer_of_centers_differs_from_areas_as_expected_and_a_wrong_one_still_fails(scenes, monkeypatch):
     monkeypatch.setattr("raytwin.study.compare_scene.find_causes", lambda *_: ())  # takes longest
     # Of 36 samples one seed of three does not show overlap's edges, which are rare events; distorted's always show.
@@ -187,6 +189,7 @@ def shade(points, normals, albedo, to_light, irradiance, sky):
 """
 
 
+@pytest.mark.nightly
 def test_a_subject_with_stages_is_asked_by_stages_first(scenes, tmp_path):
     (tmp_path / "mine.py").write_text(FORGOTTEN)
     subject = find_subject(str(tmp_path / "mine.py"), "shadow")

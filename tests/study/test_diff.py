@@ -300,6 +300,7 @@ def test_a_black_image_is_called_black_first(tmp_path, scale, kind):
     assert diff(0 * grey, 0 * grey).passed
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("of_test", "of_reference"), [("png", "png"), ("png", "exr"), ("exr", "png")])
 @pytest.mark.parametrize("change", ["x / (1 + x)", "2", "red and blue"])
 def test_predictions_are_clipped_and_rounded_as_the_files_are(tmp_path, of_test, of_reference, change):

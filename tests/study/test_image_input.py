@@ -8,6 +8,7 @@ from raytwin.compare import SequentialComparison
 from raytwin.errors import InputError
 from raytwin.images.image import Image
 from raytwin.images.image_formats import write_image
+from raytwin.images.image_input import as_image
 from raytwin.images.photo_files import from_bytes, write_picture
 from raytwin.images.stored_precision import half_code
 from raytwin.scene.scene_files import read_scene
@@ -95,3 +96,35 @@ def test_a_subject_is_held_to_what_its_files_format_can_show(ending, tmp_path, m
         made = compare_scene("overlap", subject=f"x.{ending}", size=(96, 72))
         assert made.verdict == verdict
         assert made.report.comparison.radiance.p999_abs > 1e-4, "no more than the tolerance was rounded off"
+
+
+@pytest.mark.parametrize("ending", ["png", "exr", "half", "float16", "pfm"])
+def test_a_formats_rounding_stays_within_the_step_that_is_granted_for_it(tmp_path, ending):
+    ramp = np.linspace(0, 1.5, 64 * 48 * 3).reshape(48, 64, 3)
+    smooth = Image(np.random.default_rng(2).permuted(ramp).astype(np.float32))
+    thing = tmp_path / f"a.{'exr' if ending == 'half' else ending}"
+    half = smooth.mean.astype(np.float16)
+    if ending == "float16":
+        thing = half
+    else:
+        write_image(thing, Image(half.astype(np.float32)) if ending == "half" else smooth)
+    taken = as_image(thing)
+    error = np.abs(taken.image.mean - taken.fitted(smooth).mean)
+    if ending in ("exr", "pfm"):
+        assert taken.rounding.half is None
+        assert error.max() == 0
+    else:
+        share = error / taken.rounding.half
+        assert share.max() <= 1
+        assert np.quantile(share, 0.9) > 0.4  # no more is granted than needed, dark or bright
+
+
+def test_the_spread_of_renders_gives_the_variance_of_their_mean():
+    x = np.random.default_rng(3).exponential(size=(5, 4, 6, 3))
+    for things in (x, list(x), [Image(i) for i in x], lambda seed: x[seed]):
+        made = as_image(things, renders=5).image
+        np.testing.assert_allclose(made.mean, x.mean(0), rtol=1e-6)
+        np.testing.assert_allclose(made.variance, x.var(0, ddof=1) / 5, rtol=1e-6)
+        assert made.batches == 5
+    with pytest.raises(InputError, match="one shape"):
+        as_image([np.zeros((2, 3, 3))] * 3 + [np.zeros((3, 2, 3))])

@@ -48,7 +48,12 @@ def test_errors_fall_with_light_and_samples_and_both_sides_agree(table):
 
 
 @pytest.mark.parametrize(
-    ("tolerance", "rungs"), [(0.1, {"lambert"}), (0.03, {"shadow"}), (0.012, {"path", "sky", "shadow"})]
+    ("tolerance", "rungs"),
+    [
+        pytest.param(0.1, {"lambert"}, marks=pytest.mark.nightly),
+        (0.03, {"shadow"}),
+        pytest.param(0.012, {"path", "sky", "shadow"}, marks=pytest.mark.nightly),
+    ],
 )
 def test_the_choice_meets_the_tolerance_with_another_seed_and_the_next_cheaper_fails(scenes, tolerance, rungs):
     """Against another reference; a twentieth is granted to another seed's noise, in so small a picture."""
@@ -135,6 +140,7 @@ def test_an_empty_scene_needs_no_tracer():
     assert {part.can_be_dropped for part in found.parts} == {True}
 
 
+@pytest.mark.nightly
 def test_a_reference_too_noisy_for_the_tolerance_says_so(scenes, monkeypatch):
     monkeypatch.setattr(room, "MAX_REFERENCE_SAMPLES", 2)
     found = levels(scenes / "overlap", 1e-3, size=SIZE).found
