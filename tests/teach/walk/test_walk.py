@@ -29,7 +29,7 @@ STAGES = (
     "shade",
     "sun_visible",
     "sky_visible",
-    "hemisphere",
+    "sample_cosine",
 )
 
 MISTAKES = {
@@ -44,7 +44,7 @@ MISTAKES = {
     "shade": ("albedo / np.pi", "albedo", "π times too bright"),
     "sun_visible": (" & (b < 0)", "", "only those with t > 0"),
     "sky_visible": ("(radius / d) ** 2", "(radius / d)", "r/d is not squared"),
-    "hemisphere": ("np.sqrt(1 - a)", "1 - a", "the directions are not unit"),
+    "sample_cosine": ("np.sqrt(1 - u[:, 0])", "1 - u[:, 0]", "the directions are not unit"),
 }
 """Of each function: what is written, what stands there instead, and words that must come."""
 

@@ -2,6 +2,8 @@
 
 import sys
 from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from msgspec.structs import replace
@@ -24,19 +26,28 @@ class StageFailed(AssertionError):
 
 
 def check(
-    stage: str, function: Callable[..., Any], *, raises: bool = False, seed: int = 0, hints: int = HINTS
+    stage: str,
+    function: Callable[..., Any],
+    *,
+    raises: bool = False,
+    seed: int = 0,
+    hints: int = HINTS,
+    page: str | Path | None = None,
 ) -> StageResult:
     """Test `function` as the named stage of a tracer, and say in a sentence what is wrong.
 
     A script prints the result. The Python prompt and a notebook show it. With `raises`, a failure raises StageFailed,
     an AssertionError. `seed` draws the test's numbers. If one small change of the function's text repairs it, `hints`
     shows the line (1), what is wrong there (2), or what to write (3); 0 turns this off. It tries some thousand changes,
-    for at most four seconds. Raises InputError for a stage that is none.
+    for at most four seconds. Of a sampler, `page` gets pictures of what it draws and what it claims. Raises InputError
+    for a stage that is none, and for a page of what is no sampler.
     """
     check_one_of("stage", stage, LESSONS)
     result = judge_function(LESSONS[stage], function, seed)
     if hints and not result.passed and (found := repair_function(LESSONS[stage], function, seed)):
         result = replace(result, hint=found.hint(hints))
+    if page is not None:  # by its name: it stands above the contract
+        import_module("raytwin.show.sampler_page").write_sampler(stage, function, Path(page))
     if raises and not result.passed:
         raise StageFailed(result)
     if not hasattr(sys, "ps1"):  # no prompt, of Python's or of a notebook, that shows what is returned

@@ -139,16 +139,19 @@ def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> S
     base = StageResult(
         stage.name, all(r.passed for r in results), error, stage.tolerance, stage.unit, "", wrong=wrong, cases=results
     )
-    if base.passed:
-        return replace(base, sentence=f"correct in all {len(cases)} cases, to {error:.2g} {stage.unit}")
     broken = next((got for got in checked if isinstance(got, str)), None)
+    arrays = [got for got in checked if not isinstance(got, str)]
+    numbers = "" if broken is not None else stage.tells(cases, arrays)
+    if base.passed:
+        said = f"correct in all {len(cases)} cases, to {error:.2g} {stage.unit}"
+        return replace(base, sentence="; ".join(filter(None, (said, numbers))))
     if broken is not None:
         where = "" if all(isinstance(got, str) for got in checked) else f" ({cases[worst].shows})"
         return replace(base, sentence=broken + where, inputs=_short_args(stage, cases[worst]))
-    arrays = [got for got in checked if not isinstance(got, str)]
     causes = explain(stage, cases, arrays)
     inputs, expected, found = _worst_value(stage, cases[worst], arrays[worst])
-    sentence = _blame(causes) if causes else f"no single common mistake fits. {_where(results)}"
+    unknown = " ".join(filter(None, ("no single common mistake fits.", _where(results), numbers)))
+    sentence = _blame(causes) if causes else unknown
     made = ((causes[0].name, causes[0].sentence),) if causes else ()
     base = replace(base, sentence=sentence, faults=made, inputs=inputs, expected=expected, got=found)
     if stage.name in NEEDED and not causes:
@@ -216,7 +219,7 @@ def _case_result(stage: Stage, case: Case, got: Outcome) -> CaseResult:
 
 def _errors(stage: Stage, case: Case, got: Arrays) -> np.ndarray:
     with np.errstate(all="ignore"):
-        errors = stage.errors(case.expected, got)
+        errors = stage.errors(case, got)
     return np.where(np.isnan(errors), np.inf, errors)
 
 
@@ -291,7 +294,9 @@ def _where(results: Sequence[CaseResult]) -> str:
 
 
 def _worst_value(stage: Stage, case: Case, got: Arrays) -> tuple[str, str, str]:
-    """Inputs, what was expected and what was found, of the value that is off by most."""
+    """Inputs, what was expected and what was found, of the value that is off by most; or of what the stage tells."""
+    if told := stage.tells([case], [got]):
+        return case.shows, stage.tells([case], [case.expected]), told
     errors = _errors(stage, case, got)
     at = np.unravel_index(int(errors.argmax()), errors.shape)
     if len(case.expected) > 1:

@@ -18,6 +18,7 @@ from raytwin.explain.draw_scene import LARGER, draw_scene
 from raytwin.explain.repair import SECONDS_A_TRY, Answers, Candidate, Cells, Lines, Repair, Runner, Work, repair
 from raytwin.explain.textbook import FUNCTIONS
 from raytwin.renderers.scene_exchange import as_arrays
+from raytwin.teach.contract.loading import arrays_of
 from raytwin.teach.contract.stage import PARTS_OF, Case, Function, Stage
 
 WORK = 3e6
@@ -200,7 +201,7 @@ def smaller(stage: Stage, case: Case, step: int) -> Case | None:
 
 def _case(stage: Stage, case: Case, args: tuple[Any, ...]) -> Case:
     with np.errstate(all="ignore"):
-        return Case(case.shows, args, (np.asarray(stage.reference(*args)),))
+        return Case(case.shows, args, arrays_of(stage.reference(*args)))
 
 
 def _thinned(K: Any, step: int) -> np.ndarray:

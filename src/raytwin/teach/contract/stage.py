@@ -124,10 +124,11 @@ def unit(v: np.ndarray) -> np.ndarray:
 class Stage:
     """A function of the contract. Its name, parameters and docstring are those of `reference`, which does it correctly.
 
-    `cases(seed)`: the calls. `errors(expected, got)`: how far each value is off, in `unit`; at most `tolerance` passes,
+    `cases(seed)`: the calls. `errors(case, got)`: how far each value is off, in `unit`; at most `tolerance` passes,
     but for a share `outliers` of the values. `returns`: what its arrays are called. `columns`: (3, 1) does for (3,).
     `in_other_forms`: variants made of other correct functions, tried where none of them alone explains what is wrong.
     `by_values(cases, got)`: a variant that the values themselves tell, such as the number by which misses are marked.
+    `tells(cases, got)`: numbers in words, said of what passes and of what no mistake explains.
     `last(seed)`: calls that are made only once all others are correct: what is wrong there is one mistake by itself.
     `hints`: what another number of arrays, or shape of the first, is likely to be, where `shape_hint` says less.
     """
@@ -135,7 +136,7 @@ class Stage:
     reference: Function
     returns: tuple[str, ...]
     cases: Callable[[int], list[Case]]
-    errors: Callable[[Arrays, Arrays], np.ndarray]
+    errors: Callable[[Case, Arrays], np.ndarray]
     tolerance: float
     unit: str
     variants: tuple[Variant, ...] = ()
@@ -143,6 +144,7 @@ class Stage:
     outliers: float = 0.0
     columns: bool = False
     by_values: Callable[[Sequence[Case], Sequence[Arrays]], Variant | None] = lambda cases, got: None
+    tells: Callable[[Sequence[Case], Sequence[Arrays]], str] = lambda cases, got: ""
     last: Callable[[int], list[Case]] = lambda seed: []
     hints: Mapping[Any, str] = field(default_factory=dict)
 

@@ -4,11 +4,11 @@ from raytwin.teach.contract.stage import Stage
 from raytwin.teach.contract.stages import (
     back_project,
     estimate_pose,
-    hemisphere,
     hit_points,
     intersect_sphere,
     intrinsics,
     render,
+    samplers,
     shade,
     sky_visible,
     sun_visible,
@@ -35,7 +35,7 @@ LESSONS: dict[str, Stage] = CONTRACT | {
         intrinsics.STAGE,
         sun_visible.STAGE,
         sky_visible.STAGE,
-        hemisphere.STAGE,
+        *samplers.STAGES,
     )
 }
 """Those, and the further ones that a learner's walk has: what `raytwin.check` knows, and no submission need define."""

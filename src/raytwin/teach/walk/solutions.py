@@ -81,7 +81,7 @@ def sky_visible(points, normals, centers, radii):
     return share
 
 
-def hemisphere(a, b):
+def sample_cosine(u):
     """Malley's."""
-    r, angle = np.sqrt(a), 2 * np.pi * b
-    return np.stack([r * np.cos(angle), r * np.sin(angle), np.sqrt(1 - a)], axis=-1)
+    r, z, angle = np.sqrt(u[:, 0]), np.sqrt(1 - u[:, 0]), 2 * np.pi * u[:, 1]
+    return np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=-1), z / np.pi, np.ones(len(u))

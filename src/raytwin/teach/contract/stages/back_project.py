@@ -63,9 +63,9 @@ def _case(shows: str, dist: Any, rng: np.random.Generator) -> Case:
             return Case(shows, args, (back_project(*args),))
 
 
-def errors(expected: Arrays, got: Arrays) -> np.ndarray:
+def errors(case: Case, got: Arrays) -> np.ndarray:
     """The distance of each ray's tip from where it should be: radians, where the rays are unit."""
-    return np.asarray(np.linalg.norm(expected[0] - got[0], axis=-1))
+    return np.asarray(np.linalg.norm(case.expected[0] - got[0], axis=-1))
 
 
 STAGE = Stage(back_project, ("rays",), cases, errors, 2e-5, "radians", textbook_variants("back_project"))

@@ -164,11 +164,11 @@ def _direction(rng: np.random.Generator) -> np.ndarray:
     return np.array([np.cos(angle), np.sin(angle), 0.0])
 
 
-def errors(expected: Arrays, got: Arrays) -> np.ndarray:
+def errors(case: Case, got: Arrays) -> np.ndarray:
     """By entry of R, |R - R₀|; and |t - t₀| / |t₀|, infinity where R is none."""
     R, t = got[0], got[1].reshape(3)
-    off = np.linalg.norm(t - expected[1]) / np.linalg.norm(expected[1])
-    return np.append(np.abs(R - expected[0]).ravel(), off)
+    off = np.linalg.norm(t - case.expected[1]) / np.linalg.norm(case.expected[1])
+    return np.append(np.abs(R - case.expected[0]).ravel(), off)
 
 
 # ------------------------------------------------------------------------------------------ typical mistakes

@@ -34,9 +34,9 @@ def cases(seed: int) -> list[Case]:
     return [Case(shows, (scene,), (hit_points(scene),)) for shows, scene in drawn]
 
 
-def errors(expected: Arrays, got: Arrays) -> np.ndarray:
+def errors(case: Case, got: Arrays) -> np.ndarray:
     """The distance of each point from where it should be, metres; infinity where a hit is missed or made up."""
-    right, p = expected[0], got[0]
+    right, p = case.expected[0], got[0]
     missed = np.isnan(right).all(axis=-1)
     off = np.where(missed, 0.0, np.linalg.norm(p - right, axis=-1))
     # NaN in one coordinate is as much a miss as in all three.

@@ -57,9 +57,9 @@ def cases(seed: int) -> list[Case]:
     return made
 
 
-def errors(expected: Arrays, got: Arrays) -> np.ndarray:
+def errors(case: Case, got: Arrays) -> np.ndarray:
     """|K - K₀| by fx₀."""
-    return np.asarray(np.abs(got[0] - expected[0]) / expected[0][0, 0])
+    return np.asarray(np.abs(got[0] - case.expected[0]) / case.expected[0][0, 0])
 
 
 # ------------------------------------------------------------------------------------------ typical mistakes

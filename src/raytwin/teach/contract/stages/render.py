@@ -51,9 +51,9 @@ def last(seed: int) -> list[Case]:
     return made
 
 
-def errors(expected: Arrays, got: Arrays) -> np.ndarray:
+def errors(case: Case, got: Arrays) -> np.ndarray:
     """|L - L₀| of each pixel's worst channel, by the largest L₀; infinity for NaN."""
-    off = np.abs(got[0] - expected[0]).max(axis=-1) / expected[0].max()
+    off = np.abs(got[0] - case.expected[0]).max(axis=-1) / case.expected[0].max()
     return np.where(np.isnan(off), np.inf, off)
 
 

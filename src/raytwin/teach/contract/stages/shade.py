@@ -46,9 +46,9 @@ def cases(seed: int) -> list[Case]:
     return [Case(shows, args, (shade(*args),)) for shows, args in drawn]
 
 
-def errors(expected: Arrays, got: Arrays) -> np.ndarray:
+def errors(case: Case, got: Arrays) -> np.ndarray:
     """|L - L₀| by the largest L₀ of the case."""
-    return np.asarray(np.abs(got[0] - expected[0]) / np.abs(expected[0]).max())
+    return np.asarray(np.abs(got[0] - case.expected[0]) / np.abs(case.expected[0]).max())
 
 
 STAGE = Stage(shade, ("radiance",), cases, errors, 1e-5, "of the brightest", textbook_variants("shade"))

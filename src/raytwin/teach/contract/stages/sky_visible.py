@@ -45,8 +45,8 @@ def cases(seed: int) -> list[Case]:
     return [*made, Case("tilted surfaces", args, (sky_visible(*args),))]
 
 
-def errors(expected: Arrays, got: Arrays) -> np.ndarray:
-    return np.asarray(np.abs(got[0] - expected[0]))
+def errors(case: Case, got: Arrays) -> np.ndarray:
+    return np.asarray(np.abs(got[0] - case.expected[0]))
 
 
 # ------------------------------------------------------------------------------------------ typical mistakes

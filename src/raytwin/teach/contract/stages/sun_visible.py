@@ -63,8 +63,8 @@ def _sure(points: np.ndarray, to_light: np.ndarray, centers: np.ndarray, radii: 
     return np.asarray((np.reshape(found, (2, -1)) == same).all(axis=0))
 
 
-def errors(expected: Arrays, got: Arrays) -> np.ndarray:
-    return np.asarray(np.abs(got[0] - expected[0]))
+def errors(case: Case, got: Arrays) -> np.ndarray:
+    return np.asarray(np.abs(got[0] - case.expected[0]))
 
 
 # ------------------------------------------------------------------------------------------ typical mistakes

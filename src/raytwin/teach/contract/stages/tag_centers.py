@@ -44,9 +44,9 @@ def cases(seed: int) -> list[Case]:
     return made
 
 
-def errors(expected: Arrays, got: Arrays) -> np.ndarray:
+def errors(case: Case, got: Arrays) -> np.ndarray:
     """The distance from where it should be, in pixels."""
-    return np.asarray(np.linalg.norm(got[0] - expected[0], axis=-1))
+    return np.asarray(np.linalg.norm(got[0] - case.expected[0], axis=-1))
 
 
 # ------------------------------------------------------------------------------------------ typical mistakes

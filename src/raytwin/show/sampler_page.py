@@ -1,0 +1,68 @@
+"""What a sampler draws, what it claims, and their difference, as pictures of its directions; the numbers below."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raytwin.errors import InputError, check_one_of
+from raytwin.images.image import Image
+from raytwin.show.page import write_page
+from raytwin.show.picture_pair import SCRIPTS, STYLES, picture_pair
+from raytwin.teach.contract.check_function import call_stage, judge_function
+from raytwin.teach.contract.stage import Case
+from raytwin.teach.contract.stage_table import LESSONS
+from raytwin.teach.contract.stages.samplers import SAMPLERS, Drawn
+
+PIXELS = 48
+"""Pixels across the disk of directions."""
+CALLS = 16
+"""Calls of the function for each of its cases: 262144 directions in a picture."""
+FINER = 8
+"""Points along each side of a pixel that the density that is asked for is taken of."""
+
+
+def write_sampler(name: str, function: Callable[..., Any], path: Path) -> None:
+    """Write the page of a function that should be the sampler of this name.
+
+    Raises InputError where there is no such sampler, or the function gives no arrays of the shapes that it should.
+    """
+    check_one_of("sampler", name, SAMPLERS)
+    stage = LESSONS[name]
+    images: dict[str, Image] = {}
+    result = judge_function(stage, function)
+    for number, case in enumerate(stage.cases(0)):
+        cases = [stage.cases(seed)[number] for seed in range(CALLS)]
+        answers = call_stage(stage, function, cases)
+        shapes = [array.shape for array in case.expected]
+        for answer in answers:
+            if isinstance(answer, str) or [array.shape for array in answer] != shapes:
+                raise InputError(name, f"arrays {', '.join(map(str, shapes))}", result.sentence)
+        together = [np.concatenate(arrays) for arrays in zip(*answers, strict=True)]
+        images |= _maps(Drawn(SAMPLERS[name], case, tuple(together)), case)
+    drawn, beside, *_ = images
+    data = picture_pair(images, (drawn, beside), like=drawn.replace("drawn", "asked for"))
+    write_page(path, "sampler.html.j2", STYLES, SCRIPTS, result=result, **data)
+
+
+def _maps(drawn: Drawn, case: Case) -> dict[str, Image]:
+    """The densities per steradian over the directions, seen along z: equal areas are equal solid angles."""
+    edge = np.sqrt(1 - drawn.lowest)
+    side = np.linspace(-edge, edge, PIXELS + 1)
+    x, y, z = drawn.directions.T
+    scale = np.sqrt(np.maximum(1 + z, 1e-12))
+    across = partial(np.histogram2d, y / scale, x / scale, [side, side])
+    counts = across()[0]
+    steradians = 2 * (side[1] - side[0]) ** 2
+    fine = (np.arange(PIXELS * FINER) + 0.5) / (PIXELS * FINER) * 2 * edge - edge
+    heights = 1 - fine[:, None] ** 2 - fine**2
+    inside = heights >= drawn.lowest
+    asked = np.where(inside, drawn.at("pdf", z=np.maximum(heights, drawn.lowest)), 0)
+    covered, asked = (a.reshape(PIXELS, FINER, PIXELS, FINER).mean(axis=(1, 3)) for a in (inside, asked))
+    maps = {"drawn": counts / (len(z) * steradians), "asked for": asked}
+    if drawn.claims:
+        total = across(weights=drawn.claims[0])[0]
+        maps = {"drawn": maps["drawn"], "claimed": covered * total / np.maximum(counts, 1), "asked for": asked}
+    return {f"{case.shows}: {key}": Image(np.repeat(a[..., None], 3, 2).astype(np.float32)) for key, a in maps.items()}

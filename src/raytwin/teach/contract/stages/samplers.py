@@ -1,0 +1,293 @@
+"""Samplers: random numbers become directions about (0, 0, 1), each with its density and its weight.
+
+A sampler is judged by what it draws, not by its formula. Every map of the unit square with the density that is asked
+for is correct: for cos θ / π Malley's map, Shirley and Chiu's concentric one, or one that swaps the two numbers.
+To add a sampler, write its function, its row of SAMPLERS and of STAGES, and its mistakes in sampler_faults.tsv.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import cache, partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.integrate import trapezoid
+from scipy.stats import chi2
+
+from raytwin.teach.contract.stage import Arrays, Case, Stage, Variant, instead
+
+DRAWS = 16384
+"""Directions per case."""
+ROWS, COLUMNS = 8, 16
+"""Cells along cos θ and around the normal, equally probable: 128 draws in each."""
+FALSE_ALARMS = 1e-6
+"""Share of the cases that a correct sampler fails by chance."""
+TOLERANCE = 1e-5
+"""Largest error of a direction's length, and of pdf and weight x pdf as shares of their largest values."""
+UNLIKE = 1e-3
+"""Share of the cases in which what a mistake draws is not recognised as its own."""
+FEWEST_EXPECTED = 5.0
+"""Draws expected in a cell; cells with fewer are counted together, since chi-square does not hold for them."""
+
+
+class Sampler(NamedTuple):
+    """The textbook in expressions: of a mistake one of them is another, or two that belong together.
+
+    `cosine`: cos θ, of a number `a` in [0, 1), from 1 downwards. `turn`: the angle about the normal, of `b`. `pdf` and
+    `value`, what is sampled, per steradian, of z = cos θ; c and n are the number that a sampler takes beside u.
+    """
+
+    cosine: str
+    pdf: str
+    value: str
+    turn: str = "2 * pi * b"
+    weight: str = "value / pdf"
+
+    def at(self, part: str, parameter: Any, **known: Any) -> Any:
+        """The value of one part."""
+        names = {"pi": np.pi, "sqrt": np.sqrt, "cos": np.cos, "arccos": np.arccos, "c": parameter, "n": parameter}
+        with np.errstate(all="ignore"):
+            return eval(_compiled(getattr(self, part)), names | known) + 0 * next(iter(known.values()))
+
+    def __call__(self, u: Any, parameter: Any = None) -> Arrays:
+        a, b = np.asarray(u, float).T
+        z, angle = self.at("cosine", parameter, a=a), self.at("turn", parameter, b=b)
+        radius = np.sqrt(np.maximum(1 - z * z, 0))
+        pdf, value = self.at("pdf", parameter, z=z), self.at("value", parameter, z=z)
+        directions = np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=-1)
+        return directions, pdf, self.at("weight", parameter, value=value, pdf=pdf)
+
+
+@cache
+def _compiled(expression: str) -> Any:
+    return compile(expression, "sampler", "eval")
+
+
+COSINE = Sampler("sqrt(1 - a)", "z / pi", "z / pi")
+SAMPLERS = {
+    "hemisphere": COSINE,
+    "sample_cosine": COSINE,
+    "sample_hemisphere": Sampler("1 - a", "1 / (2 * pi)", "z / pi"),
+    "sample_cone": Sampler("1 - a * (1 - c)", "1 / (2 * pi * (1 - c))", "1"),
+    "sample_phong": Sampler("(1 - a) ** (1 / (n + 1))", "(n + 1) / (2 * pi) * z**n", "(n + 2) / (2 * pi) * z**n"),
+}
+"""Name of a stage -> its textbook."""
+
+
+# ------------------------------------------------------------------------------------------ what students write
+
+
+def hemisphere(a: Any, b: Any) -> Any:
+    """Unit directions (N, 3) about the normal (0, 0, 1), with density cos θ / π.
+
+    A point of the unit disk, even over its area, raised to the hemisphere (Malley): at the radius √a and the angle
+    2πb, so that z = cos θ = √(1 - a).
+
+    a, b: (N,), numbers in [0, 1).
+    """
+    return COSINE(np.stack([a, b], axis=-1))[0]
+
+
+def sample_cosine(u: Any) -> Any:
+    """Directions (N, 3), pdf (N,), weight (N,): a bounce off a white Lambertian surface with the normal (0, 0, 1).
+
+    Unit directions are drawn with the density cos θ / π per steradian, which is their pdf. What is sampled is the
+    BRDF times the cosine, cos θ / π. The weight is that divided by the pdf.
+
+    u: (N, 2), numbers in [0, 1).
+    """
+    return COSINE(u)
+
+
+def sample_hemisphere(u: Any) -> Any:
+    """Directions (N, 3), pdf (N,), weight (N,): the same bounce, by directions that are even over the hemisphere.
+
+    Unit directions about (0, 0, 1) are drawn with the density 1 / 2π per steradian, which is their pdf. What is
+    sampled is cos θ / π. The weight is that divided by the pdf.
+
+    u: (N, 2), numbers in [0, 1).
+    """
+    return SAMPLERS["sample_hemisphere"](u)
+
+
+def sample_cone(u: Any, cos_max: float) -> Any:
+    """Directions (N, 3), pdf (N,), weight (N,) to a sphere light of radiance 1, whose centre is seen along (0, 0, 1).
+
+    The light fills the cone cos θ ≥ cos_max. Unit directions are even over its solid angle, 2π (1 - cos_max): their
+    pdf is 1 divided by that. What is sampled is the radiance. The weight is that divided by the pdf.
+
+    u: (N, 2), numbers in [0, 1). cos_max: a number below 1.
+    """
+    return SAMPLERS["sample_cone"](u, cos_max)
+
+
+def sample_phong(u: Any, exponent: float) -> Any:
+    """Directions (N, 3), pdf (N,), weight (N,) of a Phong lobe about the mirror's direction, (0, 0, 1).
+
+    Unit directions are drawn with the density (n + 1) / 2π cosⁿ α per steradian, which is their pdf, n being the
+    exponent. What is sampled is the lobe, (n + 2) / 2π cosⁿ α. The weight is that divided by the pdf.
+
+    u: (N, 2), numbers in [0, 1). exponent: a number of 0 or more.
+    """
+    return SAMPLERS["sample_phong"](u, exponent)
+
+
+# ------------------------------------------------------------------------------------------ what is drawn
+
+
+class Drawn:
+    """What a function gave in one case, beside its textbook: unit `directions` (N, 3), what it `claims` of them."""
+
+    def __init__(self, sampler: Sampler, case: Case, got: Arrays) -> None:
+        self.sampler, (self.directions, *self.claims) = sampler, got
+        self.parameter = next((argument for argument in case.args if np.ndim(argument) == 0), None)
+        self.z = self.directions[:, 2]
+        self.lowest = float(self.at("cosine", a=1.0))
+        self.off = np.abs(np.linalg.norm(self.directions, axis=-1) - 1)
+        self.unit = bool((self.off <= TOLERANCE).all())
+
+    def at(self, part: str, **known: Any) -> Any:
+        return self.sampler.at(part, self.parameter, **known)
+
+    def p_value(self, of: Sampler) -> float:
+        """The probability of drawing worse than this, if `of` drew it: chi-square over the cells."""
+        edges = [-1.0, *(self.at("cosine", a=np.linspace(1, 0, ROWS + 1)) - TOLERANCE)]
+        edges[-1] = 1.0 + TOLERANCE
+        turn = np.arctan2(self.directions[:, 1], self.directions[:, 0]) / (2 * np.pi) % 1
+        counts = np.histogram2d(self.z, turn, (edges, np.linspace(0, 1, COLUMNS + 1)))[0]
+        even = (np.arange(DRAWS) + 0.5) / DRAWS
+        rows = np.histogram(of.at("cosine", self.parameter, a=even), edges)[0] / DRAWS
+        columns = np.histogram(of.at("turn", self.parameter, b=even) / (2 * np.pi) % 1, COLUMNS, (0, 1))[0] / DRAWS
+        expected = len(self.z) * np.outer(rows, columns)
+        few = expected < FEWEST_EXPECTED
+        found, wanted = (np.append(x[~few], x[few].sum()) for x in (counts, expected))
+        if found[-1] > 0 and wanted[-1] == 0:
+            return 0.0
+        used = wanted > 0
+        return float(chi2.sf(((found - wanted)[used] ** 2 / wanted[used]).sum(), used.sum() - 1))
+
+    def errors(self) -> np.ndarray:
+        """Return each direction's error: its length, domain, pdf and weight x pdf; 1 for all where the test fails."""
+        off = np.maximum(self.off, np.maximum(self.lowest - self.z, 0))
+        if self.claims:
+            pdf, weight = self.claims
+            for found, part in ((pdf, "pdf"), (weight * pdf, "value")):
+                off = np.maximum(off, np.abs(found - self.at(part, z=self.z)) / self.at(part, z=1.0))
+        if not (off <= TOLERANCE).all() or self.p_value(self.sampler) >= FALSE_ALARMS:
+            return np.asarray(off)
+        return np.ones_like(off)
+
+    def integral(self) -> float:
+        """The integral of the claimed pdf over the domain, the pdf being one of cos θ."""
+        inside = self.z >= self.lowest
+        z, pdf = self.z[inside], self.claims[0][inside]
+        order = np.argsort(z)
+        z, pdf = np.concatenate([[self.lowest], z[order], [1.0]]), pdf[order[[0, *range(len(z)), -1]]]
+        return float(2 * np.pi * trapezoid(pdf, z))
+
+    def variance(self) -> float:
+        """The weight's variance by the square of its mean."""
+        weight = self.claims[1]
+        return float(weight.var() / max(weight.mean() ** 2, 1e-300))
+
+    def fits(self, wrong: Sampler) -> bool:
+        """Whether a mistake predicts what was drawn and claimed; the weight may be of the correct pdf, too."""
+        if self.p_value(wrong) < UNLIKE:
+            return False
+        if not self.claims:
+            return True
+        inside = self.z >= self.lowest
+        z, (pdf, weight) = self.z[inside], (claim[inside] for claim in self.claims)
+        value, right = self.at("value", z=z), self.at("pdf", z=z)
+        claimed = wrong.at("pdf", self.parameter, z=z)
+        weights = [wrong.at("weight", self.parameter, value=value, pdf=one) for one in (claimed, right)]
+        return _close(pdf, claimed) and any(_close(weight, one) for one in weights)
+
+
+def _close(found: np.ndarray, expected: np.ndarray) -> bool:
+    """Whether 99 % of the values agree: near the horizon some lose their digits."""
+    return bool(np.isclose(found, expected, rtol=1e-3).mean() >= 0.99)
+
+
+# ------------------------------------------------------------------------------------------ what is said
+
+
+@cache
+def faults(stage: str) -> tuple[tuple[str, str, tuple[Sampler, ...]], ...]:
+    """The mistakes of a sampler in sampler_faults.tsv: name, sentence, and for each way what the textbook becomes.
+
+    A mistake's line is the samplers, its name and its sentence. A way's begins with a tab: part, expression, ...
+    """
+    of = "sample_cosine" if stage == "hemisphere" else stage
+    made: list[tuple[str, str, list[Sampler]]] = []
+    for line in Path(__file__).with_name("sampler_faults.tsv").read_text(encoding="utf-8").splitlines():
+        samplers, *fields = line.split("\t")
+        if samplers:
+            concerned = of in samplers.split()
+            made += [(fields[0], fields[1], [])] if concerned else []
+        elif concerned:
+            made[-1][2].append(SAMPLERS[of]._replace(**dict(zip(fields[::2], fields[1::2], strict=True))))
+    return tuple((name, sentence, tuple(ways)) for name, sentence, ways in made)
+
+
+def _named(stage: str, cases: Sequence[Case], got: Sequence[Arrays]) -> Variant | None:
+    """The mistake that predicts what was drawn and claimed in all cases, whatever the formula; None if none does."""
+    drawn = [Drawn(SAMPLERS[stage], case, arrays) for case, arrays in zip(cases, got, strict=True)]
+    if not all(np.isfinite(one.directions).all() for one in drawn):
+        return None
+    if not all(one.unit for one in drawn):
+        return Variant("not unit", "the directions are not unit: x² + y² + z² = 1", instead(SAMPLERS[stage].__call__))
+    for name, sentence, ways in faults(stage):
+        if any(all(one.fits(way) for one in drawn) for way in ways):
+            return Variant(name, sentence, instead(ways[0].__call__))
+    return None
+
+
+def _told(stage: str, cases: Sequence[Case], got: Sequence[Arrays]) -> str:
+    """The numbers that any density and any weight have, of all cases."""
+    drawn = [Drawn(SAMPLERS[stage], case, arrays) for case, arrays in zip(cases, got, strict=True)]
+    if not all(one.unit for one in drawn):
+        return f"the largest error of a direction's length is {max(one.off.max() for one in drawn):.2g}"
+    said = [f"chi-square p {', '.join(f'{one.p_value(one.sampler):.2g}' for one in drawn)}"]
+    if drawn[0].claims:
+        said.append(f"the pdf integrates to {', '.join(f'{one.integral():.4g}' for one in drawn)}")
+        least = "0 by the density cos θ / π" if stage == "sample_hemisphere" else "best known: 0"
+        said.append(f"the weight's relative variance is {max(one.variance() for one in drawn):.2g} ({least})")
+    return "; ".join(said)
+
+
+# ------------------------------------------------------------------------------------------ the stages
+
+
+def _stage(reference: Callable[..., Any], *shown: tuple[str, tuple[float, ...]]) -> Stage:
+    """A stage with a case for each row of `shown`: its words, and the numbers that the sampler takes beside u."""
+    name = reference.__name__
+
+    def cases(seed: int) -> list[Case]:
+        rng = np.random.default_rng(seed)
+        made = []
+        for words, parameters in shown:
+            u = rng.uniform(size=(DRAWS, 2))
+            args = (*u.T,) if reference is hemisphere else (u, *parameters)
+            expected = reference(*args)
+            made.append(Case(words, args, expected if isinstance(expected, tuple) else (expected,)))
+        return made
+
+    def errors(case: Case, got: Arrays) -> np.ndarray:
+        return Drawn(SAMPLERS[name], case, got).errors()
+
+    returns = ("directions", "pdf", "weight")[: 1 if reference is hemisphere else 3]
+    return Stage(
+        reference, returns, cases, errors, TOLERANCE, "of 1",
+        columns=True, by_values=partial(_named, name), tells=partial(_told, name),
+    )  # fmt: skip
+
+
+EVEN = ("numbers at random", ()), ("other numbers at random", ())
+STAGES = (
+    _stage(hemisphere, *EVEN),
+    _stage(sample_cosine, *EVEN),
+    _stage(sample_hemisphere, *EVEN),
+    _stage(sample_cone, ("a wide cone", (0.3,)), ("a narrow cone", (0.98,))),
+    _stage(sample_phong, ("a wide lobe", (3.0,)), ("a narrow lobe", (20.0,))),
+)
