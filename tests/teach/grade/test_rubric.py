@@ -53,7 +53,8 @@ def test_speed_is_that_of_drawn_scenes_since_pictures_of_named_ones_may_be_store
 def test_what_is_wrong_with_a_rubric_is_said_with_its_field(read):
     for old, new, said in (
         ('"intersect_sphere"', '"intersect_spere"', "did you mean intersect_sphere?"),
-        ('"lambert"', '"path"', "a rung without noise"),
+        ('"lambert"', '"path"', "for render of named scenes sky or path"),
+        ('"lambert"', '"surface"', "for render of named scenes sky or path"),
         ("points = 10", "points = -1", "exercises[0].points"),
         ("points = 10", "points = 10\ndrawn = 1", "has cases of its own"),
         ("[[1e-4, 0.8], [1e-2, 0.4]]", "[[1e-2, 0.8], [1e-4, 0.4]]", "rows by rising error"),

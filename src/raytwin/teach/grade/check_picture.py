@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from raytwin.compare import compare
+from raytwin.compare import Comparison, compare
 from raytwin.compare.scale import scale_of
 from raytwin.explain.pixel_sample import SubmittedImage
 from raytwin.explain.tolerance_mask import forgiven
@@ -38,6 +38,8 @@ def check_picture(asked: Question) -> CheckedPicture:
     if got.shape != right.shape:
         problem = f"it returned an array {got.shape}, where {right.shape} is wanted"
         return CheckedPicture(Part(shows, False, seconds=answer.seconds, problem=problem), None, None)
+    if asked.verdict is not None:
+        return _by_verdict(asked.verdict, got, shows, answer.seconds, scale_of(Image(right.astype(np.float32))))
     points = exercise.stage == "hit_points"
     assert asked.scene is not None
     if not points:
@@ -56,6 +58,17 @@ def check_picture(asked: Question) -> CheckedPicture:
     ours = bool(asked.made_of)
     view = SubmittedImage(asked.scene, got, right, exercise.rung, points, half, clipped, composed=ours)
     return CheckedPicture(part, view, None if passed else got, scale)
+
+
+def _by_verdict(made: Comparison, got: np.ndarray, shows: str, seconds: float, scale: float) -> CheckedPicture:
+    """A sampled picture as the verdict has it: its error is that of its mean, and no cause is looked for in noise."""
+    ratio, wrong = made.radiance.mean_ratio, made.statistics.pixel_fail_fraction
+    error = None if ratio is None or made.verdict == "undecided" else abs(ratio - 1)
+    problem = "" if made.passed else made.reasons[0]
+    part = Part(
+        shows, made.passed, error=error, wrong=1.0 if wrong is None else wrong, seconds=seconds, problem=problem
+    )
+    return CheckedPicture(part, None, None if made.passed else got, scale)
 
 
 def _radiance_of(answer: Answer) -> tuple[np.ndarray, np.ndarray | None, bool]:

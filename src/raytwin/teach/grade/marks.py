@@ -74,7 +74,7 @@ def _marked(
     if all(marks[e.name].status in ("pass", "missing") for e in first):
         first = drawn_ones
     unclear = [m for e in first if not ((m := marks[e.name]).follows or says_why(m.sureness, m.faults))]
-    shown = [(a.exercise.stage, a.case) for a in spoilt]
+    shown = [(a.exercise.stage, a.case) for a in spoilt if a.reference is None]
     marks |= {m.name: m for m in look.at(unclear, right, helped.names if causes.beside else (), pictures=shown)}
     return msgspec.structs.replace(
         result,
@@ -298,7 +298,7 @@ def _mark_pictures(
 
 def _fingerprint(asked: list[Question], checked: list[CheckedPicture]) -> str:
     """A fingerprint of the pictures of named scenes, the same for all; empty where one of them has no numbers."""
-    named = [(a, c) for a, c in zip(asked, checked, strict=True) if not a.drawn]
+    named = [(a, c) for a, c in zip(asked, checked, strict=True) if not a.drawn and a.reference is None]
     if not named or any(c.got is None and not c.part.passed for _, c in named):
         return ""
     right = [a.case.expected[0] for a, _ in named]

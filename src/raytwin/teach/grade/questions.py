@@ -8,10 +8,13 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from raytwin.compare import Comparison
 from raytwin.explain.draw_scene import LARGER, SIZE, draw_scene
 from raytwin.explain.pixel_sample import traced_once
+from raytwin.images.image import Image
 from raytwin.renderers import references
 from raytwin.renderers.scene_exchange import as_arrays
+from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Sphere, Tolerance
 from raytwin.teach.contract.stage import Case
 from raytwin.teach.contract.stage_table import LESSONS
@@ -26,7 +29,8 @@ INSIDE = (60, 44)
 class Question:
     """One call: its exercise and case, and for a picture its scene; `drawn`: from the seed, so nobody has stored it.
 
-    `answer`: filled in by the call. `made_of`: see `made_of`.
+    `answer`: filled in by the call. `made_of`: see `made_of`. `reference`: of a picture at a sampled light level, which
+    `verdict`, filled in by the calls, is about.
     """
 
     exercise: Exercise
@@ -36,6 +40,8 @@ class Question:
     answer: Answer = field(default_factory=Answer)
     made_of: str = ""
     drawn: bool = False
+    reference: Image | None = None
+    verdict: Comparison | None = None
 
 
 def questions_of(rubric: Rubric, seed: int) -> Iterator[Question]:
@@ -66,7 +72,8 @@ def _around_eye(scene: Scene) -> Scene:
 
 def _reference_question(rubric: Rubric, exercise: Exercise, name: str) -> Question:
     found = _load_reference(reference_path(rubric, name, exercise.rung))
-    return _picture_question(exercise, found.origin(), np.asarray(found.image.mean, float), found.tolerance)
+    asked = _picture_question(exercise, found.origin(), np.asarray(found.image.mean, float), found.tolerance)
+    return replace(asked, reference=found.image) if RUNGS[exercise.rung].noisy else asked
 
 
 def reference_path(rubric: Rubric, name: str, rung: str) -> Path:

@@ -32,7 +32,7 @@ from raytwin.teach.sandbox.sandbox import Limits
 PICTURES = tuple(NEEDED)
 """Stages that take a scene: these can be compared on scenes by name, and on drawn ones."""
 ONE_RAY = ("lambert", "shadow")
-"""Rungs without noise, which a student's tracer may be compared on."""
+"""Rungs without noise, which drawn scenes are compared on."""
 
 Visibility = Literal["visible", "hidden", "after_due_date"]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
@@ -202,8 +202,10 @@ def read_rubric(path: str | Path) -> Rubric:
 def _check(where: str, e: Exercise) -> None:
     check_one_of(f"{where}.stage", e.stage, LESSONS)
     check_one_of(f"{where}.rung", e.rung, RUNGS)
-    if e.rung not in ONE_RAY:
-        raise InputError(f"{where}.rung", f"a rung without noise ({', '.join(ONE_RAY)})", e.rung)
+    if e.rung not in ONE_RAY and not (RUNGS[e.rung].noisy and e.stage == "render" and e.scenes and not e.drawn):
+        raise InputError(
+            f"{where}.rung", f"one of {', '.join(ONE_RAY)}, or for render of named scenes sky or path", e.rung
+        )
     if e.stage not in PICTURES and (e.scenes or e.drawn):
         raise InputError(f"{where}.scenes", f"none: {e.stage} has cases of its own", e.scenes or e.drawn)
     if e.inside and not (e.stage == "render" and e.drawn and not e.scenes):

@@ -16,6 +16,7 @@ from raytwin.teach.contract.stage_table import LESSONS
 from raytwin.teach.grade.questions import Question
 from raytwin.teach.grade.result import Result
 from raytwin.teach.grade.rubric import Rubric
+from raytwin.teach.grade.sampled_picture import render_until_certain
 from raytwin.teach.sandbox.lock import HOLDS
 from raytwin.teach.sandbox.sandbox import Answer, Code, Sandbox, probe
 
@@ -76,7 +77,10 @@ def _one_says_so(asked: Sequence[Question]) -> None:
 def ask(one: Question, child: Sandbox, code: Code, ours: Sequence[str] = ()) -> None:
     """Fill in the answer. A picture of which there is no function is made of parts; `ours`: not the submission's."""
     stage, parts = one.exercise.stage, NEEDED.get(one.exercise.stage, ())
-    if code.kind == "command":
+    if one.reference is not None:
+        argument = as_json(one.case.args[0]) if code.kind == "command" else one.case.args[0]
+        one.answer, one.verdict = render_until_certain(lambda: child.call(stage, argument), one.reference)
+    elif code.kind == "command":
         one.answer = child.call(stage, as_json(one.case.args[0]))
     elif stage in child.functions or not parts or not set(parts) <= set(child.functions):
         one.answer = child.call(stage, *one.case.args)

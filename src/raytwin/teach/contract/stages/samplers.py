@@ -150,7 +150,7 @@ class Drawn:
         return self.sampler.at(part, self.parameter, **known)
 
     def p_value(self, of: Sampler) -> float:
-        """The probability of drawing worse than this, if `of` drew it: chi-square over the cells."""
+        """The probability of drawing worse than this, if `of` drew it: chi-square over cells, rows and columns."""
         edges = [-1.0, *(self.at("cosine", a=np.linspace(1, 0, ROWS + 1)) - TOLERANCE)]
         edges[-1] = 1.0 + TOLERANCE
         turn = np.arctan2(self.directions[:, 1], self.directions[:, 0]) / (2 * np.pi) % 1
@@ -158,13 +158,8 @@ class Drawn:
         even = (np.arange(DRAWS) + 0.5) / DRAWS
         rows = np.histogram(of.at("cosine", self.parameter, a=even), edges)[0] / DRAWS
         columns = np.histogram(of.at("turn", self.parameter, b=even) / (2 * np.pi) % 1, COLUMNS, (0, 1))[0] / DRAWS
-        expected = len(self.z) * np.outer(rows, columns)
-        few = expected < FEWEST_EXPECTED
-        found, wanted = (np.append(x[~few], x[few].sum()) for x in (counts, expected))
-        if found[-1] > 0 and wanted[-1] == 0:
-            return 0.0
-        used = wanted > 0
-        return float(chi2.sf(((found - wanted)[used] ** 2 / wanted[used]).sum(), used.sum() - 1))
+        tests = (counts, np.outer(rows, columns)), (counts.sum(axis=1), rows), (counts.sum(axis=0), columns)
+        return min(1.0, len(tests) * min(_chi_square(found, len(self.z) * shares) for found, shares in tests))
 
     def errors(self) -> np.ndarray:
         """Return each direction's error: its length, domain, pdf and weight x pdf; 1 for all where the test fails."""
@@ -202,6 +197,16 @@ class Drawn:
         claimed = wrong.at("pdf", self.parameter, z=z)
         weights = [wrong.at("weight", self.parameter, value=value, pdf=one) for one in (claimed, right)]
         return _close(pdf, claimed) and any(_close(weight, one) for one in weights)
+
+
+def _chi_square(counts: np.ndarray, expected: np.ndarray) -> float:
+    """The probability of counts that are farther from those expected."""
+    few = expected < FEWEST_EXPECTED
+    counts, expected = np.append(counts[~few], counts[few].sum()), np.append(expected[~few], expected[few].sum())
+    if counts[-1] > 0 and expected[-1] == 0:
+        return 0.0
+    used = expected > 0
+    return float(chi2.sf(((counts - expected)[used] ** 2 / expected[used]).sum(), max(used.sum() - 1, 1)))
 
 
 def _close(found: np.ndarray, expected: np.ndarray) -> bool:

@@ -1,0 +1,88 @@
+"""Pictures at sampled light levels: judged by the sequential verdict, called until it is certain."""
+
+import numpy as np
+
+from raytwin.images.image import Image
+from raytwin.parallel import Workers
+from raytwin.teach.grade.class_run import jobs_of, run
+from raytwin.teach.grade.sampled_picture import MOST_RENDERS, render_until_certain
+from raytwin.teach.sandbox.sandbox import Answer
+
+RUBRIC = """
+title = "t"
+[[exercises]]
+stage = "render"
+scenes = ["wedge"]
+rung = "{rung}"
+points = 10
+credit = [[1e-3, 0.9], [1e-1, 0.4]]
+"""
+
+WEDGE = """
+import numpy as np
+
+
+def render(scene):
+    # Half of the directions from either plane meet the other: the walk of light in scenes/wedge, which is exact.
+    shape = scene["height"], scene["width"], 1
+    light, weight = np.zeros(shape), np.ones(shape)
+    for surface in range({"sky": 1, "path": 7}[scene["rung"]]):
+        weight = weight * 0.5
+        sky = np.random.uniform(size=shape) < 0.5
+        light += np.where(sky, weight, 0)
+        weight = np.where(sky, 0, weight)
+    return np.repeat(light, 3, axis=2)
+"""
+
+
+def graded(folder, text, rung):
+    (folder / "r.toml").write_text(RUBRIC.replace("{rung}", rung))
+    (folder / "a.py").write_text(text)
+    (result,) = run(jobs_of(folder / "a.py", folder / "r.toml"), folder / "out", Workers(), again=True)
+    return result.exercises[0]
+
+
+def test_a_correct_path_tracer_has_all_points_and_one_that_drops_a_bounce_has_fewer(tmp_path):
+    """False alarms: one in 100 000 of each correct picture. The sandbox's seed is the submission's own."""
+    for rung in ("sky", "path"):
+        found = graded(tmp_path, WEDGE, rung)
+        assert (found.status, found.points) == ("pass", 10), found.sentences
+    found = graded(tmp_path, WEDGE.replace('"path": 7', '"path": 2'), "path")
+    assert (found.status, found.parts[0].passed) == ("fail", False)
+    assert 4 < found.points < 9  # 5/16 for 1/3: 6 %, which credit counts
+    assert "too dark" in found.sentences[0]
+    assert (found.causes, found.fingerprint) == ((), "")
+
+
+def test_a_fixed_seed_is_undecided_and_a_crash_is_what_it_is(tmp_path):
+    fixed = graded(tmp_path, WEDGE.replace("    shape =", "    np.random.seed(1)\n    shape ="), "path")
+    assert (fixed.status, fixed.points) == ("fail", 0)
+    assert "undecided" in fixed.sentences[0]
+    crashed = graded(tmp_path, WEDGE.replace("    shape =", "    shape = undefined\n    shape ="), "path")
+    assert crashed.status == "error"
+    assert "NameError" in crashed.sentences[0]
+
+
+def test_calls_end_when_the_verdict_is_certain_and_at_the_latest_after_a_stated_number():
+    rng = np.random.default_rng(1)
+    reference = Image(np.full((24, 32, 3), 0.5, np.float32))
+
+    def calls(picture):
+        made = []
+
+        def call():
+            made.append(picture())
+            return Answer((made[-1],), 0.1)
+
+        answer, verdict = render_until_certain(call, reference)
+        return len(made), answer, verdict
+
+    count, answer, verdict = calls(lambda: rng.normal(0.5, 0.05, (24, 32, 3)))
+    assert (verdict.verdict, round(answer.seconds, 6)) == ("pass", round(0.1 * count, 6))
+    assert 8 <= count < MOST_RENDERS
+    assert abs(answer.arrays[0].mean() - 0.5) < 0.005
+    count, _, verdict = calls(lambda: rng.normal(0.6, 0.05, (24, 32, 3)))
+    assert (count, verdict.verdict) == (4, "fail")
+    count, _, verdict = calls(lambda: rng.normal(0.5, 40.0, (24, 32, 3)))
+    assert (count, verdict.verdict) == (MOST_RENDERS, "undecided")
+    assert calls(lambda: np.zeros((2, 2, 3)))[2] is None
