@@ -32,6 +32,7 @@ def test_a_constant_error_has_the_closed_form_of_every_metric():
     expected = {
         "rmse": 0.25,
         "relmse": 0.0625 / (0.25 + 0.01),
+        "relmse_trimmed": 0.0625 / (0.25 + 0.01),
         "mae": 0.25,
         "max_abs": 0.25,
         "p999_abs": 0.25,
@@ -50,6 +51,17 @@ def test_chunks_change_nothing():
     assert of("rmse", t, r) == pytest.approx(np.sqrt(np.mean(d**2)), rel=1e-6)
     assert of("relmse", t, r) == pytest.approx(np.mean(d**2 / (r.astype(float) ** 2 + 0.01)), rel=1e-5)
     assert of("max_abs", t, r) == pytest.approx(np.abs(d).max(), rel=1e-6)
+
+
+def test_the_trimmed_relmse_is_that_of_all_values_but_the_worst():
+    rng = np.random.default_rng(3)
+    t, r = rng.random((2, CHUNK + 12_345), np.float32)
+    plain = of("relmse_trimmed", t, r)
+    t[::2000] = 1e4  # 72 fireflies in 143 thousand values
+    each = np.sort((t.astype(float) - r) ** 2 / (r.astype(float) ** 2 + 0.01))
+    assert of("relmse_trimmed", t, r) == pytest.approx(each[: -(t.size // 1000)].mean(), rel=1e-5)
+    assert of("relmse_trimmed", t, r) == pytest.approx(plain, rel=0.05)
+    assert of("relmse", t, r) > 1e5 * plain
 
 
 @given(VALUES)

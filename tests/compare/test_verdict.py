@@ -43,7 +43,7 @@ def test_the_json_has_exactly_the_designed_keys_null_where_nothing_applies():
     ]  # fmt: skip
     assert (data["scene"], data["rung"], data["verdict"]) == ("desk", "shadow", "pass")
     assert set(data["geometry"]) == {"mask_mismatch_pixels", "depth_max_rel", "normal_max_deg", "shift_px"}
-    assert set(data["radiance"]) == {"max_abs", "p999_abs", "rmse", "relmse", "mean_ratio"}
+    assert set(data["radiance"]) == {"max_abs", "p999_abs", "rmse", "relmse", "relmse_trimmed", "mean_ratio"}
     assert {"z_mean", "z_tile_worst", "pixel_fail_fraction", "minimum_detectable_bias"} <= set(data["statistics"])
     assert data["perceptual"] == {"flip_mean": None}
     assert data["ledger"] == []

@@ -15,7 +15,7 @@ from raytwin.teach.contract.check_function import judge_function
 from raytwin.teach.contract.loading import arrays_of
 from raytwin.teach.contract.stage import Case
 from raytwin.teach.contract.stage_table import LESSONS
-from raytwin.teach.contract.stages.samplers import DRAWS, FALSE_ALARMS, SAMPLERS, Drawn, faults
+from raytwin.teach.contract.stages.samplers import DRAWS, FALSE_ALARMS, SAMPLERS, TOLERANCE, Drawn, faults
 
 FEWEST = 64
 """Draws that are tried first."""
@@ -67,10 +67,12 @@ def alarms(count: int) -> list[list[str]]:
     """A row per correct sampler: seeds that alarm, and p-values below 1 % of twice as many."""
     rows = []
     for name, (stage, function) in CORRECT.items():
-        drawn = [one for seed in range(count) for one in drawn_by(stage, function, DRAWS, seed)]
-        p = np.array([one.p_value(one.sampler) for one in drawn])
-        failed = sum(bool((one.errors() > 1e-5).any()) for one in drawn)
-        rows.append([name, stage, f"{failed} of {count}", f"{(p < 0.01).sum()} of {len(p)}"])
+        p, failed = [], 0
+        for seed in range(count):
+            drawn = drawn_by(stage, function, DRAWS, seed)
+            p += [one.p_value(one.sampler) for one in drawn]
+            failed += any((one.errors() > TOLERANCE).any() for one in drawn)
+        rows.append([name, stage, f"{failed} of {count}", f"{sum(one < 0.01 for one in p)} of {len(p)}"])
     return rows
 
 
@@ -78,7 +80,9 @@ def seen_at(stage: str, function: Wrong) -> str:
     """The fewest draws, of powers of two, with which a case fails in most sets of numbers."""
     draws = FEWEST
     while draws <= 1 << 20:
-        failed = [any((one.errors() > 1e-5).any() for one in drawn_by(stage, function, draws, s)) for s in range(SEEDS)]
+        failed = [
+            any((one.errors() > TOLERANCE).any() for one in drawn_by(stage, function, draws, s)) for s in range(SEEDS)
+        ]
         if np.mean(failed) >= OFTEN:
             density = any(one.p_value(one.sampler) < FALSE_ALARMS for one in drawn_by(stage, function, draws, 0))
             return "the first" if not density else f"≤ {draws}" if draws == FEWEST else str(draws)

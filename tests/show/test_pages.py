@@ -31,7 +31,7 @@ from raytwin.photos.lighting import light_models
 from raytwin.photos.lighting.estimate_light import LightEstimate
 from raytwin.photos.lighting.linear_photo import LinearPhoto
 from raytwin.scene import Camera
-from raytwin.show import atlas_page, check_page, class_page, light_page, viewer
+from raytwin.show import atlas_page, check_page, class_page, light_page, sampler_page, viewer
 from raytwin.show.bench_page import write_bench_page
 from raytwin.show.calibration_page import write_calibration
 from raytwin.show.compare_page import write_report
@@ -43,6 +43,7 @@ from raytwin.study.atlas.experiment import Curve, Found
 from raytwin.study.diff_files import compare as compare_files
 from raytwin.study.levels import Levels, Row, Table
 from raytwin.study.levels import Part as LightPart
+from raytwin.teach.contract.stage_table import LESSONS
 from raytwin.teach.grade.result import CodeLine, Marked, Picture, Result
 from raytwin.teach.grade.result import Part as MarkedPart
 from raytwin.teach.grade.rubric import Exercise, Feedback, Rubric, Speed
@@ -102,7 +103,8 @@ def bench(folder: Path, make_result, scenes) -> list[Path]:
     subjects = "numpy32-shadow-conic", EVIL
     rows = tuple(msgspec.structs.replace(r, verdict="fail", reason=EVIL) for r in found.rows)
     wrong = msgspec.structs.replace(found, scene=f"{EVIL}2", rows=rows, subjects=subjects)
-    write_bench_page([msgspec.structs.replace(found, subjects=subjects), wrong], folder / "bench.html")
+    images = {name: Image(noise(seed=i)) for i, name in enumerate((*subjects, "reference path-area"))}
+    write_bench_page([msgspec.structs.replace(found, subjects=subjects), wrong], folder / "bench.html", images)
     return [folder / "bench.html"]
 
 
@@ -120,6 +122,15 @@ def levels(folder: Path, make_result, scenes) -> list[Path]:
     found = Table(EVIL, *SIZE[::-1], "rmse", 0.02, rows[0], EVIL, rows, parts, 64, 0.002, 1.0)
     write_levels(Levels(found, images), folder)
     return [folder / "levels.html"]
+
+
+def sampler(folder: Path, make_result, scenes) -> list[Path]:
+    def wrong(u):
+        directions, pdf, weight = LESSONS["sample_cosine"].reference(u)
+        return directions, 2 * pdf, weight
+
+    sampler_page.write_sampler("sample_cosine", wrong, folder / "sampler.html")
+    return [folder / "sampler.html"]
 
 
 def calibration(folder: Path, make_result, scenes) -> list[Path]:
@@ -181,6 +192,7 @@ KINDS: dict[str, Write] = {
     "bench": bench,
     "stability": atlas,
     "levels": levels,
+    "sampler": sampler,
     "calibrate": calibration,
     "light": light,
     "grade": graded_class,

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -11,6 +12,9 @@ from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say, say_wrapped, worst_code
 from raytwin.errors import check_one_of
 from raytwin.rungs import RUNGS
+
+if TYPE_CHECKING:
+    from raytwin.images.image import Image
 
 app = group("scene")
 
@@ -32,6 +36,7 @@ def scene_command(
     check_one_of("--rung", rung, RUNGS)
     check_outputs(folders=(out or Path("out"),), files=(json,))
     megapixels = parse_numbers(sizes, "--sizes")
+    images: dict[str, Image] = {}
     with show_progress() as progress:
         found = bench_scenes(
             scenes,
@@ -41,10 +46,11 @@ def scene_command(
             repeats=repeats,
             truth_samples=truth_samples,
             progress=progress,
+            picture=images.__setitem__,
         )
         folder = out or Path("out") / (f"bench-{found[0].scene}" if len(found) == 1 else "bench")
         with progress.stage("page"):
-            bench_page.write_bench_all(found, folder)
+            bench_page.write_bench_all(found, folder, images)
     if json:
         write_bench(found, json)
     for of_scene in found:

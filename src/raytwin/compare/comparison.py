@@ -30,6 +30,7 @@ class Radiance(Record, frozen=True):
     p999_abs: float | None = None
     rmse: float | None = None
     relmse: float | None = None
+    relmse_trimmed: float | None = None
     mean_ratio: float | None = None
 
 
@@ -42,7 +43,8 @@ class Statistics(Record, frozen=True):
     `minimum_detectable_bias`: the smallest error of the whole image's mean, relative to the reference's mean, that
     this comparison would have found with probability 0.9; `minimum_detectable_tile_bias`: of 24 x 24 pixels anywhere.
     `looks`: how often rounds of samples were looked at; `samples_to_certainty`: samples per pixel at the last of them,
-    null where it left the verdict undecided.
+    null where it left the verdict undecided. `noise_of_samples`: the samples per pixel of the reference's renderer that
+    have the test's noise.
     """
 
     z_mean: float | None = None
@@ -52,6 +54,7 @@ class Statistics(Record, frozen=True):
     minimum_detectable_tile_bias: float | None = None
     looks: int | None = None
     samples_to_certainty: int | None = None
+    noise_of_samples: float | None = None
 
 
 class Perceptual(Record, frozen=True):

@@ -66,7 +66,18 @@ def rmse(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> f
 
 
 def relmse(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
-    return mean_of(lambda t, r: np.square(t - r) / (np.square(r) + t.dtype.type(0.01)), test, reference)
+    return mean_of(_relative_square, test, reference)
+
+
+def relmse_trimmed(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
+    """relMSE without the 0.1 % of the values whose terms are largest: what a few fireflies do not decide."""
+    worst = largest(test.size // 1000, _relative_square, test, reference)
+    total = relmse(test, reference) * test.size - float(worst.sum(dtype=np.float64))
+    return max(0.0, total) / max(test.size - worst.size, 1)
+
+
+def _relative_square(t: np.ndarray, r: np.ndarray) -> np.ndarray:
+    return np.asarray(np.square(t - r) / (np.square(r) + t.dtype.type(0.01)))
 
 
 def mae(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
@@ -129,14 +140,19 @@ def flip_is_installed() -> bool:
 
 
 def nth_largest(above: int, term: Callable[..., np.ndarray], *arrays: Float[np.ndarray, "..."]) -> float:
-    """The value of `term(*arrays)` that `above` others are at or above, without sorting what lies far below it."""
+    """The value of `term(*arrays)` that `above` others are at or above."""
+    return float(largest(above + 1, term, *arrays).min())
+
+
+def largest(count: int, term: Callable[..., np.ndarray], *arrays: Float[np.ndarray, "..."]) -> np.ndarray:
+    """The `count` largest values of `term(*arrays)`, in any order, without sorting what lies far below them."""
     size = arrays[0].size
     sample = term(*(a.ravel()[:: max(1, size // 50_000)] for a in arrays))
-    guess = np.quantile(sample, max(0.0, 1 - 2 * (above + 1) / size))
+    guess = np.quantile(sample, max(0.0, 1 - 2 * count / size))
     top = np.concatenate([x[x >= guess] for x in (term(*part) for part in chunks(*arrays))])
-    if top.size <= above:  # the sample misled
+    if top.size < count:  # the sample misled
         top = np.concatenate([term(*part) for part in chunks(*arrays)])
-    return float(np.partition(top, top.size - 1 - above)[top.size - 1 - above])
+    return np.asarray(np.partition(top, top.size - count)[top.size - count :]) if count else top[:0]
 
 
 METRICS: dict[str, Metric] = {
@@ -144,6 +160,8 @@ METRICS: dict[str, Metric] = {
     for m in (
         Metric("rmse", "RMSE", "radiance", "sqrt(mean((t - r)^2))", "the same everywhere", rmse),
         Metric("relmse", "relMSE", "", "mean((t - r)^2 / (r^2 + 0.01))", "tev's; pbrt divides by (r + 0.01)^2", relmse),
+        Metric("relmse_trimmed", "relMSE, trimmed", "", "relMSE without the 0.1 % of the values that are largest in it",
+               "this project's", relmse_trimmed),
         Metric("mae", "Mean error", "radiance", "mean(|t - r|)", "the same everywhere", mae),
         Metric("max_abs", "Error, worst", "radiance", "max(|t - r|)", "the same everywhere", max_abs),
         Metric("p999_abs", "Error, 99.9 % quantile", "radiance",

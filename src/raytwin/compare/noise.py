@@ -119,6 +119,18 @@ def residual(test: Pixels, reference: Pixels, carrying: bool = False) -> Residua
         return Residual(np.where(n > 1, s / (n - 1), np.inf), np.where(f > 0, s * s / f, 0), n)
 
 
+def equivalent_samples(test: Image, reference: Image) -> float | None:
+    """How many samples per pixel of the reference's renderer scatter as t - r does within 8 x 8 pixels.
+
+    None where the reference tells no noise, or the test has less than a tenth of its variance.
+    """
+    if reference.variance is None or reference.samples < 2:
+        return None
+    known = float(block_means(reference.variance).sum())
+    scatter = float(residual(test.mean, reference.mean).square.sum()) - known
+    return known * reference.samples / scatter if scatter > 0.1 * known > 0 else None
+
+
 def block_means(x: Pixels) -> Float64[np.ndarray, "by bx 3"]:
     """(H, W, 3) to (by, bx, 3): the means of its 8 x 8 blocks."""
     return np.concatenate([block_sums(x[a:b], rows) / block_counts(x[a:b], rows) for a, b, rows in strips(x.shape)])

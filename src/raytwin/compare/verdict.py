@@ -16,6 +16,7 @@ from raytwin.compare.finding import HARD, Finding, notes, plural
 from raytwin.compare.geometry import geometry_findings, without_ties
 from raytwin.compare.invalid import shape_findings, value_findings
 from raytwin.compare.metrics import measure
+from raytwin.compare.noise import equivalent_samples
 from raytwin.compare.radiance_test import RadianceTest
 from raytwin.compare.scale import Bound, scale_of, unit_of
 from raytwin.compare.shift import find_shift, shift_finding
@@ -68,6 +69,7 @@ def compare(
         return made(findings, geometry=geometry, radiance=radiance)
     perceptual = Perceptual(measure(test.mean, reference.mean, ["flip_hdr"])["flip_hdr"] if flip else None)
 
+    of_samples = None if noise == "none" else equivalent_samples(test, reference)
     if noise != "both":
         test = replace(test, variance=None, samples=0, batches=None)
     if noise == "none":
@@ -106,7 +108,7 @@ def compare(
         doubts,
         geometry=geometry,
         radiance=radiance,
-        statistics=outcome.statistics,
+        statistics=msgspec.structs.replace(outcome.statistics, noise_of_samples=of_samples),
         perceptual=perceptual,
         excluded_bias=outcome.excluded_bias,
         failing=tuple(p.above(reference.shape[0]) for p in outcome.failing) if findings and not outcome.doubts else (),

@@ -32,7 +32,7 @@ NUMBERS: tuple[Number, ...] = (
            "translation between the two images"),
     *(
         Number("radiance", m.name, m.title, m.unit, RADIANCE_BOUNDS.get(m.name), m.formula)
-        for m in (METRICS[name] for name in ("p999_abs", "max_abs", "rmse", "relmse", "mean_ratio"))
+        for m in (METRICS[name] for name in ("p999_abs", "max_abs", "rmse", "relmse", "relmse_trimmed", "mean_ratio"))
     ),
     Number("statistics", "z_mean", "Whole image", "σ", None,
            "the image's mean error over its standard deviation, worst channel"),
@@ -47,6 +47,8 @@ NUMBERS: tuple[Number, ...] = (
            "how many times the samples were tested before the verdict was certain"),
     Number("statistics", "samples_to_certainty", "Samples to certainty", "per pixel", None,
            "what each side had when the verdict was certain"),
+    Number("statistics", "noise_of_samples", "Noise of about", "samples per pixel", None,
+           "samples of the reference's renderer that scatter as t − r does within 8 x 8 pixels"),
     Number("perceptual", "flip_mean", METRICS["flip_hdr"].title, METRICS["flip_hdr"].unit, None,
            "how different the two look to an eye that flips between them"),
 )  # fmt: skip

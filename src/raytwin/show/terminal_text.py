@@ -32,13 +32,16 @@ def summary(result: "Result") -> str:
 def diff_summary(found: "Diff") -> str:
     """Verdict first, its reasons, then every metric that has a value."""
     from raytwin.compare import METRICS  # what only tells of photos needs none
+    from raytwin.show.numbers import shown
 
     c = found.comparison
     lines = [f"{c.verdict.upper()}  {found.report.scene}{because(c)}", *(f"  {reason}" for reason in further(c))]
     if c.geometry.shift_px is not None:
-        lines.append(f"  shift      {c.geometry.shift_px:.3g} px")
+        lines.append(f"  {'shift':<14} {c.geometry.shift_px:.3g} px")
+    if (samples := c.statistics.noise_of_samples) is not None:
+        lines.append(f"  {'noise':<14} of about {shown(samples, 2)} samples per pixel of the reference's renderer")
     known = [(METRICS[name], value) for name, value in found.metrics.items() if value is not None]
-    lines += [f"  {metric.name:<10} {value:<12.6g} {metric.formula}" for metric, value in known]
+    lines += [f"  {metric.name:<14} {value:<12.6g} {metric.formula}" for metric, value in known]
     return "\n".join(lines)
 
 

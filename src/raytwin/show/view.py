@@ -129,12 +129,16 @@ def in_radiance(pair: Compared) -> Tolerance:
 def tiles(pair: Compared, tolerance: Tolerance) -> tuple[Tile, ...]:
     """What stands large: the errors, with what they are allowed; seconds beside them where there are any."""
     g, r, seconds_of = pair.comparison.geometry, pair.comparison.radiance, pair.report.seconds
+    noise = pair.comparison.statistics.noise_of_samples
     found = []
     if (apart := g.mask_mismatch_pixels) is not None:
         unit = "pixel differs" if apart == 1 else "pixels differ"
         found.append(Tile("Silhouettes", shown(apart), unit, f"limit {tolerance.mask_pixels}"))
     limit = "noise included" if pair.noisy else f"limit {short(tolerance.p999_abs)}"
     found.append(Tile("Radiance error, 99.9 %", shown(r.p999_abs), below=limit))
+    if noise is not None:
+        title, unit = "This image has the noise of about", "samples per pixel"
+        found.append(Tile(title, shown(noise, 2), unit, "of the reference's renderer"))
     if "tracer" in seconds_of:
         samples = pair.reference.samples
         found.append(Tile("Tracer", seconds(seconds_of["tracer"]), below=f"RMSE {shown(r.rmse)}"))

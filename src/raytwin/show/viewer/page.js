@@ -19,11 +19,11 @@ class Viewer extends View {
     this.data = { columns: data.width, lines: data.height, thin: 1, panes: [], parts: [], places: [], failing: [], marks: [], objects: [], exposure: 0, noisy: false, binned: false, bound: null, ...data };
     const { width, height, columns, lines, exposure } = this.data, sigmas = (this.data.planes ?? []).some((plane) => plane.name === "sR");
     this.values = { count: columns * lines };
-    this.kept = this.at = null; // the clicked pixel, which stays when the pointer leaves; the one that is shown
+    this.kept = this.at = this.area = null; // the clicked pixel, which stays when the pointer leaves; the one that is shown; pixels of a rectangle
     this.place = -1;
     this.state = {
       mode: root.clientWidth < 700 ? "one" : "grid", solo: this.data.panes[0]?.key, wipe: 0.5, exposure, gamma: 1, tone: "sRGB",
-      channel: "RGB", map: sigmas ? "sigmas" : "signed", scale: 0, outlines: true,
+      channel: "RGB", map: sigmas ? "sigmas" : "signed", scale: 0, outlines: true, area: false,
     };
     this.view = { x: (width - 1) / 2, y: (height - 1) / 2, span: Infinity };
     this.cache = new Map();
@@ -78,6 +78,24 @@ class Viewer extends View {
     this.show();
   }
 
+  // The same of a rectangle: its means, and how far apart they are.
+  inspect_area() {
+    const [left, top, right, bottom] = this.area, found = this.means(this.area), size = `${right - left + 1} × ${bottom - top + 1} pixels`;
+    this.at = null;
+    this.show();
+    if (!found) return this.say(`${size}: of each block this page holds one pixel, and no mean`);
+    const row = (name, of, sign = false) => this.cells[name]?.list.forEach((cell, c) => { cell.textContent = c < 3 ? digits(of(found[c]), 0, { sign, most: 4 }) : "–"; });
+    row("test", (c) => c.test);
+    row("reference", (c) => c.reference);
+    row("error", (c) => c.error, true);
+    row("further", (c) => (this.values.s ? c.sigmas : c.test / c.reference), Boolean(this.values.s));
+    this.cells.error?.list.forEach((cell) => cell.classList.remove("rt-over"));
+    if (!this.cells.further) return this.say(`mean of ${size}`);
+    this.cells.further.head.textContent = this.values.s ? "z, in σ" : "ratio";
+    const sum = (key) => found.reduce((all, c) => all + c[key], 0), worst = Math.max(...found.map((c) => Math.abs(c.sigmas ?? 0)));
+    this.say(`means of ${size}: ratio ${(sum("test") / sum("reference")).toPrecision(4)}${this.values.s ? `, |z| ${worst.toFixed(1)}` : ""}`);
+  }
+
   say(text) {
     this.status.textContent = text;
   }
@@ -126,6 +144,9 @@ class Viewer extends View {
     const bar = el("div", { className: "rt-bar" }, group("Layout", ...this.modes), this.tab_group,
       group("Zoom", button("−", "Zoom out (−)", () => this.zoom(1 / 1.5)), button("+", "Zoom in (+)", () => this.zoom(1.5)), button("Whole", "The whole picture (0)", () => this.whole())));
     if (names.reference) bar.insertBefore(button("A ⇄ B", `Flip between ${names.test} and ${names.reference} (f)`, () => this.flip()), bar.lastChild);
+    const area = button("Area", "Dragging chooses a rectangle, whose means are compared (Shift + drag, x)", () => this.set({ area: !s.area }));
+    this.controls.push(() => { area.ariaPressed = String(s.area); this.box.classList.toggle("rt-choosing", s.area); });
+    bar.append(group("Rectangle", area));
     if (places.length) bar.append(group("Places", step("‹", "Place before (p)", -1), this.count, step("›", "Next place (n)", 1)));
 
     this.panes = new Map(panes.map((pane) => [pane.key, this.pane(pane)]));
@@ -151,7 +172,7 @@ class Viewer extends View {
     this.bars = el("canvas", { className: "rt-histogram", role: "img", ariaLabel: `Histogram of the chosen channel in stops around white: ${names.test} filled, ${names.reference ?? ""} as a line` });
     const where = el("form", { onsubmit: (event) => event.preventDefault() }, el("b", { textContent: "Pixel " }), el("span", {}, "x ", this.x, " y ", this.y), this.status);
     const inspector = el("div", { className: "rt-inspector", role: "region", ariaLabel: "Pixel inspector" }, where, el("div", { className: "rt-scroll", tabIndex: 0, role: "group", ariaLabel: "Values of the pixel" }, table), this.bars);
-    const keys = "Drag pans, Ctrl + wheel zooms, Shift + wheel exposes; two fingers zoom and pan. In a picture: arrows move by a pixel (Shift: ten), + − 0 zoom, e E exposure, g G gamma, t tone, c channel, m map, s S its range, f flip, w wipe ([ ] move it), a all, 1 to 9 one picture, n p places, o outlines, r reset.";
+    const keys = "Drag pans, Shift + drag chooses a rectangle, Ctrl + wheel zooms, Shift + wheel exposes; two fingers zoom and pan. In a picture: arrows move by a pixel (Shift: ten), + − 0 zoom, e E exposure, g G gamma, t tone, c channel, m map, s S its range, f flip, w wipe ([ ] move it), a all, 1 to 9 one picture, n p places, o outlines, x a corner of a rectangle, then the other, r reset.";
     this.root.classList.add("rt");
     bar.append(adjust);
     this.box.append(inspector);

@@ -73,6 +73,7 @@ class View extends Colours {
   refresh() {
     for (const name of this.cache.keys()) if (name !== "tones" && name !== "colours") this.cache.delete(name);
     for (const pane of this.panes.values()) pane.drawn = "";
+    if (this.area) this.inspect_area();
     this.show();
   }
 
@@ -232,6 +233,10 @@ class View extends Colours {
   }
 
   cross(g, f) {
+    if (this.area) {
+      const [left, top, right, bottom] = this.area;
+      this.twice(g, () => g.rect(...f.at(left - 0.5, top - 0.5), (right - left + 1) * f.s, (bottom - top + 1) * f.s));
+    }
     if (!this.at) return;
     const [u, v] = f.at(...this.at), gap = Math.max(f.s / 2, 4);
     g.globalAlpha = 0.75;
@@ -265,6 +270,31 @@ class View extends Colours {
     };
   }
 
+  // Means over pixels [left, top, right, bottom], both ends included, of each channel: test, reference, error and, by the
+  // variances of pixels that are independent, its size in sigmas. Null where only the worst pixel of each block is known.
+  means([left, top, right, bottom]) {
+    const { columns, lines, thin } = this.data, { r, t, d, s, at } = this.values, cell = (x, all) => Math.min(Math.floor(x / thin), all - 1);
+    if (at) return null;
+    const first = cell(left, columns), last = cell(right, columns), sums = [0, 1, 2].map(() => ({ test: 0, reference: 0, error: 0, square: 0 }));
+    for (let y = cell(top, lines); y <= cell(bottom, lines); y++)
+      for (let x = first; x <= last; x++)
+        sums.forEach((sum, c) => {
+          const k = 3 * (y * columns + x) + c;
+          sum.test += t ? t[k] : NaN;
+          sum.reference += r ? r[k] : NaN;
+          sum.error += d ? d[k] : NaN;
+          sum.square += s ? s[k] ** 2 : 0;
+        });
+    const count = (last - first + 1) * (cell(bottom, lines) - cell(top, lines) + 1);
+    return sums.map((sum) => ({ test: sum.test / count, reference: sum.reference / count, error: sum.error / count, sigmas: sum.square > 0 ? sum.error / Math.sqrt(sum.square) : null }));
+  }
+
+  // The rectangle between two pixels, or none.
+  choose(a, b) {
+    const { width, height } = this.data, [x, y] = [0, 1].map((k) => [a, b].map((at) => clamp(Math.round(at[k]), 0, (k ? height : width) - 1)));
+    this.area = [Math.min(...x), Math.min(...y), Math.max(...x), Math.max(...y)];
+    this.inspect_area();
+  }
 
   // ---------------------------------------------------------------- where to look
 
@@ -348,7 +378,8 @@ class View extends Colours {
       if (event.button) return;
       const { u, f } = spot(event), wipe = this.state.mode === "wipe" && Math.abs(u - this.state.wipe) * f.w < 14;
       down.set(event.pointerId, event);
-      held = down.size > 1 ? null : { x: event.clientX, y: event.clientY, moved: false, wipe, from: { ...this.view }, s: f.s };
+      const area = (event.shiftKey || this.state.area) && !wipe && spot(event);
+      held = down.size > 1 ? null : { x: event.clientX, y: event.clientY, moved: false, wipe, area, from: { ...this.view }, s: f.s };
       try { c.setPointerCapture(event.pointerId); } catch { /* a pointer made up by a test */ }
     });
     on(["pointermove"], (event) => {
@@ -363,19 +394,25 @@ class View extends Colours {
         const by = [event.clientX - held.x, event.clientY - held.y];
         held.moved ||= Math.hypot(...by) > 4;
         if (held.wipe) this.set({ wipe: spot(event).u });
+        else if (held.moved && held.area) this.choose([held.area.x, held.area.y], [spot(event).x, spot(event).y]);
         else if (held.moved) pan(held.from, by, held.s);
         if (held.moved) return;
       }
       const at = inside(event);
-      if (event.pointerType !== "touch" && at) this.inspect(...at);
+      if (event.pointerType !== "touch" && at && !this.area) this.inspect(...at);
     });
     on(["pointerup", "pointercancel", "lostpointercapture"], (event) => {
       const at = event.type === "pointerup" && held && !held.moved && !held.wipe && inside(event);
       down.delete(event.pointerId);
       held = null;
-      if (at) this.keep(...at);
+      if (!at) return;
+      this.area = null;
+      this.keep(...at);
     });
-    on(["pointerleave"], () => { if (this.kept && !held) this.inspect(...this.kept); });
+    on(["pointerleave"], () => {
+      if (this.area && !held) this.inspect_area();
+      else if (this.kept && !held) this.inspect(...this.kept);
+    });
     on(["dblclick"], (event) => { const { x, y } = spot(event); this.zoom(2, x, y); });
     on(["wheel"], (event) => {
       if (!event.ctrlKey && !event.shiftKey) return; // without a key, the wheel scrolls the page
@@ -402,7 +439,7 @@ class View extends Colours {
       m: () => this.set({ map: next(this.maps(), s.map) }), f: () => this.flip(), w: () => this.data.names.reference && this.set({ mode: s.mode === "wipe" ? "grid" : "wipe" }),
       "[": () => this.set({ wipe: s.wipe - 0.02 }), "]": () => this.set({ wipe: s.wipe + 0.02 }),
       o: () => this.set({ outlines: !s.outlines }), a: () => this.set({ mode: s.mode === "grid" ? "one" : "grid" }),
-      n: () => this.go(1), p: () => this.go(-1), r: () => this.reset(),
+      n: () => this.go(1), p: () => this.go(-1), r: () => this.reset(), x: () => this.corner(),
     }[key];
     if (move) {
       const [x, y] = this.kept ?? [width >> 1, height >> 1], at = [clamp(x + move[0], 0, width - 1), clamp(y + move[1], 0, height - 1)];
@@ -415,7 +452,18 @@ class View extends Colours {
     event.preventDefault();
   }
 
+  // By keys: the kept pixel is one corner, then the other one; a third time, there is no rectangle.
+  corner() {
+    const [x, y] = this.kept ?? [this.data.width >> 1, this.data.height >> 1];
+    const one = this.area && this.area[0] === this.area[2] && this.area[1] === this.area[3] && this.area;
+    if (this.area && !one) {
+      this.area = null;
+      this.inspect(x, y);
+    } else this.choose(one || [x, y], [x, y]);
+  }
+
   reset() {
+    this.area = null;
     this.set({ exposure: this.data.exposure, gamma: 1, tone: "sRGB", channel: "RGB", scale: 0 });
     this.whole();
   }

@@ -44,6 +44,8 @@ OUT_OF_TIME = "no time"
 
 clock = time.perf_counter
 Look = Callable[["_Run", Image], None]
+Picture = Callable[[str, Image], None]
+"""Takes the name and the first image of a method, or of a reference."""
 
 
 def bench(
@@ -81,8 +83,11 @@ def bench_scenes(
     repeats: int = 15,
     truth_samples: int = 4096,
     progress: Progress = silent,
+    picture: Picture = lambda name, image: None,
 ) -> tuple[Bench, ...]:
     """Measure on each scene, in turn: see `bench`. `budget`: seconds for all scenes, each of which has an equal share.
+
+    `picture(name, image)` is called with the images of the first scene at the first size.
 
     Raises InputError for a scene or a method that cannot be, before anything is measured.
     """
@@ -107,7 +112,7 @@ def bench_scenes(
         for i, camera in enumerate(cameras):
             own, whole, missing = measure_size(
                 scene.with_camera(camera), scene.tolerance, chosen, subjects, portion(deadline, len(sizes) - i),
-                repeats, truth_samples, progress,
+                repeats, truth_samples, progress, picture if number == i == 0 else lambda name, image: None,
             )  # fmt: skip
             rows, errors, left = rows + own, errors + whole, missing | left
         made.append(
@@ -194,7 +199,7 @@ def reference_of(method: Renderer) -> str:
 
 def measure_size(
     scene: Scene, tolerance: Tolerance, methods: Sequence[Renderer], subjects: Collection[str], deadline: float,
-    repeats: int, truth_samples: int, progress: Progress,
+    repeats: int, truth_samples: int, progress: Progress, picture: Picture,
 ) -> tuple[list[Measurement], list[Measurement], dict[str, str]]:  # fmt: skip
     """Measure all methods at one size: rows against their own references and the one with all light, and why not."""
     images: dict[str, np.ndarray] = {}
@@ -208,6 +213,7 @@ def measure_size(
         seconds = portion(start + REFERENCE_SHARE * given, len(names) - i) - clock()
         reference = converged(scene, rung, sampling, samples=truth_samples, seconds=seconds, clock=clock)
         images[name], floors[name] = reference.image.mean, reference.noise
+        picture(f"reference {name}", reference.image)
         twins[name] = reference.image if RUNGS[rung].noisy else twin.render(scene, rung, sampling=sampling)
     progress("references", len(names), len(names))
 
@@ -217,6 +223,7 @@ def measure_size(
             found = [METRICS[metric].function(image.mean, images[name]) for metric in ERRORS]
             run.errors.setdefault(name, []).append([math.nan if value is None else value for value in found])
         if run.judged is None:
+            picture(run.method.name, image)
             if run.method.noisy and image.variance is None:
                 image = replace(image, batches=1)  # or one sample would count as free of noise
             run.judged = compare_with_twin(image, twins[own], scene, tolerance)
