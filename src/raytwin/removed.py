@@ -9,6 +9,9 @@ IDIFF = (
 )  # fmt: skip
 """Options of OpenImageIO's idiff that `diff` had."""
 
+TRUSTED = "Leave it out: a Mitsuba file may use any file and plugin. Open those that you trust."
+"""About `--allow`."""
+
 COMMANDS: dict[str, str] = {
     "bench --against": "Use pytest-benchmark (pip install 'raytwin[bench]'), as docs/renderer.md shows.",
     "bench --flip": "Use diff --flip on two images.",
@@ -26,6 +29,7 @@ COMMANDS: dict[str, str] = {
     "photo calibrate --uncertainty": "Use -o camera.toml: the page beside it has the standard deviations.",
     **{f"diff --{option}": f"Use OpenImageIO's idiff -{option.replace('-', '')}." for option in IDIFF},
     "grade --shard": "Use --jobs N on one machine, or --dask ADDRESS on several.",
+    "compare --allow": TRUSTED,
     "ladder": "Use `raytwin levels SCENE`.",
     "matrix": "Use `raytwin bench SCENE... --subject A --subject B`, or pytest as docs/renderer.md shows.",
     "needs": "Use `raytwin levels SCENE --tolerance T`.",
@@ -33,7 +37,9 @@ COMMANDS: dict[str, str] = {
     "photo simulate --exposure": "Scale the sun and the sky of the scene that --scene names.",
     "photo simulate --mirror": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
     "photo simulate --stand": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
+    "reference check --allow": TRUSTED,
     "reference diff": "Use `reference make --again`, which shows changes and asks; `diff A B` on two folders.",
+    "reference make --allow": TRUSTED,
     "reference make --dask": "Use one `reference make SCENE` per machine.",
     "reference make --jobs": "Leave it out: Mitsuba renders on every core.",
     "reference make -j": "Leave it out: Mitsuba renders on every core.",

@@ -16,7 +16,7 @@ from raytwin.study.settings import CompareSettings
 
 def compare_command(
     scene: Path, settings: CompareSettings, json: Path | None = None, out: Path | None = None,
-    allow: list[str] | None = None, verbose: bool = False,
+    verbose: bool = False,
 ) -> None:  # fmt: skip
     """Compare a tracer with Mitsuba on a scene.
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 import inspect
-import os
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -31,15 +30,6 @@ def _known_scene(path: Path | None) -> Path | None:
 
 def _known_scenes(paths: list[Path]) -> list[Path]:
     return [path for path in paths if _known_scene(path)]
-
-
-def _allow(names: list[str] | None) -> list[str] | None:
-    """Put the names where every reader of a Mitsuba file sees them, and every process that is started."""
-    if names:
-        from raytwin.scene.mitsuba_file import ALLOW, allowed
-
-        os.environ[ALLOW] = os.pathsep.join((*allowed(), *names))
-    return names
 
 
 def _flip(asked: bool) -> bool:
@@ -138,10 +128,6 @@ SHARED_OPTIONS: dict[str, dict[str, Any]] = {
         "json": _opt("Write the numbers as JSON.", "FILE", "--json"),
         "junit": _opt("Write the verdict as JUnit XML.", "FILE"),
         "cache": _opt("Reuse stored renders."),
-        "allow": _opt(
-            "Plugin, or file outside the folder, that a Mitsuba file may use; repeatable.", "NAME",
-            callback=_allow, is_eager=True,
-        ),
     },
 }  # fmt: skip
 """Heading in `--help` ("": Options) -> parameter -> the option that commands share."""

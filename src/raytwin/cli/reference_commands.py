@@ -28,7 +28,7 @@ WORDS = ("PASS", "FAIL", "?   ")
 
 def make_command(
     settings: ReferenceSettings, scenes: list[Path] | None = None, rung: list[str] | None = None,
-    folder: Path = REFERENCES, yes: bool = False, allow: list[str] | None = None,
+    folder: Path = REFERENCES, yes: bool = False,
 ) -> None:  # fmt: skip
     """Render references with Mitsuba. Show what changes before replacing an old one.
 
@@ -56,7 +56,7 @@ def make_command(
 
 def check_command(
     scenes: list[Path] | None = None, rung: list[str] | None = None, folder: Path | None = None, budget: str = "256",
-    detectable_bias: float | None = None, detectable_tile_bias: float | None = None, allow: list[str] | None = None,
+    detectable_bias: float | None = None, detectable_tile_bias: float | None = None,
 ) -> None:  # fmt: skip
     """Check that references agree with their scene and with Mitsuba.
 
