@@ -40,7 +40,7 @@ def test_a_plain_render_converges_to_the_twins(scenes, name, integrator, rung):
 def test_more_samples_than_one_launch_holds_are_added_up(scenes, monkeypatch):
     scene = scene_of(scenes, "overlap")
     loaded = twin.load_plain(scene, "direct", "llvm_ad_rgb")
-    monkeypatch.setattr("raytwin.twin.plain.LANES", 64 * 48 * 5)
+    monkeypatch.setattr("raytwin.twin.mitsuba_render.LANES", 64 * 48 * 5)
     image = twin.render_plain(loaded, 16, seed=1)
     monkeypatch.undo()
     parts = [twin.render_plain(loaded, 4, seed=7 + i) for i in range(8)]

@@ -6,6 +6,8 @@ What is only known of raytwin's own scenes is null: the light level, the ledger,
 from functools import partial
 from pathlib import Path
 
+import msgspec
+
 from raytwin import twin
 from raytwin.compare import Report, compare
 from raytwin.errors import InputError
@@ -49,6 +51,7 @@ def compare_mitsuba(path: str | Path, chosen: CompareSettings, *, progress: Prog
         scene = with_film(scene, *chosen.size)
     with stages.stage("backend"):
         backend = twin.activate()
+        scene = msgspec.structs.replace(scene, names=twin.named_shapes(scene))
 
     def reference(samples: int, seed: int) -> Image:
         return twin.render_mitsuba(scene, samples, seed + 1, cache=chosen.cache)  # the twin as subject has `seed`

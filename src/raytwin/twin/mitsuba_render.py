@@ -1,27 +1,29 @@
-"""A Mitsuba file -> Image: its own sensor, film and integrator, in independent batches whose spread is the variance."""
+"""Mitsuba's own sensor, film and integrator: of a Mitsuba file, or of raytwin's scene as a baseline of speed."""
 
 import re
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache
 from typing import Any
-from xml.etree.ElementTree import fromstring, tostring
 
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.images.image import BACKGROUND, Image, Surface
+from raytwin.images.image import Image, Surface
 from raytwin.images.image_pool import ImagePool
 from raytwin.progress import Progress, silent
-from raytwin.scene.mitsuba_file import as_loaded
-from raytwin.scene.mitsuba_scene import MitsubaScene
+from raytwin.scene import MitsubaScene, Scene
 from raytwin.twin import render_cache
 from raytwin.twin.backend import activate, made_with
-from raytwin.twin.plain import render_plain
+from raytwin.twin.opencv_sensor import sensor_at
+from raytwin.twin.rendering import BATCHES
+from raytwin.twin.twin_scene import load, place_of, translate
 
-BATCHES = 16
-"""Independent renders behind a variance."""
-VERSION = "3"
+VERSION = "4"
 """Part of every cache key: raise it when a change moves a pixel."""
+INTEGRATORS = {"direct": {"type": "direct"}, "path": {"type": "path", "max_depth": 8, "rr_depth": 8}}
+"""name -> Mitsuba's: light that met one surface (the rung `sky`), and up to seven (the rung `path`)."""
+LANES = 1 << 24
+"""Most rays in one launch: Mitsuba keeps the state of every sample of a launch in memory."""
 
 
 def render_mitsuba(
@@ -41,20 +43,17 @@ def render_mitsuba(
     """
     batches = max(1, min(batches, samples))
     about = mitsuba_provenance(scene, samples, seed, batches, variant)
-    make = partial(_pooled, scene, samples, seed, batches, progress)
+
+    def make() -> Image:
+        loaded, pool, each = _loaded_file(scene), ImagePool(), -(-samples // batches)
+        for k in range(batches):
+            progress("twin", k, batches)
+            # As one sample without noise: a file without random numbers makes equal batches, which are no repeats.
+            pool.add(Image(_colours(scene, loaded, each, (seed, k)), samples=1))
+        progress("twin", batches, batches)
+        return replace(pool.image, samples=each * batches, surface=_surface(loaded))
+
     return render_cache.cached(about, cache, make)
-
-
-def _pooled(scene: MitsubaScene, samples: int, seed: int, batches: int, progress: Progress) -> Image:
-    width, height = scene.image_size
-    loaded = _loaded(scene)
-    each, pool = -(-samples // batches), ImagePool()
-    for k in range(batches):
-        progress("twin", k, batches)
-        # As one sample without noise: a file without random numbers makes equal batches, which are no repeats.
-        pool.add(Image(_rendered(scene, loaded, each, (seed, k)).reshape(height, width, 3), samples=1))
-    progress("twin", batches, batches)
-    return replace(pool.image, samples=each * batches, surface=_surface(scene, loaded))
 
 
 def mitsuba_provenance(
@@ -65,66 +64,103 @@ def mitsuba_provenance(
     return about | {"samples": str(samples), "seed": str(seed), "batches": str(batches)}
 
 
-def _loaded(scene: MitsubaScene) -> Any:
-    """Mitsuba's scene, without `optimize`, which would merge shapes and let light leak (see twin_scene.load)."""
+def named_shapes(scene: MitsubaScene) -> tuple[str, ...]:
+    """The names of the file's shapes in the order of their ids. Raises InputError where Mitsuba refuses the scene."""
+    activate()
+    return tuple(shape.id() or f"shape-{i}" for i, shape in enumerate(_loaded_file(scene).shapes()))
+
+
+def load_plain(scene: Scene, integrator: str = "direct", variant: str | None = None) -> Any:
+    """A Mitsuba scene with its own sensor, box filter and integrator, to hand to `render_plain`.
+
+    The sensor is `perspective` where pixels are square and nothing is distorted; else one that undoes the distortion
+    (about half as slow again).
+    """
+    activate(variant)
+    place = place_of(scene)
+    world: dict[str, Any] = translate(scene, place, {}) | {"integrator": INTEGRATORS[integrator]}
+    world.get("sky", {}).pop("sampling_weight", None)
+    world["sensor"] = sensor_at(scene.camera, np.asarray(scene.camera.R_cam_board), place.eye, place.unit)
+    return load(world)
+
+
+def render_plain(loaded: Any, samples: int = 1, seed: int | tuple[int, ...] = 0) -> np.ndarray:
+    """`samples` a pixel by its own integrator and film: (H, W, channels) float64. The variant must be active."""
     import mitsuba as mi
 
-    root = as_loaded(scene)
+    width, height = loaded.sensors()[0].film().crop_size()
+    passes = -(-samples // max(1, LANES // (int(width) * int(height))))
+    total: Any = 0.0
+    for k in range(passes):
+        part = samples // passes + (k < samples % passes)
+        number = np.random.SeedSequence([*np.atleast_1d(seed).tolist(), k]).generate_state(1)[0]
+        total = total + part * np.asarray(mi.render(loaded, spp=part, seed=int(number)), float)
+    return np.asarray(total / samples)
+
+
+def _loaded_file(scene: MitsubaScene) -> Any:
+    import mitsuba as mi
+
     try:
-        return mi.load_string(tostring(root, "unicode"), optimize=False)
+        return _load_file(scene.file, scene.image_size, scene.digest, mi.variant())
     except Exception as error:  # RuntimeError, or whatever a plugin of Python's raises
         raise _refused(scene, error) from None
 
 
-def _rendered(scene: MitsubaScene, loaded: Any, samples: int, seed: tuple[int, int]) -> np.ndarray:
+@lru_cache(maxsize=1)
+def _load_file(file: str, size: tuple[int, int], digest: str, variant: str) -> Any:
+    """Mitsuba's scene whose image has this size, without `optimize` (see `load`)."""
+    import mitsuba as mi
+
+    loaded = mi.load_file(file, optimize=False)
+    sensor = loaded.sensors()[0]
+    shown = np.array(sensor.film().crop_size())
+    if tuple(shown) != size:
+        changed, scale = mi.traverse(sensor), np.array(size) / shown
+        offset = np.round(np.array(sensor.film().crop_offset()) * scale)
+        whole = np.maximum(np.round(np.array(sensor.film().size()) * scale), offset + size)
+        changed["film.size"], changed["film.crop_offset"], changed["film.crop_size"] = map(
+            _whole, (whole, offset, size)
+        )
+        changed.update()
+    return loaded
+
+
+def _whole(numbers: Any) -> list[int]:
+    return [int(x) for x in numbers]
+
+
+def _colours(scene: MitsubaScene, loaded: Any, samples: int, seed: tuple[int, int]) -> np.ndarray:
     """(H, W, 3): the film's colours, or its grey, without what an `aov` integrator adds after them."""
     width, height = scene.image_size
-    colours = _colours(scene)
+    film = str(loaded.sensors()[0].film())
+    if "pixel_format = xyz" in film:
+        raise InputError(scene.file, "a film in RGB or luminance", "XYZ")
     try:
         made = render_plain(loaded, samples, seed)
     except Exception as error:
         raise _refused(scene, error) from None
-    if made.shape[:2] != (height, width) or made.shape[2] < colours:
-        raise InputError(scene.file, f"a film of {width} x {height} pixels in grey or RGB", made.shape)
-    return np.broadcast_to(made[..., :colours], (height, width, 3))
+    return np.broadcast_to(made[..., : 1 if "pixel_format = luminance" in film else 3], (height, width, 3))
 
 
-def _colours(scene: MitsubaScene) -> int:
-    """Channels of light that come first in the film: 1 if it is grey, else 3."""
-    root = fromstring(scene.text)
-    integrator = root.find("integrator")
-    while integrator is not None and integrator.get("type") == "aov":
-        if integrator.find("ref") is None and integrator.find("integrator") is None:
-            raise InputError(f"{scene.file}: <integrator>", "an image's integrator inside aov", "none")
-        integrator = integrator.find("integrator")
-    pixel_format = root.find("sensor/film/string[@name='pixel_format']")
-    grey = pixel_format is not None and pixel_format.get("value", "").lower().startswith("luminance")
-    return 1 if grey else 3
-
-
-def _surface(scene: MitsubaScene, loaded: Any) -> Surface:
+def _surface(loaded: Any) -> Surface:
     """What the ray through each pixel's centre meets first: shape, distance from the eye, normal towards it."""
     import drjit as dr
     import mitsuba as mi
 
-    from raytwin.twin.twin_light import numbers_of
+    from raytwin.twin.twin_light import ids_of, seen_along, surface_of
 
-    width, height = scene.image_size
-    y, x = (a.ravel() for a in np.mgrid[0:height, 0:width])
-    place = mi.Point2f(mi.Float((x + 0.5) / width), mi.Float((y + 0.5) / height))  # of the crop window
     sensor = loaded.sensors()[0]
-    ray = sensor.sample_ray(sensor.shutter_open(), 0.5, place, mi.Point2f(0.5))[0]
-    hit = loaded.ray_intersect(ray)
-    ids_of = {name: i for i, name in enumerate(scene.names)}
-    table = numbers_of(loaded, lambda name: ids_of.get(name, BACKGROUND))
-    ids = dr.gather(mi.Int32, table, dr.reinterpret_array(mi.UInt32, hit.shape), hit.is_valid())
-    depth = hit.t
+    width, height = (int(side) for side in sensor.film().crop_size())
+    pixel = dr.arange(mi.UInt32, width * height)
+    x, y = mi.Float(pixel % width), mi.Float(pixel // width)
+    place = mi.Point2f((x + 0.5) / width, (y + 0.5) / height)  # of the crop window
+    ray = sensor.sample_ray_differential(sensor.shutter_open(), 0.5, place, mi.Point2f(0.5))[0]
+    seen = seen_along(loaded, ray)
+    depth = seen.hit.t
     if "Orthographic" not in str(sensor):  # whose rays begin at no common point
         depth = depth + dr.norm(ray.o - sensor.world_transform().translation())
-    n = dr.select(dr.dot(hit.n, ray.d) > 0, -hit.n, hit.n)
-    found = (dr.select(hit.is_valid(), value, miss) for value, miss in ((ids, BACKGROUND), (depth, 0), (n, 0)))
-    ids, depth, n = (value.numpy() for value in found)
-    return Surface(ids.reshape(height, width), depth.reshape(height, width), n.T.reshape(height, width, 3).copy())
+    return surface_of(seen, ids_of(loaded, seen, lambda i, _: i), depth, (width, height))
 
 
 def _refused(scene: MitsubaScene, error: Exception) -> InputError:

@@ -1,4 +1,4 @@
-"""The light levels in Mitsuba: its intersector, emitters, shadow test, BSDFs and path tracer behind our own rays."""
+"""The light levels in Mitsuba: its intersector, emitters, shadow test, BSDFs and path tracer behind OpenCV's camera."""
 
 from collections.abc import Callable, Mapping
 from math import pi
@@ -8,9 +8,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from raytwin.images.image import BACKGROUND, Surface
 from raytwin.rungs import Rung
 from raytwin.scene import Scene
-from raytwin.twin.rays import Lens, directions, lens_of
+from raytwin.twin.opencv_sensor import Eye
 from raytwin.twin.twin_scene import SHADOW_OFFSET, SPHERE_OFFSET, load, number_of, place_of, translate
 
 LANES = 1 << 22
@@ -21,121 +22,178 @@ SKY_GRID = 2048, 1024
 
 
 class Seen(NamedTuple):
-    """What rays meet: `hit`, Mitsuba's record; `n`, the normal on the eye's side; `start`, where rays go on."""
+    """What rays meet: `hit`, Mitsuba's record; `any`, whether they meet anything; `n`, the normal on the eye's side."""
 
     ray: Any
     hit: Any
+    any: Any
     n: Any
-    start: Any
 
-    @property
-    def any(self) -> Any:
-        return self.hit.is_valid()
+
+def seen_along(loaded: Any, ray: Any) -> Seen:
+    """What the rays meet first in a Mitsuba scene."""
+    hit = loaded.ray_intersect(ray)
+    return Seen(ray, hit, hit.is_valid(), dr.select(dr.dot(hit.n, ray.d) > 0, -hit.n, hit.n))
+
+
+def ids_of(loaded: Any, seen: Seen, number: Callable[[int, Any], int]) -> Any:
+    """The ids of what is seen, by `number`: (index, Mitsuba's shape) -> its id."""
+    # Mitsuba's pointers to shapes are small integers.
+    keys = dr.reinterpret_array(mi.UInt32, loaded.shapes_dr()).numpy()
+    table = np.full(keys.max(initial=0) + 1, BACKGROUND, np.int32)
+    table[keys] = [number(i, shape) for i, shape in enumerate(loaded.shapes())]
+    ids = dr.gather(mi.Int32, mi.Int32(table), dr.reinterpret_array(mi.UInt32, seen.hit.shape), seen.any)
+    return dr.select(seen.any, ids, BACKGROUND)
+
+
+def surface_of(seen: Seen, ids: Any, depth: Any, size: tuple[int, int]) -> Surface:
+    """What is seen through each of size = (width, height) pixels, with these ids, at this depth."""
+    found = ids, mi.Float(dr.select(seen.any, depth, 0)), dr.select(seen.any, seen.n, 0)
+    dr.eval(found)
+    shape = size[::-1]
+    ids, depth, normal = (np.array(part) for part in found)
+    return Surface(ids.reshape(shape), depth.reshape(shape), normal.T.reshape(*shape, 3).copy())
 
 
 class TwinLight:
-    """One scene, loaded. Pixels are numbered row by row. `depth`: the longest light path, counted as Mitsuba does."""
+    """One scene, loaded. `depth`: the longest light path, counted as Mitsuba does. Pixels are numbered row by row."""
 
-    def __init__(self, scene: Scene, textures: Mapping[int, np.ndarray], depth: int | None) -> None:
-        self.place, self.double = place_of(scene), dr.float64_array_t(mi.Float)
+    def __init__(self, scene: Scene, textures: Mapping[int, np.ndarray], depth: int | None = None) -> None:
+        camera, self.place, self.double = scene.camera, place_of(scene), dr.float64_array_t(mi.Float)
         self.scene = load(translate(scene, self.place, textures))
-        self.numbers = numbers_of(self.scene, number_of)
         self.sun = next((e for e in self.scene.emitters() if not e.is_environment()), None)
         self.sky = self.scene.environment()
         self.path: Any = load({"type": "path", "max_depth": depth - 1, "rr_depth": depth}) if depth else None
-        # Opaque numbers are a kernel's parameters: another camera runs the kernel that is compiled already.
-        lens = lens_of(scene.camera)
-        fx, fy, cx, cy, coefficients = map(self._number, lens[:5])
-        self.lens = Lens(fx, fy, cx, cy, coefficients, lens.steps)
-        self.width, self.start = scene.camera.width, self._number(self.place.start)
-        self.eye, self.R = self._number(self.place.eye), self._number(np.asarray(scene.camera.R_cam_board).T)
+        K, R = (camera.fx, camera.fy, camera.cx, camera.cy), np.asarray(camera.R_cam_board)
+        self.eye = Eye.of(K, camera.coefficients, R, self.place.eye, self.place.start)
+        self.size, self.width = camera.image_size, dr.opaque(mi.UInt32, camera.width)
         largest = max((ball.radius for ball in scene.spheres), default=0.0)
         self.offset = dr.opaque(mi.Float, SPHERE_OFFSET * self.place.unit * largest)
         self.irradiance: Any = None
         if depth is None:
             self.irradiance = open_sky(self.sky) if scene.environment else lambda n: mi.Color3f(*scene.sky.radiance)
 
-    def _number(self, x: Any) -> Any:
-        """A float64 parameter of the kernel, or nested tuples of them."""
-        return dr.opaque(self.double, float(x)) if np.ndim(x) == 0 else tuple(map(self._number, x))
+    def seen(self, pixel: Any, du: Any = 0.0, dv: Any = 0.0) -> Seen:
+        """What the rays through the pixels' centres, moved by (du, dv) pixels, meet first."""
+        row = pixel // self.width
+        u, v = self.double(pixel - row * self.width), self.double(row)
+        return seen_along(self.scene, self.eye.ray(u + self.double(du), v + self.double(dv)))
 
-    def hit_of(self, pixel: Any, du: Any = 0.0, dv: Any = 0.0) -> Seen:
-        """What the rays through the pixels, moved by (du, dv), meet first."""
-        width = dr.opaque(mi.UInt32, self.width)
-        row = pixel // width
-        u, v = self.double(pixel - row * width) + self.double(du), self.double(row) + self.double(dv)
-        ahead = directions(dr, self.lens, u, v)
-        d = [sum(self.R[i][k] * ahead[k] for k in range(3)) for i in range(3)]
-        o = [mi.Float(self.eye[i] + self.start * d[i]) for i in range(3)]
-        ray = mi.RayDifferential3f(mi.Ray3f(mi.Point3f(*o), mi.Vector3f(*map(mi.Float, d))))
-        hit = self.scene.ray_intersect(ray)
-        n = dr.select(dr.dot(hit.n, ray.d) > 0, -hit.n, hit.n)
-        return Seen(ray, hit, n, hit.p + n * (SHADOW_OFFSET * dr.norm(hit.p) + self.offset))
+    def surface(self, seen: Seen) -> Surface:
+        """What all pixels show: depth in metres, normals in the board's frame."""
+        depth = (self.double(seen.hit.t) + self.eye.start) / self.place.unit
+        return surface_of(seen, self.ids(seen), depth, self.size)
 
-    def surface(self, seen: Seen) -> tuple[Any, Any, Any]:
-        """Ids, depth in metres and normals, in the board's frame."""
-        depth = (self.double(seen.hit.t) + self.start) / self.place.unit
-        ids = dr.gather(mi.Int32, self.numbers, dr.reinterpret_array(mi.UInt32, seen.hit.shape), seen.any)
-        return dr.select(seen.any, ids, -1), mi.Float(dr.select(seen.any, depth, 0)), dr.select(seen.any, seen.n, 0)
+    def ids(self, seen: Seen) -> Any:
+        return ids_of(self.scene, seen, lambda _, shape: number_of(shape.id()))
+
+    def at(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Ids (k,) and the sun's light (k, 3) at these places of the image."""
+        seen = seen_along(self.scene, self.eye.ray(self.double(u), self.double(v)))
+        ids, light = self.ids(seen), self.sunlight(seen, True)
+        dr.eval(ids, light)
+        return np.array(ids), np.array(light).T
+
+    def onward(self, seen: Seen, d: Any) -> Any:
+        """Rays that go on along d."""
+        start = seen.hit.p + seen.n * (SHADOW_OFFSET * dr.norm(seen.hit.p) + self.offset)
+        return mi.RayDifferential3f(mi.Ray3f(start, d))
+
+    def sunlight(self, seen: Seen, shadows: bool) -> Any:
+        """The sun's light that is sent to the eye, 0 in its `shadows`."""
+        if self.sun is None:
+            return mi.Color3f(0)
+        there, weight = self.sun.sample_direction(seen.hit, mi.Point2f(0.5), seen.any)
+        lit = seen.any & (dr.dot(seen.n, there.d) > 0)
+        if shadows:
+            lit &= ~self.scene.ray_test(self.onward(seen, there.d), lit)
+        bsdf = seen.hit.bsdf(seen.ray)
+        return dr.select(lit, weight * bsdf.eval(mi.BSDFContext(), seen.hit, seen.hit.to_local(there.d), lit), 0)
 
     def unsampled(self, rung: Rung, seen: Seen) -> Any:
         """The light without noise: the sun's at what is seen, the open sky's, and the sky behind all objects."""
-        bsdf, context, colour = seen.hit.bsdf(seen.ray), mi.BSDFContext(), mi.Color3f(0)
-        if self.sun is not None:
-            there, weight = self.sun.sample_direction(seen.hit, mi.Point2f(0.5), seen.any)
-            lit = seen.any & (dr.dot(seen.n, there.d) > 0)
-            if rung.shadows:
-                lit &= ~self.scene.ray_test(mi.Ray3f(seen.start, there.d), lit)
-            value = bsdf.eval(context, seen.hit, seen.hit.to_local(there.d), lit)
-            colour += dr.select(lit, value * weight, 0)
+        colour = self.sunlight(seen, rung.shadows)
         if self.irradiance is not None:
-            colour += bsdf.eval_diffuse_reflectance(seen.hit, seen.any) * self.irradiance(seen.n)
-        background = mi.Color3f(0) if self.sky is None else self.sky.eval(seen.hit, ~seen.any)
-        return dr.select(seen.any, colour, background)
+            albedo = seen.hit.bsdf(seen.ray).eval_diffuse_reflectance(seen.hit, seen.any)
+            colour += dr.select(seen.any, albedo * self.irradiance(seen.n), 0)
+        return colour + (dr.select(seen.any, 0, self.sky.eval(seen.hit, ~seen.any)) if self.sky else 0)
 
     def bounced(self, seen: Seen, sampler: Any) -> Any:
         """What one direction, drawn by the BSDF, brings of all other light, as Mitsuba's `path` finds it."""
         bsdf = seen.hit.bsdf(seen.ray)
         sample, weight = bsdf.sample(mi.BSDFContext(), seen.hit, sampler.next_1d(), sampler.next_2d(), seen.any)
-        onward = mi.Ray3f(seen.start, seen.hit.to_world(sample.wo))
-        light = self.path.sample(self.scene, sampler, mi.RayDifferential3f(onward), None, seen.any)[0]
-        return dr.select(seen.any, weight * light, 0)
+        onward = self.onward(seen, seen.hit.to_world(sample.wo))
+        return dr.select(seen.any, weight * self.path.sample(self.scene, sampler, onward, None, seen.any)[0], 0)
+
+    def centres(self, rung: Rung | None) -> tuple[Surface, np.ndarray]:
+        """What the pixels' centres show, and the light without noise there (H, W, 3), 0 without a rung."""
+        width, height = self.size
+        seen = self.seen(dr.arange(mi.UInt32, width * height))
+        colour = self.unsampled(rung, seen) if rung else dr.zeros(mi.Color3f, width * height)
+        dr.schedule(colour)
+        surface = self.surface(seen)
+        return surface, np.array(colour).T.reshape(height, width, 3).copy()
+
+    def sampled(
+        self, rung: Rung, sampling: str, samples: int, batches: int, seed: int, say: Callable[[float], None]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Mean, its variance and its third moment, each (H, W, 3); at `center` of the light that bounces."""
+        width, height = self.size
+        n, block = width * height, max(1, LANES // samples)
+        found = np.empty((3, n, 3), np.float32)
+        for a in range(0, n, block):
+            b = min(n, a + block)
+            number = np.random.SeedSequence([seed, a, samples]).generate_state(1)[0]
+            sampler = mi.load_dict({"type": "independent"})
+            sampler.seed(dr.opaque(mi.UInt32, int(number)), (b - a) * samples)
+            pixel = dr.arange(mi.UInt32, (b - a) * samples) // dr.opaque(mi.UInt32, samples) + dr.opaque(mi.UInt32, a)
+            if sampling == "area":
+                seen = self.seen(pixel, *(sampler.next_2d() - 0.5))
+                colour = self.unsampled(rung, seen) + (self.bounced(seen, sampler) if self.path else 0)
+            else:
+                colour = self.bounced(self.seen(pixel), sampler)
+            dr.eval(colour)  # all channels in one kernel: block_sum would run it once for each
+            sums = np.stack([dr.block_sum(self.double(c), samples // batches).numpy() for c in colour], axis=-1)
+            found[:, a:b] = moments(sums.reshape(b - a, batches, 3) * (batches / samples))
+            say(b / n)
+        mean, variance, third = found.reshape(3, height, width, 3)
+        return mean, variance, third
 
 
-def numbers_of(loaded: Any, number: Callable[[str], int]) -> Any:
-    """A table from Mitsuba's shape pointers, which are small integers, to the `number` of each shape's name."""
-    keys = dr.reinterpret_array(mi.UInt32, loaded.shapes_dr()).numpy()
-    table = np.full(keys.max(initial=0) + 1, -1, np.int32)
-    table[keys] = [number(shape.id()) for shape in loaded.shapes()]
-    return mi.Int32(table)
+def moments(means: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The mean of the batches' means (n, batches, 3), that mean's variance and its third central moment (n, 3).
+
+    Both are unbiased; 0 from fewer than 2 and 3 batches. See ImagePool for the third moment.
+    """
+    b, mean = means.shape[1], means.mean(axis=1)
+    step = means - mean[:, None]
+    square = step * step
+    return mean, square.sum(axis=1) / max(1, b * (b - 1)), (square * step).sum(axis=1) / max(1, b * (b - 1) * (b - 2))
 
 
-def open_sky(sky: Any) -> Any:
+def open_sky(sky: Any) -> Callable[[Any], Any]:
     """Return n -> E(n)/π, the radiance of a constant sky of the same light, to the second order of a map's harmonics.
 
     The cosine's coefficients are π, 2π/3, π/4 (Ramamoorthi and Hanrahan 2001, eq. 8), and the harmonics of one order
     sum to (2 l + 1)/4π P_l(n·ω). So E/π = ∫ L (1/4π + n·ω/2π + 5 (3 (n·ω)² - 1)/32π) dω: three moments of L.
     """
     around, down = SKY_GRID
-    index = dr.arange(mi.UInt32, around * down)
-    z = 1 - (2 * mi.Float(index // around) + 1) / down  # even steps of z and of the angle: equal solid angles
-    turn = (mi.Float(index % around) + 0.5) * (2 * pi / around)
-    level = dr.sqrt(1 - z * z)
-    w = mi.Vector3f(level * dr.cos(turn), level * dr.sin(turn), z)
-    hit = dr.zeros(mi.SurfaceInteraction3f, around * down)
-    hit.wi = -w
-    light = np.asarray(sky.eval(hit).numpy(), float).reshape(3, -1) * (4 * pi / (around * down))
-    d = np.asarray(w.numpy(), float)
-    total, first = light.sum(axis=1), light @ d.T
-    second = np.einsum("cn,in,jn->cij", light, d, d, optimize=True)
-    even, slope, bend = 3 / (32 * pi) * total, first / (2 * pi), 15 / (32 * pi) * second
+    turn, z = np.meshgrid((np.arange(around) + 0.5) * (2 * pi / around), 1 - (2 * np.arange(down) + 1) / down)
+    level = np.sqrt(1 - z * z)
+    w = np.stack([level * np.cos(turn), level * np.sin(turn), z]).reshape(3, -1)  # of equal solid angles
+    hit = dr.zeros(mi.SurfaceInteraction3f, w.shape[1])
+    hit.wi = -mi.Vector3f(w.astype(np.float32))
+    light = np.asarray(sky.eval(hit).numpy(), float) * (4 * pi / w.shape[1])
+    even = 3 / (32 * pi) * light.sum(axis=1)
+    slope = 1 / (2 * pi) * light @ w.T
+    bend = 15 / (32 * pi) * np.einsum("cn,in,jn->cij", light, w, w, optimize=True)
 
-    def irradiance(n: Any) -> Any:
+    def radiance(n: Any) -> Any:
+        steep = [[s + sum(float(b) * n[j] for j, b in enumerate(row)) for s, row in zip(*both, strict=True)]
+                 for both in zip(slope.tolist(), bend, strict=True)]  # fmt: skip
         return mi.Color3f(*(
-            dr.maximum(
-                float(even[c]) + sum(n[i] * (float(slope[c, i]) + sum(float(bend[c, i, j]) * n[j] for j in range(3)))
-                                     for i in range(3)), 0)
-            for c in range(3)
+            dr.maximum(float(e) + sum(n[i] * along for i, along in enumerate(of)), 0)
+            for e, of in zip(even, steep, strict=True)
         ))  # fmt: skip
 
-    return irradiance
+    return radiance
