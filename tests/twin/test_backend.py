@@ -16,9 +16,10 @@ def fresh(monkeypatch, tmp_path):
     monkeypatch.setenv("RAYTWIN_CACHE", str(tmp_path))
     for name in ("RAYTWIN_VARIANT", "RAYTWIN_NO_LLVM", "DRJIT_LIBLLVM_PATH"):
         monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(backend, "USERS_LLVM", None)
     monkeypatch.setattr(backend, "_chosen", {})
     monkeypatch.setattr(backend, "_current", None)
-    monkeypatch.setattr(backend, "loaded_llvm", lambda: None)
+    monkeypatch.setattr(backend, "_drjit_is_imported", lambda: False)
 
 
 @pytest.fixture
@@ -42,25 +43,20 @@ def test_a_wrong_path_falls_on_to_the_next_with_a_reason(monkeypatch, tmp_path, 
     """The next is a library that works, so that only the answer to the wrong one is in question."""
     text = tmp_path / "libLLVM.so"
     text.write_text("this is no library")
-    outcome, _ = backend.probe("llvm_ad_rgb", str(text))
-    assert not outcome.ok
-    assert "LLVM" in outcome.why
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(tmp_path / "none.so"))
-    probe = backend.probe
-    monkeypatch.setattr(
-        backend, "probe", lambda v, p: (backend.Tried(p, True, "renders"), "19") if p == llvm else probe(v, p)
-    )
+    monkeypatch.setattr(backend, "llvm_candidates", lambda: [str(tmp_path / "none.so"), str(text), llvm])
     found = backend.find_backend()
-    assert [(t.ok, t.why) for t in found.tried] == [(False, "no such file"), (True, "renders")]
+    assert [t.ok for t in found.tried] == [False, False, True]
+    assert found.tried[0].why == "no such file"
+    assert "LLVM" in found.tried[1].why
     assert found.libllvm == llvm
 
 
 def test_the_answer_is_remembered_until_its_file_is_damaged_or_a_candidate_is_new(monkeypatch, tmp_path):
     library, probed = tmp_path / "libLLVM.so.19", []
 
-    def probe(variant: str, path: str) -> tuple[backend.Tried, str]:
+    def probe(variant: str, path: str) -> backend.Tried:
         probed.append(path)
-        return backend.Tried(path, True, "renders"), "19.1"
+        return backend.Tried(path, True, "renders", "19.1")
 
     library.touch()
     candidates = [str(library)]
@@ -80,10 +76,10 @@ def test_the_answer_is_remembered_until_its_file_is_damaged_or_a_candidate_is_ne
 
 def drawn(**found: float) -> str:
     """The source of a probe that draws this instead of a sphere."""
-    return f"print({json.dumps(json.dumps({'depth': 3.0, 'lit': 1.0, 'light': 0.125, 'llvm': [99]} | found))})"
+    return f"print({json.dumps(json.dumps({'depth': 3.0, 'lit': 1.0, 'light': 0.125, 'llvm': '99'} | found))})"
 
 
-@pytest.mark.parametrize(("source", "why"), [
+PROBES = [
     ("import time; time.sleep(60)", "no picture after 1 s"),
     ("print('nan')", "no output"),
     ("import os, sys; print('LLVM ERROR: Cannot select: fmaximum', file=sys.stderr); os.abort()",
@@ -91,36 +87,27 @@ def drawn(**found: float) -> str:
     (drawn(depth=3 + 0.9e-3), "renders"), (drawn(depth=3 - 1.1e-3), "a wrong picture"),
     (drawn(lit=1 - 1 / 4096), "a wrong picture"), (drawn(light=0.125 + 4.9e-3), "renders"),
     (drawn(light=0.125 - 5.1e-3), "a wrong picture"), (drawn(light=math.nan), "a wrong picture"),
-])  # fmt: skip
-def test_a_candidate_that_hangs_aborts_or_draws_more_than_noise_wrong_is_passed_over(
-    monkeypatch, tmp_path, source, why
+]  # fmt: skip
+
+
+def test_a_candidate_that_hangs_aborts_or_draws_more_than_noise_wrong_is_passed_over_and_asked_again(
+    monkeypatch, tmp_path, subtests
 ):
-    script = tmp_path / "odd.py"
-    script.write_text(source)
-    monkeypatch.setattr(backend, "PROBE", script)
-    monkeypatch.setattr(backend, "PROBE_SECONDS", 1 if "sleep" in source else 60)
-    monkeypatch.setattr(backend, "llvm_candidates", lambda: [str(script)])
-    found = backend.find_backend()
-    assert why in found.tried[0].why
-    assert (found.variant == "llvm_ad_rgb") == found.tried[0].ok == (why == "renders")
-
-
-@pytest.mark.parametrize(("source", "asked"), [
-    ("import time; time.sleep(60)", 2),
-    ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", 2),
-    ("import os; os.abort()", 2),
-])  # fmt: skip
-def test_a_machine_where_nothing_works_is_asked_again_by_the_next_process(monkeypatch, tmp_path, source, asked):
-    script = tmp_path / "late.py"
-    script.write_text(source)
-    monkeypatch.setattr(backend, "PROBE", script)
-    monkeypatch.setattr(backend, "PROBE_SECONDS", 0.2 if "sleep" in source else 60)
-    monkeypatch.setattr(backend, "llvm_candidates", lambda: [str(script)])
-    probed = []
-    probe = backend.probe
+    probed, probe = [], backend.probe
     monkeypatch.setattr(backend, "probe", lambda *a: probed.append(a) or probe(*a))
-    assert {backend.find_backend().variant for _ in range(2)} == {None}
-    assert len(probed) == asked
+    for i, (source, why) in enumerate(PROBES):
+        with subtests.test(why):
+            script = tmp_path / f"{i}.py"
+            script.write_text(source)
+            monkeypatch.setattr(backend, "PROBE", script)
+            monkeypatch.setattr(backend, "PROBE_SECONDS", 1 if "sleep" in source else 60)
+            monkeypatch.setattr(backend, "llvm_candidates", lambda script=script: [str(script)])
+            probed.clear()
+            found, again = backend.find_backend(), backend.find_backend()
+            assert why in found.tried[0].why
+            assert (found.variant == "llvm_ad_rgb") == found.tried[0].ok == (why == "renders")
+            assert len(probed) == (1 if found.tried[0].ok else 2)  # what works is remembered
+            assert again.variant == found.variant
 
 
 def test_a_variant_can_be_forced_and_stays(llvm):
@@ -153,8 +140,7 @@ def test_an_unknown_variant_is_named(monkeypatch):
 
 
 def test_cuda_is_used_only_when_asked_for():
-    outcome, _ = backend.probe("cuda_ad_rgb")
-    if outcome.ok:
+    if backend.probe("cuda_ad_rgb", "cuda_ad_rgb").ok:
         assert backend.find_backend().variant != "cuda_ad_rgb"
     else:
         with pytest.raises(MachineError, match="NVIDIA"):
@@ -162,7 +148,7 @@ def test_cuda_is_used_only_when_asked_for():
 
 
 def test_doctor_tells_versions_candidates_and_choice(monkeypatch):
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nowhere/libLLVM.so")
+    monkeypatch.setattr(backend, "USERS_LLVM", "/nowhere/libLLVM.so")
     rows = dict(backend.doctor())
     assert {"python", "mitsuba", "drjit", "cores", "cache", "backend"} <= rows.keys()
     assert rows["tried /nowhere/libLLVM.so"] == "no such file"
@@ -176,46 +162,14 @@ def test_importing_the_twin_imports_no_mitsuba():
     assert done.stdout.strip() == "[]"
 
 
-LOADED_BY = """
-import os, sys
-if sys.argv[2:]:
-    os.environ["DRJIT_LIBLLVM_PATH"] = sys.argv[2]
-    import drjit
-    del os.environ["DRJIT_LIBLLVM_PATH"]
-from raytwin.twin import backend
-found = backend.activate(sys.argv[1])
-print(backend.loaded_llvm(), found.libllvm, found.variant, sep="\\n")
-"""
-
-
-def loaded_by(variant: str, *before: str) -> list[str]:
-    """In a process of its own, with Dr.Jit loaded `before` by another path or not: what is loaded, chosen, active."""
-    command = [sys.executable, "-c", LOADED_BY, variant, *before]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
-
-
-@pytest.mark.nightly
-@pytest.mark.skipif(sys.platform != "linux", reason="Linux alone tells what a process has loaded")
-def test_where_dr_jit_was_imported_before_its_own_library_is_the_one_that_is_tried(llvm, monkeypatch):
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nowhere/libLLVM.so")
-    loaded, chosen, _ = loaded_by("llvm_ad_rgb", llvm)
-    assert loaded == chosen == os.path.realpath(llvm)
-
-
 def test_dr_jit_imported_without_any_library_is_an_error_of_one_line(tmp_path):
     text = tmp_path / "libLLVM.so"
     text.write_text("this is no library")
-    with pytest.raises(subprocess.CalledProcessError) as caught:
-        loaded_by("llvm_ad_rgb", str(text))
-    assert "MachineError: variant llvm_ad_rgb: expected" in caught.value.stderr
-
-
-def test_a_library_that_is_loaded_is_the_only_candidate(monkeypatch):
-    monkeypatch.setattr(backend, "loaded_llvm", lambda: "/elsewhere/libLLVM.so.15")
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/good/libLLVM.so")
-    assert backend.llvm_candidates() == ["/elsewhere/libLLVM.so.15"]
-    monkeypatch.setenv("RAYTWIN_NO_LLVM", "1")
-    assert backend.llvm_candidates() == []
+    code = "import drjit; from raytwin.twin import activate; activate()"
+    environment = os.environ | {"DRJIT_LIBLLVM_PATH": str(text)}
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+    assert run.returncode == 1
+    assert "MachineError: Mitsuba: expected a machine where it works" in run.stderr.splitlines()[-1]
 
 
 def test_the_users_library_comes_first_then_the_one_that_pip_installs_then_dr_jits_own_choice(monkeypatch, tmp_path):
@@ -223,6 +177,12 @@ def test_the_users_library_comes_first_then_the_one_that_pip_installs_then_dr_ji
     for name in ("libLLVM.so.19.1", "libLLVM.so.23.1", "libLLVMAnalysis.a"):
         (tmp_path / "lib" / name).touch()
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/mine/libLLVM.so")
+    monkeypatch.setattr(backend, "USERS_LLVM", "/mine/libLLVM.so")
     pip = str(tmp_path / "lib" / "libLLVM.so.23.1")
     assert backend.llvm_candidates() == ["/mine/libLLVM.so", pip, backend.OWN_CHOICE]
+    monkeypatch.setattr(backend, "_drjit_is_imported", lambda: True)  # its choice is made
+    assert backend.llvm_candidates() == [backend.OWN_CHOICE]
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/good/libLLVM.so")
+    assert backend.llvm_candidates() == ["/good/libLLVM.so"]
+    monkeypatch.setenv("RAYTWIN_NO_LLVM", "1")
+    assert backend.llvm_candidates() == []

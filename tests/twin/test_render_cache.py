@@ -1,117 +1,98 @@
-"""A stored file that is damaged, in whatever way, is no cache: nothing of it is used, and nobody sees a traceback."""
+"""Renders that are stored: used again as they were, damaged ones never, and the oldest deleted first."""
 
-import io
 import os
-import zipfile
 
+import msgspec
 import numpy as np
 import pytest
+from scene_of import changed
 
 from raytwin.images.image import Image, Surface
-from raytwin.twin import render_cache
-from raytwin.twin.render_cache import load, path_of, store
-
-
-@pytest.fixture(autouse=True)
-def cache(tmp_path, monkeypatch):
-    """A cache in a folder of its own, which exists."""
-    monkeypatch.setenv("RAYTWIN_CACHE", str(tmp_path))
-    (tmp_path / "renders").mkdir()
-
+from raytwin.scene.scene_files import read_scene
+from raytwin.twin import activate, provenance, render, render_cache, rendering
+from raytwin.twin.render_cache import load, store
 
 IMAGE = Image(np.full((1, 2, 3), 0.5, np.float32), samples=3, surface=Surface.empty(2, 1), batches=2)
 
 
-def npz() -> bytes:
-    stream = io.BytesIO()
-    np.savez_compressed(stream, a=np.arange(100.0))
-    return stream.getvalue()
+def parts(image: Image) -> list[np.ndarray]:
+    known = (image.mean, image.variance, image.third, image.samples, image.batches, *vars(image.surface).values())
+    return [np.asarray(part) for part in known]
 
 
-def encrypted() -> bytes:
-    """Bit 0 of the general purpose flags, of the local header and of the central directory: PKWARE's APPNOTE 4.4.4."""
-    data = bytearray(npz())
-    for start, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
-        data[data.index(start) + offset] |= 1
-    return bytes(data)
+@pytest.fixture
+def scene(scenes, tmp_path, monkeypatch):
+    """A small scene, an empty cache, and every render worth keeping."""
+    activate()
+    monkeypatch.setenv("RAYTWIN_CACHE", str(tmp_path))
+    monkeypatch.setattr(render_cache, "WORTH_KEEPING", 0.0)
+    found = read_scene(scenes / "overlap")
+    return found.with_camera(found.camera.resized(32, 24))
 
 
-def of_compression(number: int) -> bytes:
-    data = bytearray(npz())
-    for start, offset in ((b"PK\x03\x04", 8), (b"PK\x01\x02", 10)):
-        data[data.index(start) + offset] = number
-    return bytes(data)
+@pytest.mark.parametrize(("rung", "batches"), [("shadow", None), ("path", 2), ("path", 1)])
+def test_a_second_render_comes_from_the_cache_as_it_was(scene, monkeypatch, rung, batches):
+    first = render(scene, rung, samples=2, batches=batches)
+    monkeypatch.setattr(rendering, "_rendered", lambda *_: pytest.fail("rendered again"))
+    for one, other in zip(parts(first), parts(render(scene, rung, samples=2, batches=batches)), strict=True):
+        np.testing.assert_array_equal(one, other)
+        assert one.dtype == other.dtype
 
 
-def member(name: str, content: bytes) -> bytes:
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        archive.writestr(name, content)
-    return stream.getvalue()
+def test_a_quick_render_is_not_stored(scene, tmp_path, monkeypatch):
+    monkeypatch.setattr(render_cache, "WORTH_KEEPING", 1e9)
+    render(scene, "shadow")
+    assert not list(tmp_path.glob("renders/*"))
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"mean": IMAGE.mean * 2}, {"mean": IMAGE.mean.astype(float)}, {"mean": IMAGE.mean[0]}, {"more": np.zeros(1)},
-        {"seal": np.zeros(32, np.uint8)}, {"seal": np.array("none")},
-    ],
-)  # fmt: skip
-def test_a_stored_render_is_loaded_under_its_own_key_and_only_as_it_was_stored(change):
-    store("a", IMAGE)
-    again = load("a")
-    np.testing.assert_array_equal(again.mean, IMAGE.mean)
-    assert (again.samples, again.batches, again.variance) == (3, 2, None)
-    path_of("b").write_bytes(path_of("a").read_bytes())
-    assert load("b") is None
-    np.savez(path_of("a"), **(dict(np.load(path_of("a"))) | change))
-    assert load("a") is None
-    np.savez(path_of("a"), mean=IMAGE.mean)
-    assert load("a") is None
+def test_everything_that_moves_a_pixel_is_in_the_key(scene):
+    base = dict(rung="path", samples=4)  # noqa: C408
+    sun = msgspec.structs.replace(scene.sun, irradiance=(1.0, 1.0, 1.0))
+    others = [
+        (scene, base | {"seed": 1}),
+        (scene, base | {"samples": 8}),
+        (scene, base | {"batches": 2}),
+        (scene, base | {"sampling": "area"}),
+        (scene, base | {"max_depth": 3}),
+        (scene, base | {"rung": "sky"}),
+        (scene, base | {"textures": {3: np.full((2, 2), 0.5)}}),
+        (scene, base | {"textures": {3: np.full((2, 2), 0.6)}}),
+        (changed(scene, lights=(sun, scene.sky)), base),
+        (scene.with_camera(scene.camera.resized(32, 25)), base),
+    ]
+    found = [provenance(scene, **base), *(provenance(s, **options) for s, options in others)]
+    assert len({repr(f) for f in found}) == len(found)
+    elsewhere = msgspec.structs.replace(scene, name="other")
+    assert provenance(elsewhere, **base) == found[0]
+    assert provenance(scene, "shadow", seed=1, samples=4) == provenance(scene, "shadow", seed=2, samples=9)
 
 
-@pytest.mark.parametrize(
-    "data",
-    [
-        encrypted(),
-        *(of_compression(n) for n in (1, 12, 99)),
-        member("a.txt", b"no array"),
-        member("a.npy", b"no array"),
-        member("a.npy", b"\x93NUMPY\x01\x00\xff\xff" + b"[" * 65535),
-        npz()[:-30],
-        b"",
-    ],
-)
-def test_what_cannot_be_read_as_arrays_is_none(data):
-    path_of("a").write_bytes(data)
-    assert load("a") is None
+def test_a_damaged_file_is_none_stays_old_and_is_rendered_again(tmp_path):
+    path = tmp_path / "a.npz"
+    store(path, IMAGE)
+    whole, middle = path.read_bytes(), path.read_bytes().index(b"\x00\x00\x00\x3f")  # 0.5
+    altered = whole[:middle] + b"\x01" + whole[middle + 1 :]
+    np.savez(path, mean=IMAGE.mean)
+    for damaged in (whole[:-30], altered, b"", b"no archive", path.read_bytes()):
+        path.write_bytes(damaged)
+        os.utime(path, (1e9, 1e9))
+        assert load(path) is None
+        assert path.stat().st_mtime == 1e9
+    path.unlink()
+    assert load(path) is None
+    path.mkdir()
+    store(path, IMAGE)
+    assert load(path) is None
 
 
-@pytest.mark.skipif(os.name != "posix", reason="there are no named pipes")
-def test_a_folder_or_a_pipe_is_none_and_is_not_replaced():
-    os.mkfifo(path_of("pipe"))
-    path_of("folder").mkdir()
-    for key in ("pipe", "folder", "missing"):
-        assert load(key) is None
-    for key in ("pipe", "folder"):
-        store(key, IMAGE)
-        assert not path_of(key).is_file()
-
-
-def test_what_was_used_longest_ago_is_dropped_and_use_makes_a_file_young(monkeypatch):
-    store("a", IMAGE)
-    monkeypatch.setattr(render_cache, "LIMIT", 3 * path_of("a").stat().st_size)
+def test_what_was_used_longest_ago_is_dropped_and_use_makes_a_file_young(tmp_path, monkeypatch):
+    paths = {key: tmp_path / f"{key}.npz" for key in "abcde"}
+    store(paths["a"], IMAGE)
+    monkeypatch.setattr(render_cache, "LIMIT", 3 * paths["a"].stat().st_size)
     for age, key in enumerate("abcd"):
-        store(key, IMAGE)
-        os.utime(path_of(key), (1e9 + age, 1e9 + age))
-    assert [key for key in "abcd" if path_of(key).exists()] == ["b", "c", "d"]
-    assert load("b") is not None
-    store("e", IMAGE)
-    assert [key for key in "abcde" if path_of(key).exists()] == ["b", "d", "e"]
-
-
-def test_a_file_that_is_refused_stays_old():
-    path_of("a").write_bytes(npz())
-    os.utime(path_of("a"), (1e9, 1e9))
-    assert load("a") is None
-    assert path_of("a").stat().st_mtime == 1e9
+        store(paths[key], IMAGE)
+        os.utime(paths[key], (1e9 + age, 1e9 + age))
+    assert [key for key in "abcd" if paths[key].exists()] == ["b", "c", "d"]
+    assert load(paths["b"]) is not None
+    store(paths["e"], IMAGE)
+    assert [key for key in "abcde" if paths[key].exists()] == ["b", "d", "e"]

@@ -16,7 +16,6 @@ import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -26,6 +25,9 @@ from raytwin.removed import SCALAR
 from raytwin.scene.toml_json import write_json
 
 LLVM, CUDA = VARIANTS = ("llvm_ad_rgb", "cuda_ad_rgb")
+LIBRARY = "DRJIT_LIBLLVM_PATH"
+USERS_LLVM = os.environ.get(LIBRARY) or None
+"""What the user has chosen, before this module sets the variable for Dr.Jit."""
 OWN_CHOICE = "Dr.Jit's own choice"
 """Stands for the libLLVM that Dr.Jit finds where DRJIT_LIBLLVM_PATH is not set."""
 PROBE = Path(__file__).with_name("probe.py")
@@ -40,25 +42,21 @@ class Tried(msgspec.Struct, frozen=True):
     path: str
     ok: bool
     why: str
+    version: str | None = None
 
 
 class Backend(msgspec.Struct, frozen=True):
-    """What renders: Mitsuba's variant, None where none works, the libLLVM behind it, and how the choice was made.
-
-    `versions`: of the packages that matter.
-    """
+    """What renders: Mitsuba's variant, None where none works, the libLLVM behind it, and how the choice was made."""
 
     variant: str | None
-    libllvm: str | None
-    llvm_version: str | None
-    tried: tuple[Tried, ...]
-    versions: dict[str, str]
+    libllvm: str | None = None
+    llvm_version: str | None = None
+    tried: tuple[Tried, ...] = ()
 
 
 # Of this process, as Mitsuba's variant is: the choices made, and the current one.
-_chosen: dict[tuple[str | None, bool, str | None], Backend] = {}
+_chosen: dict[str, Backend] = {}
 _current: Backend | None = None
-_set_here: str | None = None  # the DRJIT_LIBLLVM_PATH that is ours and not the user's
 
 
 def activate(variant: str | None = None) -> Backend:
@@ -70,10 +68,9 @@ def activate(variant: str | None = None) -> Backend:
     global _current
     backend = chosen(variant)
     if backend.variant is None and find_spec("mitsuba"):
-        forced = variant or os.environ.get("RAYTWIN_VARIANT") or LLVM
         what = "; ".join(f"{t.path}: {t.why}" for t in backend.tried) or "no libLLVM at all"
-        remedy = "pip install 'raytwin[llvm]' or DRJIT_LIBLLVM_PATH" if forced == LLVM else "an NVIDIA GPU"
-        raise MachineError(f"variant {forced}", f"a machine where it works (needs {remedy})", what)
+        needed = "an NVIDIA GPU" if what.startswith(CUDA) else f"pip install 'raytwin[llvm]' or {LIBRARY}"
+        raise MachineError("Mitsuba", f"a machine where it works (needs {needed})", what)
     try:
         import mitsuba as mi
     except ModuleNotFoundError as error:
@@ -82,7 +79,7 @@ def activate(variant: str | None = None) -> Backend:
     try:
         mi.set_variant(backend.variant)
     except ImportError as error:  # Dr.Jit was imported before, and found no libLLVM then
-        needed = "a libLLVM when Dr.Jit was imported: import it after raytwin, or set DRJIT_LIBLLVM_PATH"
+        needed = f"a libLLVM when Dr.Jit was imported: import it after raytwin, or set {LIBRARY}"
         raise MachineError(f"variant {backend.variant}", needed, error) from None
     package = str(Path(mi.__file__).parent)
     if str(mi.file_resolver()[0]) != package:  # else `plugins` of the current folder would stand in for Mitsuba's own
@@ -96,54 +93,49 @@ def chosen(variant: str | None = None) -> Backend:
     They use the same libLLVM if Dr.Jit is imported after this; where it was imported before, its library is the only
     one that this process can have.
     """
-    global _set_here
-    forced = variant or os.environ.get("RAYTWIN_VARIANT") or None
-    where = "variant" if variant else "RAYTWIN_VARIANT"
-    if forced and forced.startswith("scalar"):
-        raise MachineError(where, " or ".join(VARIANTS), f"{forced}: {SCALAR}")
-    if forced not in (None, *VARIANTS):
-        raise MachineError(where, " or ".join(VARIANTS), forced)
-    key = (forced, _llvm_hidden(), _users_llvm())
-    backend = (_current if forced is None else None) or _chosen.get(key) or find_backend(forced)
-    _chosen[key] = backend
+    forced = variant or os.environ.get("RAYTWIN_VARIANT")
+    wanted = forced or (_current.variant if _current else None) or LLVM
+    if wanted not in VARIANTS:
+        got = f"{wanted}: {SCALAR}" if wanted.startswith("scalar") else wanted
+        raise MachineError("variant" if variant else "RAYTWIN_VARIANT", " or ".join(VARIANTS), got)
+    if wanted not in _chosen:
+        _chosen[wanted] = find_backend(wanted)
+    backend = _chosen[wanted]
     if backend.variant is None:
-        os.environ["DRJIT_LIBLLVM_PATH"] = _set_here = os.devnull  # or Dr.Jit takes its own choice, and may abort
+        os.environ[LIBRARY] = os.devnull  # or Dr.Jit takes its own choice, and may abort
     elif backend.libllvm not in (None, OWN_CHOICE):
-        os.environ["DRJIT_LIBLLVM_PATH"] = _set_here = backend.libllvm
+        os.environ[LIBRARY] = backend.libllvm
     return backend
 
 
-def find_backend(forced: str | None = None) -> Backend:
-    """The backend that `activate` would make current: remembered on this machine, or found by probing."""
+def find_backend(variant: str = LLVM) -> Backend:
+    """The backend that renders as `variant`: remembered on this machine, or found by probing."""
     if find_spec("mitsuba") is None:  # nothing to try, and nothing to remember: it may be installed tomorrow
-        return Backend(forced, None, None, (), versions())
-    candidates = [CUDA] if forced == CUDA else llvm_candidates()
+        return Backend(None)
+    candidates = [CUDA] if variant == CUDA else llvm_candidates()
     memory = cache_folder() / f"backend-{_machine(candidates)}.json"
     with contextlib.suppress(OSError, msgspec.MsgspecError):
         known = msgspec.json.decode(memory.read_bytes(), type=Backend)
-        if known.variant in VARIANTS and known.libllvm in (None, *candidates):
+        if known.variant == variant and known.libllvm in (None, *candidates):
             return known
-    backend = Backend(None, None, None, (), versions())
+    tried: tuple[Tried, ...] = ()
     for path in candidates:
-        library = None if path == CUDA else path
-        outcome, version = probe(forced or LLVM, library)
-        backend = msgspec.structs.replace(backend, tried=(*backend.tried, outcome))
+        tried = (*tried, outcome := probe(variant, path))
         if outcome.ok:  # else the next process asks again: a probe may just have met a busy machine
-            backend = msgspec.structs.replace(backend, variant=forced or LLVM, libllvm=library, llvm_version=version)
+            backend = Backend(variant, None if path == CUDA else path, outcome.version, tried)
             with contextlib.suppress(InputError):  # a cache that cannot be written costs a probe next time alone
                 write_json(memory, backend)
-            break
-    return backend
+            return backend
+    return Backend(None, tried=tried)
 
 
-def probe(variant: str, libllvm: str | None = None) -> tuple[Tried, str | None]:
-    """Render a sphere in a child process: whether it came out correctly, why not, and the version of LLVM."""
-    name = libllvm or variant
-    environment = {key: value for key, value in os.environ.items() if key != "DRJIT_LIBLLVM_PATH"}
-    if libllvm and libllvm != OWN_CHOICE:
-        if not Path(libllvm).is_file():
-            return Tried(name, False, "no such file"), None
-        environment["DRJIT_LIBLLVM_PATH"] = libllvm
+def probe(variant: str, path: str) -> Tried:
+    """Render a sphere in a child process: whether it came out correctly, and why not."""
+    environment = {key: value for key, value in os.environ.items() if key != LIBRARY}
+    if path not in (CUDA, OWN_CHOICE):
+        if not Path(path).is_file():
+            return Tried(path, False, "no such file")
+        environment[LIBRARY] = path
     try:
         # -P: this folder's modules must not hide anyone else's.
         child = subprocess.run(
@@ -151,18 +143,18 @@ def probe(variant: str, libllvm: str | None = None) -> tuple[Tried, str | None]:
             env=environment, capture_output=True, text=True, errors="replace", timeout=PROBE_SECONDS,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
-        return Tried(name, False, f"no picture after {PROBE_SECONDS} s"), None
+        return Tried(path, False, f"no picture after {PROBE_SECONDS} s")
     except OSError as error:  # no Python that can be started: embedded in another program
-        return Tried(name, False, str(error)), None
+        return Tried(path, False, str(error))
     try:
         found = json.loads(child.stdout.strip().splitlines()[-1])
-        version = ".".join(map(str, found["llvm"])) if found["llvm"] else None
-        right = abs(found["depth"] - 3) < 1e-3 and found["lit"] == 1 and abs(found["light"] - 0.125) < 5e-3
+        correct = abs(found["depth"] - 3) < 1e-3 and found["lit"] == 1 and abs(found["light"] - 0.125) < 5e-3
+        version = found["llvm"]
     except (IndexError, ValueError, KeyError, TypeError):
-        return Tried(name, False, _last_words(child.returncode, child.stderr)), None
-    if child.returncode != 0 or not right:
-        return Tried(name, False, f"a wrong picture: {found}" if child.returncode == 0 else "crashed at exit"), version
-    return Tried(name, True, f"renders (LLVM {version})" if version else "renders"), version
+        return Tried(path, False, _last_words(child.returncode, child.stderr))
+    if child.returncode != 0 or not correct:
+        return Tried(path, False, f"a wrong picture: {found}" if child.returncode == 0 else "crashed at exit", version)
+    return Tried(path, True, f"renders (LLVM {version})" if version else "renders", version)
 
 
 def _last_words(code: int, text: str) -> str:
@@ -174,36 +166,18 @@ def _last_words(code: int, text: str) -> str:
 
 
 def llvm_candidates() -> list[str]:
-    """The libLLVMs worth trying, best first; once Dr.Jit has loaded one, that alone."""
-    if _llvm_hidden():
+    """The libLLVMs worth trying, best first; once Dr.Jit is imported, the one that it was to take."""
+    if os.environ.get("RAYTWIN_NO_LLVM", "0") not in ("", "0"):
         return []
-    if loaded := loaded_llvm():
-        return [loaded]
-    prefix = Path(sys.prefix)
-    by_pip = [
-        *prefix.glob("lib/libLLVM.so.*"),
-        *prefix.glob("lib/libLLVM.dylib"),
-        *prefix.glob("Library/bin/LLVM-C.dll"),
-    ]
-    return [*filter(None, [_users_llvm()]), *sorted(map(str, by_pip), reverse=True)[:1], OWN_CHOICE]
+    if _drjit_is_imported():
+        return [os.environ.get(LIBRARY) or OWN_CHOICE]
+    names = ("lib/libLLVM.so.*", "lib/libLLVM.dylib", "Library/bin/LLVM-C.dll")
+    by_pip = sorted((str(path) for name in names for path in Path(sys.prefix).glob(name)), reverse=True)
+    return [*([USERS_LLVM] if USERS_LLVM else []), *by_pip[:1], OWN_CHOICE]
 
 
-def loaded_llvm() -> str | None:
-    """The libLLVM that this process has loaded with Dr.Jit, for good: another can be had in another process only."""
-    if "drjit" in sys.modules:
-        with contextlib.suppress(OSError):  # Linux alone says so
-            mapped = (line.split(maxsplit=5) for line in Path("/proc/self/maps").read_text().splitlines())
-            return next((m[5] for m in mapped if len(m) == 6 and Path(m[5]).name.startswith("libLLVM")), None)
-    return None
-
-
-def _llvm_hidden() -> bool:
-    return os.environ.get("RAYTWIN_NO_LLVM", "0") not in ("", "0")
-
-
-def _users_llvm() -> str | None:
-    path = os.environ.get("DRJIT_LIBLLVM_PATH") or None
-    return path if path != _set_here else None
+def _drjit_is_imported() -> bool:
+    return "drjit" in sys.modules
 
 
 def versions() -> dict[str, str]:
@@ -220,12 +194,10 @@ def made_with(twin: str, variant: str | None) -> dict[str, str]:
 
 def _machine(candidates: list[str]) -> str:
     """A hash of everything that could change the answer: Python, packages, processor, candidates and their dates."""
-    facts: list[Any] = [sys.prefix, versions(), _processor(), PROBE.read_text()]
-    for path in candidates:
-        with contextlib.suppress(OSError):
-            known = Path(path).stat()
-            facts.append((os.path.realpath(path), known.st_mtime_ns, known.st_size, known.st_ino))
-    return hashlib.sha256(repr((candidates, facts)).encode()).hexdigest()[:20]
+    files = [Path(path).stat() for path in candidates if Path(path).is_file()]
+    dates = [(file.st_mtime_ns, file.st_size, file.st_ino) for file in files]
+    facts = (sys.prefix, versions(), _processor(), PROBE.read_text(), candidates, dates)
+    return hashlib.sha256(repr(facts).encode()).hexdigest()[:20]
 
 
 def _processor() -> str:
@@ -243,14 +215,12 @@ def doctor() -> list[tuple[str, str]]:
     rows.append(("processor", next((s.split(":")[1].strip() for s in _processor().splitlines() if "model" in s), "?")))
     rows.append(("cores", str(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count())))
     rows.append(("cache", str(cache_folder())))
-    settings = ("RAYTWIN_VARIANT", "RAYTWIN_NO_LLVM", "DRJIT_LIBLLVM_PATH")
-    rows += [(name, os.environ[name]) for name in settings if os.environ.get(name) not in (None, "", _set_here)]
+    settings = {name: os.environ.get(name) for name in ("RAYTWIN_VARIANT", "RAYTWIN_NO_LLVM")} | {LIBRARY: USERS_LLVM}
+    rows += [(name, value) for name, value in settings.items() if value]
     try:
-        backend = chosen()
-        rows += [(f"tried {t.path}", t.why) for t in backend.tried]
+        rows += [(f"tried {t.path}", t.why) for t in chosen().tried]
         backend = activate()
     except MachineError as error:
         return [*rows, ("backend", f"none: {error}")]
     library = f", {backend.libllvm} (LLVM {backend.llvm_version})" if backend.libllvm else ""
-    rows.append(("backend", f"{backend.variant}{library}"))
-    return rows
+    return [*rows, ("backend", f"{backend.variant}{library}")]

@@ -140,7 +140,7 @@ def _colours(scene: MitsubaScene, loaded: Any, samples: int, seed: tuple[int, in
         made = render_plain(loaded, samples, seed)
     except Exception as error:
         raise _refused(scene, error) from None
-    return np.broadcast_to(made[..., : 1 if "pixel_format = luminance" in film else 3], (height, width, 3))
+    return np.broadcast_to(made[..., : 1 if "pixel_format = y" in film else 3], (height, width, 3))
 
 
 def _surface(loaded: Any) -> Surface:
