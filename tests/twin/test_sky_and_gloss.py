@@ -1,7 +1,7 @@
 """Maps and highlights in the twin: against their formulas, by quadrature, and against the tracer, tile by tile.
 
-A sampled mean may err by 3.5 of its standard errors on each of 64 tiles, each of which 16 batches tell to a fifth: a
-correct pair fails in 1 of 10 tests of new seeds. The seeds here are fixed, and 5 fail in 1 of 1000.
+A sampled mean may err by 4.5 of its standard errors on each of 64 tiles and 3 channels: a correct pair fails in 1 of
+700 tests of new seeds.
 """
 
 from math import pi
@@ -169,4 +169,4 @@ def test_tracer_and_twin_see_the_same_light_in_every_tile(scenes, name, depth, s
     mine = fast.walk(scene, "path", "drjit32", sampling=sampling, samples=512, seed=4, depth=depth, surface=False)
     other = render(scene, "path", sampling=sampling, samples=256, seed=6, max_depth=depth, cache=False)
     error = np.sqrt(tiles(mine.variance) + tiles(other.variance)) + 1e-5 * tiles(other.mean)
-    assert abs((tiles(mine.mean) - tiles(other.mean)) / error).max() < 3.5
+    assert abs((tiles(mine.mean) - tiles(other.mean)) / error).max() < 4.5

@@ -79,7 +79,6 @@ def load_plain(scene: Scene, integrator: str = "direct", variant: str | None = N
     activate(variant)
     place = place_of(scene)
     world: dict[str, Any] = translate(scene, place, {}) | {"integrator": INTEGRATORS[integrator]}
-    world.get("sky", {}).pop("sampling_weight", None)
     world["sensor"] = sensor_at(scene.camera, np.asarray(scene.camera.R_cam_board), place.eye, place.unit)
     return load(world)
 

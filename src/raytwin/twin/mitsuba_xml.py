@@ -56,7 +56,6 @@ def mitsuba_xml(scene: Scene, rung: str = "path") -> str:
     )
     place, depth = place_of(scene), RUNGS[rung].depth
     world = translate(scene, place, {})
-    world.get("sky", {}).pop("sampling_weight", None)  # of `path` behind the twin's first hit
     _tell_apart(world)
     world["integrator"] = {"type": "path", "max_depth": depth, "rr_depth": depth}
     world["sensor"] = sensor_at(pinhole, np.asarray(camera.R_cam_board), place.eye, place.unit, SAMPLES)

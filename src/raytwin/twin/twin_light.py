@@ -60,7 +60,11 @@ class TwinLight:
 
     def __init__(self, scene: Scene, textures: Mapping[int, np.ndarray], depth: int | None = None) -> None:
         camera, self.place, self.double = scene.camera, place_of(scene), dr.float64_array_t(mi.Float)
-        self.scene = load(translate(scene, self.place, textures))
+        world = translate(scene, self.place, textures)
+        if "sun" in world and world.get("sky", {}).get("type") == "constant":
+            # Directions by the cosine find an even sky best; else `path` tosses a coin between the sun and the sky.
+            world["sky"]["sampling_weight"] = 0.0
+        self.scene = load(world)
         self.sun = next((e for e in self.scene.emitters() if not e.is_environment()), None)
         self.sky = self.scene.environment()
         self.path: Any = load({"type": "path", "max_depth": depth - 1, "rr_depth": depth}) if depth else None

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.scene import Environment, Scene
+from raytwin.scene import Environment, Scene, Sphere
 from raytwin.twin import phong
 
 SIZE = 1024
@@ -66,8 +66,18 @@ def place_of(scene: Scene) -> Place:
     eye = np.asarray(scene.camera.eye)
     if not scene.objects:
         return Place(eye, 1.0, np.zeros(3), 0.0)
-    away, extent = _nearest(scene, eye)
-    distance, middle = np.linalg.norm(away, axis=1), away.mean(axis=0)
+    away, extent = (
+        [],
+        [ball.radius for ball in scene.spheres],
+    )  # from the eye to each object's nearest point, and beyond
+    for ball in scene.spheres:
+        middle = np.asarray(ball.center) - eye
+        away.append(middle * (1 - ball.radius / (float(np.linalg.norm(middle)) or 1.0)))
+    for flat in scene.planes:
+        middle, edges = np.asarray(flat.center) - eye, np.stack([flat.half_u, flat.half_v])
+        away.append(middle + np.clip(-(edges @ middle) / np.square(edges).sum(axis=1), -1, 1) @ edges)
+        extent.append(float(np.linalg.norm(edges)))
+    distance, middle = np.linalg.norm(away, axis=1), np.mean(away, axis=0)
     # What of an object is further off than the eye is from it counts for no more than that.
     size = float((np.linalg.norm(away - middle, axis=1) + np.minimum(extent, distance)).max()) or 1.0
     far = float(np.linalg.norm(middle))
@@ -76,20 +86,6 @@ def place_of(scene: Scene) -> Place:
     rounded = moved.astype(np.float32).astype(float)
     start = max(0.0, float(distance.min()) - size) if rounded.any() else 0.0
     return Place(eye - rounded / unit, unit, rounded, start * unit)
-
-
-def _nearest(scene: Scene, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """From the eye to the nearest point of each object (n, 3), and how far each reaches from its middle (n,)."""
-    away, extent = [], [ball.radius for ball in scene.spheres]
-    for ball in scene.spheres:
-        middle = np.asarray(ball.center) - eye
-        away.append(middle * (1 - ball.radius / (float(np.linalg.norm(middle)) or 1.0)))
-    for flat in scene.planes:
-        middle, edges = np.asarray(flat.center) - eye, np.stack([flat.half_u, flat.half_v])
-        along = np.clip(-(edges @ middle) / np.square(edges).sum(axis=1), -1, 1)
-        away.append(middle + along @ edges)
-        extent.append(float(np.linalg.norm(edges)))
-    return np.array(away), np.array(extent)
 
 
 def load(world: dict[str, Any]) -> Any:
@@ -113,26 +109,22 @@ def translate(scene: Scene, place: Place, textures: Mapping[int, np.ndarray]) ->
     if scene.glossy:
         phong.register()
     world: dict[str, Any] = {"type": "scene"}
-    bsdfs = [
-        {"type": "twosided", "bsdf": phong.bsdf(thing, _albedo(thing, textures.get(i)))}
-        for i, thing in enumerate(scene.objects)
-    ]
-    for i, ball in enumerate(scene.spheres):
-        center, radius = place.at(ball.center).tolist(), ball.radius * place.unit
-        world[f"object-{i}"] = {"type": "sphere", "center": center, "radius": radius, "bsdf": bsdfs[i]}
-    for i, thing in enumerate(scene.planes, len(scene.spheres)):
-        half = [float(np.linalg.norm(edge)) for edge in (thing.half_u, thing.half_v)]
-        axes = np.stack([np.divide(thing.half_u, half[0]), np.divide(thing.half_v, half[1]), thing.normal], axis=1)
-        whole = np.array((-1, 1)) * np.array(half)[:, None]
-        to_eye = (np.asarray(scene.camera.eye) - thing.center) @ axes
-        for k, (sides_u, sides_v) in enumerate([whole] if i in textures else _divided(whole, to_eye)):
+    for i, thing in enumerate(scene.objects):
+        bsdf = {"type": "twosided", "bsdf": phong.bsdf(thing, _albedo(thing, textures.get(i)))}
+        if isinstance(thing, Sphere):
+            center, radius = place.at(thing.center).tolist(), thing.radius * place.unit
+            world[f"object-{i}"] = {"type": "sphere", "center": center, "radius": radius, "bsdf": bsdf}
+            continue
+        half = np.array([np.linalg.norm(edge) for edge in (thing.half_u, thing.half_v)])
+        axes = np.stack([thing.half_u / half[0], thing.half_v / half[1], thing.normal], axis=1)
+        whole, to_eye = np.array((-1, 1)) * half[:, None], (np.asarray(scene.camera.eye) - thing.center) @ axes
+        for k, sides in enumerate([whole] if i in textures else _divided(whole, to_eye)):
             # A rotation, then a scale: the inverse of their product is coarse where the edges are unlike.
             turn = np.eye(4)
-            turn[:3, :3] = axes
-            turn[:3, 3] = place.at(thing.center + axes[:, :2] @ np.array([sides_u.mean(), sides_v.mean()]))
-            scale = [float(np.ptp(side)) / 2 * place.unit for side in (sides_u, sides_v)]
-            to_world = mi.ScalarTransform4f(turn) @ mi.ScalarTransform4f().scale([*scale, 1.0])
-            world[f"object-{i}-{k}"] = {"type": "rectangle", "to_world": to_world, "bsdf": bsdfs[i]}
+            turn[:3, :3], turn[:3, 3] = axes, place.at(thing.center + axes[:, :2] @ sides.mean(axis=1))
+            scale = mi.ScalarTransform4f().scale([*(np.ptp(sides, axis=1) / 2 * place.unit), 1.0])
+            to_world = mi.ScalarTransform4f(turn) @ scale
+            world[f"object-{i}-{k}"] = {"type": "rectangle", "to_world": to_world, "bsdf": bsdf}
     if any(scene.sun.irradiance):
         direction = [-x for x in scene.sun.to_light]
         world["sun"] = {"type": "directional", "direction": direction, "irradiance": rgb(scene.sun.irradiance)}
@@ -140,8 +132,6 @@ def translate(scene: Scene, place: Place, textures: Mapping[int, np.ndarray]) ->
         world["sky"] = _envmap(scene.environment)
     elif any(scene.sky.radiance):
         world["sky"] = {"type": "constant", "radiance": rgb(scene.sky.radiance)}
-        # Directions by the cosine find an even sky best; else `path` tosses a coin between the sun and the sky.
-        world["sky"]["sampling_weight"] = 0.0 if "sun" in world else 1.0
     return world
 
 
@@ -200,19 +190,15 @@ def _albedo(thing: Any, texture: np.ndarray | None) -> dict[str, Any]:
 
 def check_textures(scene: Scene, textures: Mapping[int, np.ndarray] | None) -> dict[int, np.ndarray]:
     """The textures as float32 (h, w, 1 or 3) by object id; InputError where one does not fit."""
-    checked, flat = {}, list(range(len(scene.spheres), len(scene.objects)))
+    checked, flat = {}, range(len(scene.spheres), len(scene.objects))
     for i, texture in sorted((textures or {}).items()):
-        where = f"textures[{i}]"
+        where, a = f"textures[{i}]", np.asarray(texture, np.float32)
         if i not in flat:
-            raise InputError(where, "the id of a rectangle", f"{i}, where these are {flat}")
-        a = np.asarray(texture, np.float32)
-        grey = a.ndim == 2
-        if (not grey and (a.ndim != 3 or a.shape[2] != 3)) or 0 in a.shape:
-            raise InputError(where, "an array (h, w) or (h, w, 3)", a.shape)
-        a = a[..., None] if grey else a
-        for axis in (0, 1):  # Mitsuba wants 2 x 2
-            a = np.repeat(a, 2, axis) if a.shape[axis] == 1 else a
+            raise InputError(where, "the id of a rectangle", f"{i}, where these are {[*flat]}")
+        a = a[..., None] if a.ndim == 2 else a
+        if a.ndim != 3 or a.shape[2] not in (1, 3) or 0 in a.shape:
+            raise InputError(where, "an array (h, w) or (h, w, 3)", np.shape(texture))
         if not (a.min() >= 0 and a.max() <= 1):
             raise InputError(where, "albedo from 0 to 1", f"{a.min()} to {a.max()}")
-        checked[i] = a
+        checked[i] = np.repeat(np.repeat(a, 1 + (a.shape[0] == 1), 0), 1 + (a.shape[1] == 1), 1)  # Mitsuba wants 2 x 2
     return checked
