@@ -5,7 +5,6 @@ The world is the twin's (`place_of`): the board's axes, an origin and a unit tha
 
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Iterable
 from typing import Any
 
 import msgspec
@@ -20,19 +19,8 @@ from raytwin.twin.twin_scene import SIZE, place_of, translate
 
 SAMPLES = 64
 """A pixel, unless the renderer is asked for others (`mitsuba -D spp=256`)."""
-
 NEAR_CLIP, FAR_CLIP = 1e-6 * SIZE, 1e6 * SIZE
 """Mitsuba's lengths: the camera sees from here to there."""
-
-TAGS = {
-    "sphere": "shape", "rectangle": "shape", "twosided": "bsdf", "diffuse": "bsdf", "directional": "emitter",
-    "constant": "emitter", "path": "integrator", "perspective": "sensor", "hdrfilm": "film", "box": "rfilter",
-    "independent": "sampler",
-}  # fmt: skip
-"""Mitsuba's plugin -> the element that it is in XML."""
-KINDS = {str: "string", int: "integer", float: "float"}
-
-FOUND = "a rung that Mitsuba's integrators have: sky or path"
 
 
 def mitsuba_xml(scene: Scene, rung: str = "path") -> str:
@@ -43,7 +31,7 @@ def mitsuba_xml(scene: Scene, rung: str = "path") -> str:
     """
     scene.check_lambertian("a file of Mitsuba's")
     if rung not in RUNGS or RUNGS[rung].depth is None:
-        raise InputError("--rung", FOUND, rung)
+        raise InputError("--rung", "a rung that Mitsuba's integrators have: sky or path", rung)
     try:
         import mitsuba as mi
     except ModuleNotFoundError as error:
@@ -60,39 +48,15 @@ def mitsuba_xml(scene: Scene, rung: str = "path") -> str:
     world["integrator"] = {"type": "path", "max_depth": depth, "rr_depth": depth}
     world["sensor"] = sensor_at(pinhole, np.asarray(camera.R_cam_board), place.eye, place.unit, SAMPLES)
     world["sensor"] |= {"near_clip": max(NEAR_CLIP, place.start), "far_clip": FAR_CLIP}
-    root = ET.Element("scene", version="3.0.0")
-    ET.SubElement(root, "default", name="spp", value=str(SAMPLES))
-    root.extend([_element(name, value) for name, value in world.items() if name != "type"])
-    for count in root.iterfind("sensor/sampler/integer"):
-        count.set("value", "$spp")
+    parsed = mi.parser.parse_dict(mi.parser.ParserConfig(mi.variant()), world)
+    root = ET.fromstring(mi.parser.write_string(parsed))
+    for element in root.iterfind("*[@type]"):
+        element.set("id", name := element.get("name", ""))
+        for transform in element.iterfind("transform"):  # the writer takes them apart in float32: sheets grow by 0.4 %
+            numbers = np.array(world[name]["to_world"].matrix).ravel()
+            transform[:] = [ET.Element("matrix", value=" ".join(repr(float(x)) for x in numbers))]
     ET.indent(root)
     return ET.tostring(root, "unicode") + "\n"
-
-
-def _element(name: str, value: Any) -> ET.Element:
-    """What `mi.load_dict` takes under this name, as XML.
-
-    Mitsuba's own writer (`mi.parser.write_string`, 3.9) takes transforms apart in float32: sheets grow by 0.4 %.
-    """
-    if isinstance(value, dict) and value["type"] == "rgb":
-        return ET.Element("rgb", name=name, value=_numbers(value["value"]))
-    if isinstance(value, dict):
-        element = ET.Element(TAGS[value["type"]], {"id" if "-" in name else "name": name, "type": value["type"]})
-        element.extend([_element(key, inner) for key, inner in value.items() if key != "type"])
-        return element
-    if isinstance(value, list):
-        kind = "point" if name == "center" else "vector"
-        return ET.Element(kind, name=name, value=_numbers(value))
-    if hasattr(value, "matrix"):
-        transform = ET.Element("transform", name=name)
-        ET.SubElement(transform, "matrix", value=_numbers(np.array(value.matrix).ravel()))
-        return transform
-    kind = next(kind for cls, kind in KINDS.items() if isinstance(value, cls))
-    return ET.Element(kind, name=name, value=str(value))
-
-
-def _numbers(values: Iterable[float]) -> str:
-    return " ".join(repr(float(x)) for x in values)
 
 
 def _tell_apart(world: dict[str, Any]) -> None:
@@ -104,12 +68,11 @@ def _tell_apart(world: dict[str, Any]) -> None:
     same: Counter[tuple[float, ...]] = Counter()
     for thing in world.values():
         if isinstance(thing, dict) and thing["type"] == "rectangle":
-            inner = thing["bsdf"]["bsdf"]
-            red, *others = albedo = tuple(inner["reflectance"]["value"])
+            red, *others = albedo = tuple(thing["bsdf"]["bsdf"]["reflectance"]["value"])
             moved = same[albedo] * 1e-7
             same[albedo] += 1
             told_apart = {"type": "rgb", "value": [red - moved if red > 0.5 else red + moved, *others]}
-            thing["bsdf"] = {"type": "twosided", "bsdf": inner | {"reflectance": told_apart}}
+            thing["bsdf"] = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": told_apart}}
 
 
 def moved_by(scene: Scene) -> float:

@@ -20,25 +20,17 @@ def bsdf(thing: Shape, reflectance: dict[str, Any]) -> dict[str, Any]:
     return {"type": NAME, "reflectance": reflectance, "specular": specular, "exponent": thing.material.exponent}
 
 
-def _colour(value: Any) -> Any:
-    """(si, active) -> the colour there: of a texture, or, as Mitsuba hands a plain one to Python, always the same."""
-    import mitsuba as mi
-
-    if hasattr(value, "eval"):
-        return value.eval
-    plain = mi.Color3f(*(float(c) for c in value))
-    return lambda si, active: plain
-
-
 def register() -> None:
     """Make the BSDF known to Mitsuba's active variant, whose classes it is made of."""
     import drjit as dr
     import mitsuba as mi
 
+    density = mi.warp.square_to_cosine_hemisphere_pdf
+
     class RaytwinPhong(mi.BSDF):
         def __init__(self, props: Any) -> None:
             super().__init__(props)
-            self.reflectance, self.specular = (_colour(props[name]) for name in ("reflectance", "specular"))
+            self.reflectance, self.specular = props["reflectance"], props["specular"]
             self.exponent = float(props["exponent"])
             flags = mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.FrontSide
             self.m_components, self.m_flags = [flags], flags
@@ -49,27 +41,28 @@ def register() -> None:
             x = dr.squared_norm(mi.Vector3f(-wo.x, -wo.y, wo.z) - si.wi) / 2
             along, n = dr.maximum(1 - x, 0), self.exponent
             lobe = (n + 2) / 2 * along**n * (1 + n * ((1 - along) - x))
-            colour = self.reflectance(si, active) + self.specular(si, active) * lobe
+            colour = self.colour(self.reflectance, si, active) + self.colour(self.specular, si, active) * lobe
             return dr.select((si.wi.z > 0) & (wo.z > 0), colour, 0)
+
+        def colour(self, value: Any, si: Any, active: Any) -> Any:
+            """A texture's colour there, or one that Mitsuba hands to Python as numbers."""
+            return value.eval(si, active) if hasattr(value, "eval") else mi.Color3f(*(float(c) for c in value))
 
         def sample(self, ctx: Any, si: Any, one: Any, two: Any, active: Any = True) -> tuple[Any, Any]:
             found = dr.zeros(mi.BSDFSample3f)
             found.wo, found.eta, found.sampled_component = mi.warp.square_to_cosine_hemisphere(two), 1.0, 0
-            found.pdf, found.sampled_type = mi.warp.square_to_cosine_hemisphere_pdf(found.wo), mi.UInt32(self.m_flags)
+            found.pdf, found.sampled_type = density(found.wo), mi.UInt32(self.m_flags)
             return found, self.pi_f(si, found.wo, active)
 
         def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            return self.pi_f(si, wo, active) * self.pdf(ctx, si, wo, active)
+            return self.pi_f(si, wo, active) * density(wo)
 
         def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            return mi.warp.square_to_cosine_hemisphere_pdf(wo)
-
-        def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
-            return self.eval(ctx, si, wo, active), self.pdf(ctx, si, wo, active)
+            return density(wo)
 
         def eval_diffuse_reflectance(self, si: Any, active: Any = True) -> Any:
             """What an open, even sky is multiplied by: albedo + specular, by the definition of the light levels."""
-            return self.reflectance(si, active) + self.specular(si, active)
+            return self.colour(self.reflectance, si, active) + self.colour(self.specular, si, active)
 
         def to_string(self) -> str:
             return "RaytwinPhong[]"
