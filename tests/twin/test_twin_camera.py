@@ -8,18 +8,19 @@ from raytwin.scene import Sphere
 from raytwin.scene.lens import without_ray
 from raytwin.scene.scene_files import read_scene
 from raytwin.twin import render
-from raytwin.twin.opencv_sensor import Eye
+from raytwin.twin.opencv_sensor import lens_at
 
 LENSES = [(), (-0.22, 0.045), (0.1, -0.05, 0.002, -0.003), (-0.22, 0.045, 0.0012, -0.0008, -0.0035)]
 
 
 @pytest.mark.parametrize("dist", LENSES)
 def test_opencv_projects_every_ray_back_to_its_pixel(scenes, compiled, dist):
+    import mitsuba as mi
     from drjit.llvm import Float64
 
     camera = msgspec.structs.replace(read_scene(scenes / "distorted").camera, dist=dist)
     u, v = (a.ravel() for a in np.meshgrid(np.linspace(-0.5, 799.5, 40), np.linspace(-0.5, 599.5, 30)))
-    eye = Eye.of((camera.fx, camera.fy, camera.cx, camera.cy), camera.coefficients, np.eye(3), np.zeros(3))
+    eye = mi.load_dict(lens_at(camera, np.eye(3), np.zeros(3)))
     d = np.stack([axis.numpy() for axis in eye.direction(Float64(u), Float64(v))], axis=1)
     np.testing.assert_allclose(np.linalg.norm(d, axis=1), 1, rtol=1e-14)
     found, _ = cv2.projectPoints(d, np.zeros(3), np.zeros(3), np.array(camera.K), np.array(camera.coefficients))

@@ -50,15 +50,14 @@ def render(
     - `sky`: the second term with the sky's occlusion as well (Mitsuba's `path` at depth 2);
     - `path`: interreflection to `max_depth` (default 8), counted as Mitsuba does: 2 is direct light alone.
 
-    Behind all objects the camera sees Ls. In `sky` and `path` a shadow ray adds the sun at the first hit, as in
-    `shadow`; Mitsuba's `path` adds the rest from the first bounce on. The expectation equals that of `path` from the
-    eye, with less noise and exact shadow edges. There is no Russian roulette.
+    Behind all objects the camera sees Ls. In `sky` and `path` a shadow ray adds the sun at the first hit, and Mitsuba's
+    `path` the rest from the first bounce on: the same expectation as that of `path` from the eye, with less noise.
 
     `sampling`: `center` sends every ray through the pixel's centre; `area` spreads them evenly over the pixel (a box
     filter). `surface`, `lambert` and `shadow` at `center` have no noise: one ray, `variance` None, `samples` 1. All
-    else has noise: `samples` rays per pixel, drawn from `seed`, in equal independent `batches` (default: at most 16).
-    Where `samples` is no multiple of them, there are some more, and the image says how many. `variance` is that of the
-    mean, from the batches' spread, and None for `batches=1`.
+    else has noise: `samples` rays per pixel, drawn from `seed`, in equal independent `batches` (default: at most 16),
+    whose spread gives the mean's `variance`, None for one batch. Where `samples` is no multiple of `batches`, there are
+    some more, and the image says how many.
 
     `textures`: albedo (h, w) or (h, w, 3), linear, by a plane's object id; row 0 at the +half_v side, column 0 at
     -half_u. `cache` stores slow renders on disk; `progress` counts hundredths. `variant`: see `activate`.
@@ -84,7 +83,7 @@ def provenance(
     return _about(scene, _plan(scene, rung, **options), check_textures(scene, textures), activate(variant).variant)
 
 
-class _Plan(msgspec.Struct, frozen=True):
+class Plan(msgspec.Struct, frozen=True):
     """`render`'s arguments, checked and with their defaults filled in."""
 
     rung: str
@@ -103,7 +102,7 @@ def _plan(
     seed: int = 0,
     batches: int | None = None,
     max_depth: int | None = None,
-) -> _Plan:
+) -> Plan:
     check_one_of("rung", rung, RUNGS)
     check_one_of("sampling", sampling, SAMPLINGS)
     check_camera(scene.camera, "camera.")
@@ -117,13 +116,13 @@ def _plan(
     if max_depth is not None and max_depth < 2:
         raise InputError("max_depth", "at least 2 (light, surface, eye)", max_depth)
     if not RUNGS[rung].sampled(sampling):
-        return _Plan(rung, sampling, 1, 0, 1, None)
+        return Plan(rung, sampling, 1, 0, 1, None)
     each = -(-samples // (batches or min(samples, BATCHES)))
     batches = batches or -(-samples // each)
-    return _Plan(rung, sampling, each * batches, seed, batches, RUNGS[rung].depth and (max_depth or RUNGS[rung].depth))
+    return Plan(rung, sampling, each * batches, seed, batches, RUNGS[rung].depth and (max_depth or RUNGS[rung].depth))
 
 
-def _about(scene: Scene, plan: _Plan, textures: Mapping[int, np.ndarray], variant: str | None) -> dict[str, str]:
+def _about(scene: Scene, plan: Plan, textures: Mapping[int, np.ndarray], variant: str | None) -> dict[str, str]:
     seen = (scene.camera, scene.spheres, scene.planes, scene.sun, scene.sky)
     content = hashlib.sha256(msgspec.json.encode(seen, enc_hook=plain))
     for i, texture in textures.items():
@@ -132,19 +131,7 @@ def _about(scene: Scene, plan: _Plan, textures: Mapping[int, np.ndarray], varian
     return about | {name: str(value) for name, value in msgspec.structs.asdict(plan).items()}
 
 
-def _rendered(scene: Scene, textures: Mapping[int, np.ndarray], plan: _Plan, progress: Progress) -> Image:
+def _rendered(scene: Scene, textures: Mapping[int, np.ndarray], plan: Plan, progress: Progress) -> Image:
     from raytwin.twin.twin_light import TwinLight  # Mitsuba's classes exist once a variant is set
 
-    twin, rung, by_centre = TwinLight(scene, textures, plan.depth), RUNGS[plan.rung], plan.sampling == "center"
-    surface, mean = twin.centres(rung if rung.lit and by_centre else None)
-    if not rung.lit:
-        mean = np.where(surface.mask[..., None], (surface.normal + 1) / 2, np.float32(0))
-    image = Image(mean, surface=surface)
-    if rung.sampled(plan.sampling):
-        found, variance, third = twin.sampled(
-            rung, plan.sampling, plan.samples, plan.batches, plan.seed,
-            lambda part: progress("twin", round(100 * part), 100),
-        )  # fmt: skip
-        known = (variance if plan.batches > 1 else None), plan.samples, surface, plan.batches
-        image = Image(mean + found, *known, third=third if plan.batches > 2 else None)
-    return image.blacken(without_ray(scene.camera))
+    return TwinLight(scene, textures, plan.depth).image(plan, progress).blacken(without_ray(scene.camera))

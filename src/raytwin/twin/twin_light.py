@@ -8,10 +8,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from raytwin.images.image import BACKGROUND, Surface
-from raytwin.rungs import Rung
+from raytwin.images.image import BACKGROUND, Image, Surface
+from raytwin.progress import Progress
+from raytwin.rungs import RUNGS, Rung
 from raytwin.scene import Scene
-from raytwin.twin.opencv_sensor import Eye
+from raytwin.twin.opencv_sensor import lens_at
+from raytwin.twin.rendering import Plan
 from raytwin.twin.twin_scene import SHADOW_OFFSET, SPHERE_OFFSET, load, number_of, place_of, translate
 
 LANES = 1 << 22
@@ -68,8 +70,8 @@ class TwinLight:
         self.sun = next((e for e in self.scene.emitters() if not e.is_environment()), None)
         self.sky = self.scene.environment()
         self.path: Any = load({"type": "path", "max_depth": depth - 1, "rr_depth": depth}) if depth else None
-        K, R = (camera.fx, camera.fy, camera.cx, camera.cy), np.asarray(camera.R_cam_board)
-        self.eye = Eye.of(K, camera.coefficients, R, self.place.eye, self.place.start)
+        R = np.asarray(camera.R_cam_board)
+        self.lens: Any = mi.load_dict(lens_at(camera, R, self.place.eye, self.place.start))
         self.size, self.width = camera.image_size, dr.opaque(mi.UInt32, camera.width)
         largest = max((ball.radius for ball in scene.spheres), default=0.0)
         self.offset = dr.opaque(mi.Float, SPHERE_OFFSET * self.place.unit * largest)
@@ -81,19 +83,14 @@ class TwinLight:
         """What the rays through the pixels' centres, moved by (du, dv) pixels, meet first."""
         row = pixel // self.width
         u, v = self.double(pixel - row * self.width), self.double(row)
-        return seen_along(self.scene, self.eye.ray(u + self.double(du), v + self.double(dv)))
-
-    def surface(self, seen: Seen) -> Surface:
-        """What all pixels show: depth in metres, normals in the board's frame."""
-        depth = (self.double(seen.hit.t) + self.eye.start) / self.place.unit
-        return surface_of(seen, self.ids(seen), depth, self.size)
+        return seen_along(self.scene, self.lens.ray(u + self.double(du), v + self.double(dv)))
 
     def ids(self, seen: Seen) -> Any:
         return ids_of(self.scene, seen, lambda _, shape: number_of(shape.id()))
 
     def at(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Ids (k,) and the sun's light (k, 3) at these places of the image."""
-        seen = seen_along(self.scene, self.eye.ray(self.double(u), self.double(v)))
+        seen = seen_along(self.scene, self.lens.ray(self.double(u), self.double(v)))
         ids, light = self.ids(seen), self.sunlight(seen, True)
         dr.eval(ids, light)
         return np.array(ids), np.array(light).T
@@ -129,39 +126,40 @@ class TwinLight:
         onward = self.onward(seen, seen.hit.to_world(sample.wo))
         return dr.select(seen.any, weight * self.path.sample(self.scene, sampler, onward, None, seen.any)[0], 0)
 
-    def centres(self, rung: Rung | None) -> tuple[Surface, np.ndarray]:
-        """What the pixels' centres show, and the light without noise there (H, W, 3), 0 without a rung."""
-        width, height = self.size
-        seen = self.seen(dr.arange(mi.UInt32, width * height))
-        colour = self.unsampled(rung, seen) if rung else dr.zeros(mi.Color3f, width * height)
-        dr.schedule(colour)
-        surface = self.surface(seen)
-        return surface, np.array(colour).T.reshape(height, width, 3).copy()
-
-    def sampled(
-        self, rung: Rung, sampling: str, samples: int, batches: int, seed: int, say: Callable[[float], None]
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Mean, its variance and its third moment, each (H, W, 3); at `center` of the light that bounces."""
-        width, height = self.size
-        n, block = width * height, max(1, LANES // samples)
-        found = np.empty((3, n, 3), np.float32)
+    def image(self, plan: Plan, progress: Progress) -> Image:
+        """The image that is asked for. Its surface has depth in metres and normals in the board's frame."""
+        rung, (width, height), by_centre = RUNGS[plan.rung], self.size, plan.sampling == "center"
+        shape, n = (height, width, 3), width * height
+        seen = self.seen(dr.arange(mi.UInt32, n))
+        exact = self.unsampled(rung, seen) if rung.lit and by_centre else dr.zeros(mi.Color3f, n)
+        dr.schedule(exact)
+        depth = (self.double(seen.hit.t) + self.lens.start) / self.place.unit
+        surface = surface_of(seen, self.ids(seen), depth, self.size)
+        mean = np.array(exact).T.reshape(shape).copy()
+        if not rung.lit:
+            mean = np.where(surface.mask[..., None], (surface.normal + 1) / 2, np.float32(0))
+        if not rung.sampled(plan.sampling):
+            return Image(mean, surface=surface)
+        found, block = np.empty((3, n, 3), np.float32), max(1, LANES // plan.samples)
         for a in range(0, n, block):
             b = min(n, a + block)
-            number = np.random.SeedSequence([seed, a, samples]).generate_state(1)[0]
-            sampler = mi.load_dict({"type": "independent"})
-            sampler.seed(dr.opaque(mi.UInt32, int(number)), (b - a) * samples)
-            pixel = dr.arange(mi.UInt32, (b - a) * samples) // dr.opaque(mi.UInt32, samples) + dr.opaque(mi.UInt32, a)
-            if sampling == "area":
-                seen = self.seen(pixel, *(sampler.next_2d() - 0.5))
-                colour = self.unsampled(rung, seen) + (self.bounced(seen, sampler) if self.path else 0)
-            else:
-                colour = self.bounced(self.seen(pixel), sampler)
+            number = np.random.SeedSequence([plan.seed, a, plan.samples]).generate_state(1)[0]
+            sampler, lanes = mi.load_dict({"type": "independent"}), (b - a) * plan.samples
+            sampler.seed(dr.opaque(mi.UInt32, int(number)), lanes)
+            pixel = dr.arange(mi.UInt32, lanes) // dr.opaque(mi.UInt32, plan.samples) + dr.opaque(mi.UInt32, a)
+            seen = self.seen(pixel) if by_centre else self.seen(pixel, *(sampler.next_2d() - 0.5))
+            colour = mi.Color3f(0) if by_centre else self.unsampled(rung, seen)
+            colour += self.bounced(seen, sampler) if self.path else 0
             dr.eval(colour)  # all channels in one kernel: block_sum would run it once for each
-            sums = np.stack([dr.block_sum(self.double(c), samples // batches).numpy() for c in colour], axis=-1)
-            found[:, a:b] = moments(sums.reshape(b - a, batches, 3) * (batches / samples))
-            say(b / n)
-        mean, variance, third = found.reshape(3, height, width, 3)
-        return mean, variance, third
+            each = plan.samples // plan.batches
+            means = np.stack([dr.block_sum(self.double(c), each).numpy() / each for c in colour], axis=-1)
+            found[:, a:b] = moments(means.reshape(b - a, plan.batches, 3))
+            progress("twin", round(100 * b / n), 100)
+        bounced, variance, third = found.reshape(3, *shape)
+        return Image(
+            mean + bounced, variance if plan.batches > 1 else None, plan.samples, surface, plan.batches,
+            third=third if plan.batches > 2 else None,
+        )  # fmt: skip
 
 
 def moments(means: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -193,11 +191,8 @@ def open_sky(sky: Any) -> Callable[[Any], Any]:
     bend = 15 / (32 * pi) * np.einsum("cn,in,jn->cij", light, w, w, optimize=True)
 
     def radiance(n: Any) -> Any:
-        steep = [[s + sum(float(b) * n[j] for j, b in enumerate(row)) for s, row in zip(*both, strict=True)]
-                 for both in zip(slope.tolist(), bend, strict=True)]  # fmt: skip
-        return mi.Color3f(*(
-            dr.maximum(float(e) + sum(n[i] * along for i, along in enumerate(of)), 0)
-            for e, of in zip(even, steep, strict=True)
-        ))  # fmt: skip
+        rows = zip(even.tolist(), slope, bend, strict=True)
+        of = (e + dr.dot(n, mi.Vector3f(s) + mi.Matrix3f(b.astype(np.float32)) @ n) for e, s, b in rows)
+        return mi.Color3f(*(dr.maximum(x, 0) for x in of))
 
     return radiance
