@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -45,11 +44,17 @@ def render_mitsuba(
     about = mitsuba_provenance(scene, samples, seed, batches, variant)
 
     def make() -> Image:
-        loaded, pool, each = _loaded_file(scene), ImagePool(), -(-samples // batches)
+        loaded, pool, each = _loaded(scene), ImagePool(), -(-samples // batches)
+        (width, height), film = scene.image_size, str(loaded.sensors()[0].film())
+        colours = 1 if "pixel_format = y" in film else 3  # what an `aov` integrator adds comes after them
         for k in range(batches):
             progress("twin", k, batches)
+            try:
+                made = render_plain(loaded, each, (seed, k))[..., :colours]
+            except Exception as error:
+                raise _refused(scene, error) from None
             # As one sample without noise: a file without random numbers makes equal batches, which are no repeats.
-            pool.add(Image(_colours(scene, loaded, each, (seed, k)), samples=1))
+            pool.add(Image(np.broadcast_to(made, (height, width, 3)), samples=1))
         progress("twin", batches, batches)
         return replace(pool.image, samples=each * batches, surface=_surface(loaded))
 
@@ -67,7 +72,7 @@ def mitsuba_provenance(
 def named_shapes(scene: MitsubaScene) -> tuple[str, ...]:
     """The names of the file's shapes in the order of their ids. Raises InputError where Mitsuba refuses the scene."""
     activate()
-    return tuple(shape.id() or f"shape-{i}" for i, shape in enumerate(_loaded_file(scene).shapes()))
+    return tuple(shape.id() or f"shape-{i}" for i, shape in enumerate(_loaded(scene).shapes()))
 
 
 def load_plain(scene: Scene, integrator: str = "direct", variant: str | None = None) -> Any:
@@ -97,49 +102,25 @@ def render_plain(loaded: Any, samples: int = 1, seed: int | tuple[int, ...] = 0)
     return np.asarray(total / samples)
 
 
-def _loaded_file(scene: MitsubaScene) -> Any:
+def _loaded(scene: MitsubaScene) -> Any:
+    """Mitsuba's scene whose image has the size that is asked for, without `optimize` (see `load`)."""
     import mitsuba as mi
 
     try:
-        return _load_file(scene.file, scene.image_size, scene.digest, mi.variant())
+        loaded = mi.load_file(scene.file, optimize=False)
     except Exception as error:  # RuntimeError, or whatever a plugin of Python's raises
         raise _refused(scene, error) from None
-
-
-@lru_cache(maxsize=1)
-def _load_file(file: str, size: tuple[int, int], digest: str, variant: str) -> Any:
-    """Mitsuba's scene whose image has this size, without `optimize` (see `load`)."""
-    import mitsuba as mi
-
-    loaded = mi.load_file(file, optimize=False)
-    sensor = loaded.sensors()[0]
-    shown = np.array(sensor.film().crop_size())
-    if tuple(shown) != size:
-        changed, scale = mi.traverse(sensor), np.array(size) / shown
-        offset = np.round(np.array(sensor.film().crop_offset()) * scale)
-        whole = np.maximum(np.round(np.array(sensor.film().size()) * scale), offset + size)
-        changed["film.size"], changed["film.crop_offset"], changed["film.crop_size"] = map(
-            _whole, (whole, offset, size)
-        )
+    sensor, size = loaded.sensors()[0], np.array(scene.image_size)
+    film = sensor.film()
+    if "pixel_format = xyz" in str(film):
+        raise InputError(scene.file, "a film in RGB or luminance", "XYZ")
+    if ((scale := size / film.crop_size()) != 1).any():
+        whole, offset = (np.round(np.array(side) * scale).astype(int) for side in (film.size(), film.crop_offset()))
+        changed = mi.traverse(sensor)
+        changed["film.size"], changed["film.crop_size"] = np.maximum(whole, offset + size).tolist(), size.tolist()
+        changed["film.crop_offset"] = offset.tolist()
         changed.update()
     return loaded
-
-
-def _whole(numbers: Any) -> list[int]:
-    return [int(x) for x in numbers]
-
-
-def _colours(scene: MitsubaScene, loaded: Any, samples: int, seed: tuple[int, int]) -> np.ndarray:
-    """(H, W, 3): the film's colours, or its grey, without what an `aov` integrator adds after them."""
-    width, height = scene.image_size
-    film = str(loaded.sensors()[0].film())
-    if "pixel_format = xyz" in film:
-        raise InputError(scene.file, "a film in RGB or luminance", "XYZ")
-    try:
-        made = render_plain(loaded, samples, seed)
-    except Exception as error:
-        raise _refused(scene, error) from None
-    return np.broadcast_to(made[..., : 1 if "pixel_format = y" in film else 3], (height, width, 3))
 
 
 def _surface(loaded: Any) -> Surface:
