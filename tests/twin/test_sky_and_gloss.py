@@ -67,16 +67,6 @@ def test_the_twins_open_sky_is_the_tracers(compiled, spotted, directions):
     np.testing.assert_allclose(found.numpy().T, expected, rtol=0, atol=2e-5)
 
 
-@pytest.mark.parametrize("width", [3, 1030])
-def test_a_map_of_one_radiance_lights_every_normal_alike_however_wide_it_is(compiled, width):
-    """E/π is the radiance itself."""
-    import mitsuba as mi
-
-    even = Environment((width, 2), np.full((2, width, 3), 0.7, "<f4").tobytes(), TURNED)
-    found = open_sky(emitter_of(even))(mi.Vector3f([0.6, 0.0], [0.0, 0.0], [0.8, -1.0]))
-    np.testing.assert_allclose(found.numpy(), 0.7, rtol=1e-5)
-
-
 def test_the_map_of_the_scene_studio_is_its_formula_and_its_harmonics_have_the_closed_form_of_the_comment(scenes):
     made: dict = {}
     exec((scenes / "studio" / "sky.py").read_text().split("if __name__")[0], made)
