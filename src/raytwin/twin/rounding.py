@@ -1,9 +1,9 @@
-"""What the twin's float32 cannot tell: pixels on an outline or at a shadow's edge, and spheres of extreme size.
+"""What the twin's float32 cannot tell: pixels on an outline or at a shadow's edge, extreme spheres, sharp highlights.
 
 A point is off by δ = 2⁻²² (the ray's length to it, or its distance from the origin, + its sphere's radius): a quarter
 of that is the rounding of one coordinate. On an outline Mitsuba itself says so: a hair beside the pixel's centre, δ
 wide, it sees the other object, or the sun. Depth errs by δ / cos θ, and a sphere's normal by δ / (r cos θ), θ between
-the normal and the ray.
+the normal and the ray. A highlight's power n makes n times as much of an error of r·v.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 
 from raytwin.images.image import Image, Surface
-from raytwin.scene import Scene
+from raytwin.scene import Phong, Scene
 from raytwin.scene.camera_rays import camera_rays
 from raytwin.twin.twin_scene import SHADOW_OFFSET, SPHERE_OFFSET, place_of
 
@@ -47,24 +47,28 @@ def settle(test: Image, reference: Image, scene: Scene) -> tuple[Image, np.ndarr
         where = f"{count} pixel{'s' * (count > 1)} on an outline or at a shadow's edge"
         said.append(f"{where}, where single precision cannot tell, {'were' if count > 1 else 'was'} not compared")
     granted, alike, shown = np.zeros(reference.shape, np.float32), np.zeros(surface.ids.shape, bool), 0
+    for i, (thing, reach) in enumerate(zip(scene.objects, _reaches(scene), strict=True)):
+        if isinstance(thing.material, Phong):  # r·v errs by at most 4 times what the normal does
+            error = 4 * ROUNDING * (1 + reach / getattr(thing, "radius", np.inf))
+            granted[surface.ids == i] = thing.material.exponent * error * reference.mean[surface.ids == i]
     for i, reach in extreme_spheres(scene).items():
-        thing, here = scene.spheres[i], surface.ids == i
-        n, off = surface.normal[here].astype(float), ROUNDING * (reach + scene.spheres[i].radius)
+        ball, here = scene.spheres[i], surface.ids == i
+        n, off = surface.normal[here].astype(float), ROUNDING * (reach + ball.radius)
         # At a rim cos² θ itself is off by as much as δ / r.
         cosine = np.square((n * camera_rays(scene.camera, np.argwhere(here)[:, ::-1]).directions).sum(axis=1))
-        error = off / np.sqrt(np.maximum(cosine - 4 * off / thing.radius, off / thing.radius))
+        error = off / np.sqrt(np.maximum(cosine - 4 * off / ball.radius, off / ball.radius))
         # (n + 1) / 2 at `surface`, Lambert's law else.
-        turned = np.maximum(np.multiply(thing.material.albedo, scene.sun.irradiance) / np.pi, 0.5)
-        granted[here] = (error / thing.radius)[:, None] * turned
+        turned = np.maximum(np.multiply(ball.material.albedo, scene.sun.irradiance) / np.pi, 0.5)
+        granted[here] += (error / ball.radius)[:, None] * turned
         if (own := test.surface) is not None and own.ids.shape == here.shape:
             near = (own.ids[here] == i) & (abs(own.depth[here] - surface.depth[here]) <= error)
-            alike[here] = near & (np.linalg.norm(own.normal[here] - n, axis=1) <= error / thing.radius)
+            alike[here] = near & (np.linalg.norm(own.normal[here] - n, axis=1) <= error / ball.radius)
         if here.any():
             names.append(f"object {i} (its surface to {off:.2g} m)")
             shown += int(np.count_nonzero(here))
     if names:
         said.append(f"single precision: {shown} pixels, compared within the rounding of {', '.join(names)}")
-    return _with_surface(test, reference, alike), granted if names else None, tuple(said)
+    return _with_surface(test, reference, alike), granted if granted.any() else None, tuple(said)
 
 
 def extreme_spheres(scene: Scene) -> dict[int, float]:
