@@ -22,6 +22,7 @@ COMMANDS: dict[str, str] = {
     "photo board --import": "Use a board.toml: docs/photos.md writes one from a trusted pickle.",
     "photo board --landscape": "Leave it out: the paper is turned where the board fits only so.",
     "photo board --portrait": "Leave it out: the paper stays upright where the board fits so.",
+    "photo board --margin": "Give --paper the size of what the printer can print on.",
     "photo board --name": "Use a board.toml: one file per board.",
     "photo board --unit": "Use a board.toml, whose lengths are metres.",
     "photo board --y-down": "Use a board.toml, whose Y points up.",
@@ -66,6 +67,12 @@ NAMES: dict[str, str] = {
     "chart": "Use pandas.DataFrame(result.table()).plot(x=..., y=...), which draws with matplotlib.",
 }
 """Name of `raytwin` -> what to use instead, a sentence."""
+
+BOARD_KEYS = {
+    "heights": "offsets, as `raytwin photo calibrate -o` writes them now",
+    "border_bits": "tags with a border of one bit",
+}
+"""Keys of a board's file, and of its shape in a camera.toml -> what is expected instead."""
 
 SCALAR = "removed in 0.2.0. Use llvm_ad_rgb: pip install 'raytwin[llvm]' brings what it needs."
 """About Mitsuba's scalar variants, forced by name."""

@@ -133,14 +133,15 @@ def costs(folder: Path, repeats: int, names: Iterable[str] = SETTINGS) -> dict[s
     true = true_tags(truth)
 
     def calibrate(setting: Setting) -> Calibration:
-        return camera_package.calibrate(taken, BOARD, find=setting.find, threads=setting.threads)
+        tags, _ = camera_package.detect_photos(taken, BOARD.family, find=setting.find, threads=setting.threads)
+        by_name = {Path(photo).name: found for photo, found in tags.items()}
+        return camera_package.calibrate_detections(by_name, truth.image_size, BOARD)
 
     errors = {}
     for name in names:
         try:
             camera = calibrate(SETTINGS[name])
-            tags, _ = camera_package.detect_photos(taken, BOARD.family, find=SETTINGS[name].find)
-            unseen = held_out({Path(photo).name: found for photo, found in tags.items()}, camera, true)
+            unseen = held_out(camera.basis.found, camera, true)
         except InputError as error:
             print(f"{name}: {error}", file=sys.stderr)
             continue

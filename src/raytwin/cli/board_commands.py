@@ -8,7 +8,7 @@ from raytwin.errors import InputError, check_one_of
 
 def board_command(
     out: Path = Path("board.pdf"), tag: str = "30mm", columns: int = 5, rows: int = 7, pitch: str = "38mm",
-    paper: str = "a4", margin: str = "5mm", first_id: int = 0, family: str = "tag36h11",
+    paper: str = "a4", first_id: int = 0, family: str = "tag36h11",
 ) -> None:  # fmt: skip
     """Make a board to print, as PDF and TOML.
 
@@ -21,12 +21,11 @@ def board_command(
         if count < least:
             raise InputError(option, f"a whole number from {least}", count)
     edge, step = lengths.parse_length(tag, "--tag"), lengths.parse_length(pitch, "--pitch")
-    blank, size = lengths.parse_length(margin, "--margin", zero=True), lengths.parse_paper(paper, "--paper")
     check_one_of("--family", family, boards.FAMILIES)
     definition = boards.Board(family, edge, boards.Grid(columns, rows, step, first_id))
     sheet.check_gap(definition)
     boards.check_board(definition)
-    laid = sheet.lay_out(definition, size, blank)
+    laid = sheet.lay_out(definition, lengths.parse_paper(paper, "--paper"))
     toml = sheet.write_sheet(out, laid)
     width, height = (f"{v * 1000:.5g}" for v in laid.paper)
     say(f"{columns * rows} tags on {width} x {height} mm, print at 100 %: {out}, {toml}")

@@ -22,7 +22,7 @@ from raytwin.photos.camera import (
     pose_of_tags,
 )
 from raytwin.photos.camera.calibration import _of_one_size
-from raytwin.photos.camera.fit import MODELS, ModelSpec, Sighting, fit
+from raytwin.photos.camera.fit import MODELS, ModelSpec, fit
 from raytwin.photos.camera.pose import rotation_degrees
 from raytwin.photos.synthetic_photos import poses
 from raytwin.scene.toml_json import write_json
@@ -76,7 +76,7 @@ def test_the_same_detections_give_the_same_camera_to_the_last_bit_and_opencv_kee
     threads = cv2.getNumThreads()
     cv2.setNumThreads(8)
     try:
-        views = [Sighting(p, tuple(t for t in seen if t.id in board.centers())) for p, seen in tags.items()]
+        views = {p: [t for t in seen if t.id in board.centers()] for p, seen in tags.items()}
         made = (fit(views, size, board, ModelSpec("full5")) for _ in range(8))
         assert len({(c.shared.tobytes(), c.R.tobytes(), c.t.tobytes()) for c in made}) == 1
         assert cv2.getNumThreads() == 8
@@ -98,26 +98,29 @@ def test_the_pose_of_a_photo_is_the_one_its_calibration_found_and_the_photo_not_
     assert pose_of_photo(plain_found, photo, BOARD) == report
 
 
-@pytest.mark.parametrize(
-    ("dist", "model"),
-    [((), "none"), ((0.08, -0.16), "k1k2"), ((0.1, -0.2, 0.004, 0.003, 0.2), "full5")],
-)
-def test_auto_takes_the_model_that_made_the_views(dist, model):
-    camera, _, tags = _views(dist)
-    found = calibrate_detections(tags, SIZE, SMALL)
-    assert found.model == model
-    assert len(found.dist) == len(dist)
-    assert abs(found.K[0][0] - camera.fx) < 1e-3 * camera.fx
+def test_auto_takes_the_model_that_made_the_views_and_keeps_the_held_out_error_of_all():
+    for dist, model in (((), "none"), ((0.08, -0.16), "k1k2"), ((0.1, -0.2, 0.004, 0.003, 0.2), "full5")):
+        camera, _, tags = _views(dist)
+        found = calibrate_detections(tags, SIZE, SMALL)
+        assert found.model == found.basis.taken == model
+        assert len(found.dist) == len(dist)
+        assert abs(found.K[0][0] - camera.fx) < 1e-3 * camera.fx
+        errors = found.basis.held_out_px
+        assert list(errors) == ["full5", "full5, bent", "k1k2", "none"]
+        assert model == "none" or errors[model] < 0.5 * errors["none"]
 
 
-@pytest.mark.parametrize("model", ["none", "k1k2"])
-def test_a_model_fits_its_own_coefficients_and_leaves_the_others_at_zero(model):
+def test_a_model_fits_its_own_coefficients_and_leaves_the_others_at_zero():
     _, _, tags = _views()
-    found = calibrate_detections(tags, SIZE, SMALL, model)
-    assert found.model == model
-    assert set(found.sigma) == {"fx", "fy", "cx", "cy", *MODELS[model]}
-    named = dict(zip(("k1", "k2", "p1", "p2", "k3"), found.dist, strict=False))
-    assert {n for n, v in named.items() if v != 0} == set(MODELS[model])
+    for model in ("none", "k1k2"):
+        found = calibrate_detections(tags, SIZE, SMALL, model)
+        assert found.model == model
+        assert set(found.sigma) == {"fx", "fy", "cx", "cy", *MODELS[model]}
+        named = dict(zip(("k1", "k2", "p1", "p2", "k3"), found.dist, strict=False))
+        assert {n for n, v in named.items() if v != 0} == set(MODELS[model])
+        assert found.basis.held_out_px.keys() == {model, f"{model}, bent"}
+    with pytest.raises(InputError, match=r"model: expected one of auto, none, .*full5, got 'k9'"):
+        calibrate_detections({}, SIZE, SMALL, "k9")
 
 
 def test_its_json_has_exactly_the_promised_keys(tmp_path):
@@ -246,24 +249,18 @@ def _photos(folder, kinds) -> list[Path]:
     return [folder / f"{i}.jpg" for i in range(len(kinds))]
 
 
-@pytest.mark.parametrize(
-    ("kinds", "left_out"),
-    [
+def test_photos_of_another_size_are_left_out_and_told_or_refused_where_too_few_are_alike(subtests, tmp_path):
+    for kinds, left_out in (
         ([WIDE] * 4, {}),
         ([OTHER, *[WIDE] * 3], {"0.jpg": "20 x 10 pixels where most have 24 x 16"}),
         ([*[WIDE] * 4, TALL, OTHER], {"4.jpg": "16 x 24 pixels where most", "5.jpg": "20 x 10"}),
         ([*[WIDE] * 4, *[OTHER] * 4], dict.fromkeys((f"{i}.jpg" for i in range(4, 8)), "20 x 10")),
-        ([*[WIDE] * 4, *[TALL] * 4], dict.fromkeys((f"{i}.jpg" for i in range(4, 8)), "16 x 24")),
-    ],
-)
-def test_photos_of_another_size_are_left_out_and_told(tmp_path, kinds, left_out):
-    kept, size, others = _of_one_size(_photos(tmp_path, kinds))
-    assert (len(kept), size) == (len(kinds) - len(left_out), (24, 16))
-    assert {p.name for p in others} == left_out.keys()
-    assert all(left_out[p.name] in why for p, why in others.items())
-
-
-def test_where_too_few_are_of_one_size_another_is_refused(tmp_path):
+    ):
+        with subtests.test(str(kinds)):
+            kept, size, others = _of_one_size(_photos(tmp_path, kinds))
+            assert (len(kept), size) == (len(kinds) - len(left_out), WIDE)
+            assert {p.name for p in others} == left_out.keys()
+            assert all(left_out[p.name] in why for p, why in others.items())
     with pytest.raises(InputError, match=r"2.jpg: expected 24 x 16 pixels, as other photos have, got 16 x 24"):
         _of_one_size(_photos(tmp_path, [WIDE, WIDE, TALL]))
 
@@ -290,24 +287,10 @@ def test_the_evidence_says_how_much_of_the_frame_was_covered_and_how_far_the_boa
     assert evidence.tilts == pytest.approx(tilts, abs=0.1)
 
 
-def test_auto_keeps_the_held_out_error_of_every_model_that_it_tried():
-    _, _, tags = _views((0.08,))
-    found = calibrate_detections(tags, SIZE, SMALL)
-    errors = found.evidence.held_out_px
-    assert list(errors) == ["full5", "full5, bent", "k1k2", "none"]
-    assert found.model == found.evidence.taken == "k1k2"
-    assert errors["k1k2"] < 0.5 * errors["none"]
-    asked = calibrate_detections(tags, SIZE, SMALL, "k1k2").evidence.held_out_px
-    assert asked.keys() == {"k1k2", "k1k2, bent"}
-
-
-# ---------------------------------------------------------------------------------- wrong input
-
-
-@pytest.mark.parametrize("times", [0, 3])
-def test_fewer_than_three_photos_are_refused(shoot, times):
-    with pytest.raises(InputError, match=rf"at least 3 photos of the board, from different sides, got {min(times, 1)}"):
-        calibrate([shoot()[0] / "photo_00.jpg"] * times, BOARD)
+def test_fewer_than_three_photos_are_refused(shoot):
+    for times, got in ((0, 0), (3, 1)):
+        with pytest.raises(InputError, match=rf"at least 3 photos of the board, from different sides, got {got}"):
+            calibrate([shoot()[0] / "photo_00.jpg"] * times, BOARD)
 
 
 def test_a_board_with_other_ids_is_refused_with_both_lists():
@@ -328,20 +311,13 @@ def test_too_few_views_of_the_board_are_refused_with_the_reasons():
         calibrate_detections(few, SIZE, SMALL)
 
 
-@pytest.mark.parametrize(
-    ("center", "refused"),
-    [
-        ((99.5, 49.5), ""), ((-0.5, -0.5), ""), ((99.6, 10.0), "got one at 100, 10$"), ((10.0, -0.6), "got one at"),
-        ((49.5, 99.5), r"\(width and height swapped\?\)"), ((49.6, 60.0), "got one at 50, 60$"), ((-0.6, 60.0), "60$"),
-    ],
-)  # fmt: skip
-def test_a_tag_is_in_the_frame_out_to_its_pixels_edges(center, refused):
+def test_a_tag_is_in_the_frame_out_to_its_pixels_edges():
     """A frame of 100 x 50 pixels; what lies in one of 50 x 100 may be of swapped sides."""
-    tags = {"p": [Tag(3, center, ((0.0, 0.0),) * 4, 1.0)]}
-    with pytest.raises(InputError, match=refused or "at least 3 photos that show the board"):
-        calibrate_detections(tags, (100, 50), SMALL)
-
-
-def test_an_unknown_model_is_refused_with_the_known_ones():
-    with pytest.raises(InputError, match=r"model: expected one of auto, none, .*full5, got 'k9'"):
-        calibrate_detections({}, SIZE, SMALL, "k9")
+    enough = "at least 3 photos that show the board"
+    for center, said in (
+        ((99.5, 49.5), enough), ((-0.5, -0.5), enough), ((99.6, 10.0), "got one at 100, 10$"),
+        ((10.0, -0.6), "got one at"), ((49.5, 99.5), r"\(width and height swapped\?\)"),
+        ((49.6, 60.0), "got one at 50, 60$"), ((-0.6, 60.0), "60$"),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=said):
+            calibrate_detections({"p": [Tag(3, center, ((0.0, 0.0),) * 4, 1.0)]}, (100, 50), SMALL)

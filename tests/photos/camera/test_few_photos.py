@@ -7,9 +7,8 @@ from test_trust import FOUR, SIZE, four, moved, views, zoomed
 
 from raytwin.errors import InputError
 from raytwin.photos.camera import calibrate_detections
-from raytwin.photos.camera.fit import ModelSpec, Sighting, fit
-from raytwin.photos.camera.model import FEW_PHOTOS, select_model
-from raytwin.photos.camera.uncertainty import fit_uncertainty
+from raytwin.photos.camera.fit import ModelSpec, fit
+from raytwin.photos.camera.model import FEW_PHOTOS, covariance, select_model
 
 
 @pytest.mark.parametrize(("count", "model"), [(FEW_PHOTOS - 1, "full5"), (FEW_PHOTOS, "k1k2")])
@@ -43,17 +42,16 @@ def test_one_spoilt_photo_does_not_make_auto_fit_a_lens_too_small():
 def test_how_far_models_that_predict_alike_lie_apart_goes_into_sigma():
     """Two models a apart with equal errors: the mean square of 0 and a, of each number."""
     _, _, tags = views(seed=1, count=6)
-    seen = [Sighting(p, tuple(t)) for p, t in tags.items()]
-    start = fit(seen, SIZE, SMALL, ModelSpec("k1k2"))
-    taken, errors, gap = select_model(seen, SIZE, SMALL, "auto", start)
+    start = fit(tags, SIZE, SMALL, ModelSpec("k1k2"))
+    taken, errors, gap = select_model(tags, SIZE, SMALL, "auto", start)
     assert taken.form.model == "full5"
-    fits = {n: fit(seen, SIZE, SMALL, ModelSpec(n.split(",")[0], "bent" in n), taken) for n in errors}
+    fits = {n: fit(tags, SIZE, SMALL, ModelSpec(n.split(",")[0], "bent" in n), taken) for n in errors}
     cx = [fits[n].shared[2] - taken.shared[2] for n, e in errors.items() if e <= 1.1 * min(errors.values())]
     assert len(cx) > 2
     assert gap[2, 2] == pytest.approx(np.mean(np.square(cx)), rel=1e-3)
-    known = fit_uncertainty(taken)
-    wide = fit_uncertainty(taken, gap).covariance
-    np.testing.assert_allclose(wide[:9, :9], known.covariance[:9, :9] + gap)
+    moves, _ = taken.leave_one_out()
+    known, wide = covariance(taken, moves), covariance(taken, moves, gap)
+    np.testing.assert_allclose(wide[:9, :9], known[:9, :9] + gap)
 
 
 def test_a_small_lens_of_many_photos_is_no_surer_of_the_centre_than_the_richest_lets_it_be():

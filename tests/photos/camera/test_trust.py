@@ -14,8 +14,8 @@ from raytwin.photos.camera import (
     lens_model,
     pose_of_tags,
 )
-from raytwin.photos.camera.fit import ModelSpec, Sighting, fit
-from raytwin.photos.camera.uncertainty import fit_uncertainty, leave_one_out
+from raytwin.photos.camera.fit import Fit, ModelSpec, fit, matched
+from raytwin.photos.camera.model import covariance
 from raytwin.photos.synthetic_photos import bow_of, poses
 
 pytestmark = pytest.mark.nightly
@@ -70,6 +70,14 @@ def moved(tag, center):
     return msgspec.structs.replace(tag, center=tuple(map(float, center)))
 
 
+def sigmas(made: Fit) -> np.ndarray:
+    return np.sqrt(np.diag(covariance(made, made.leave_one_out()[0]))[:4])
+
+
+def but(tags: dict, photo: str) -> dict:
+    return {p: found for p, found in tags.items() if p != photo}
+
+
 def codes(found) -> set[str]:
     return {w.code for w in found.warnings}
 
@@ -80,9 +88,9 @@ def codes(found) -> set[str]:
 def test_on_a_flat_board_the_fit_is_opencvs(real_tags, real_board):
     """cv2.calibrateCamera run until it stands still; squares are flat at their minimum, so K agrees less than they."""
     (tags, size), board = real_tags("april_fine"), real_board("fine")
-    known = [Sighting(p, tuple(t for t in found if t.id in board.centers())) for p, found in tags.items()]
-    points = [board.points(t.id for t in v.tags).astype(np.float32) for v in known]
-    pixels = [np.array([t.center for t in v.tags], np.float32) for v in known]
+    known = {p: [t for t in found if t.id in board.centers()] for p, found in tags.items()}
+    points = [board.points(t.id for t in of).astype(np.float32) for of in known.values()]
+    pixels = [np.array([t.center for t in of], np.float32) for of in known.values()]
     criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 1000, 1e-12)
     rms, K, dist, *_ = cv2.calibrateCamera(points, pixels, size, None, None, criteria=criteria)
     found = fit(known, size, board, ModelSpec("full5"))
@@ -93,13 +101,12 @@ def test_on_a_flat_board_the_fit_is_opencvs(real_tags, real_board):
 
 def test_the_fit_without_a_photo_is_told_without_making_it():
     _, _, tags = views(noise=0.3)
-    known = [Sighting(p, tuple(found)) for p, found in tags.items()]
-    whole = fit(known, SIZE, SMALL, ModelSpec("k1k2"))
-    moves, errors = leave_one_out(whole)
-    for i in (0, 11):
-        rest = fit(known[:i] + known[i + 1 :], SIZE, SMALL, ModelSpec("k1k2"))
+    whole = fit(tags, SIZE, SMALL, ModelSpec("k1k2"))
+    moves, errors = whole.leave_one_out()
+    for i, photo in ((0, "view_00"), (11, "view_11")):
+        rest = fit(but(tags, photo), SIZE, SMALL, ModelSpec("k1k2"))
         assert np.allclose(moves[i][:4], (rest.shared - whole.shared)[:4], atol=0.05 * np.abs(moves[i][:4]).max())
-        points, pixels = SMALL.points(t.id for t in known[i].tags), np.array([t.center for t in known[i].tags])
+        points, pixels = matched(tags[photo], SMALL)
         five = lens_model.five(rest.dist)
         _, turn, shift = cv2.solvePnP(points, pixels, rest.K, five)
         turn, shift = cv2.solvePnPRefineLM(points, pixels, rest.K, five, turn, shift)
@@ -143,8 +150,8 @@ def test_over_a_hundred_sets_the_truth_lies_as_far_off_as_sigma_says():
             found = calibrate_detections(tags, SIZE, SMALL, "k1k2")
             K, sigma = found.K, [found.sigma[n] for n in FOUR]
         else:  # what `calibrate_detections` ends in, without what it need not find out here
-            made = fit([Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, SMALL, ModelSpec("k1k2", i % 5 == 2))
-            K, sigma = made.K, np.sqrt(np.diag(fit_uncertainty(made).covariance)[:4])
+            made = fit(tags, SIZE, SMALL, ModelSpec("k1k2", i % 5 == 2))
+            K, sigma = made.K, sigmas(made)
         off = np.array([K[0][0], K[1][1], K[0][2], K[1][2]]) - (camera.fx, camera.fy, camera.cx, camera.cy)
         z.append(off / sigma)
     z = np.array(z)
@@ -165,9 +172,8 @@ def test_few_photos_that_disagree_lie_as_far_off_as_sigma_says():
     for count in (4, 6, 8):
         for i in range(40):
             _, _, tags = views(seed=i, count=count, pool=pool, breath=3e-3)
-            made = fit([Sighting(p, tuple(t)) for p, t in tags.items()], SIZE, SMALL, ModelSpec("k1k2"))
-            off = made.shared[:4] - (camera.fx, camera.fy, camera.cx, camera.cy)
-            z.append(off / np.sqrt(np.diag(fit_uncertainty(made).covariance)[:4]))
+            made = fit(tags, SIZE, SMALL, ModelSpec("k1k2"))
+            z.append((made.shared[:4] - (camera.fx, camera.fy, camera.cx, camera.cy)) / sigmas(made))
     assert 0.75 < np.median(np.abs(z)) / 0.6745 < 1.22
     assert np.sqrt(np.mean(np.square(z))) < 1.55
 
@@ -190,15 +196,15 @@ def test_large_tags_on_a_sheet_that_bends_on_beyond_them_leave_k_within_sigma():
 def test_sigma_is_the_larger_of_the_jackknifes_and_that_of_errors_alike():
     """By fits without each photo: of a focus that moves, fx and fy are known worse than their tags say, others not."""
     _, _, tags = views(noise=0.1, breath=1e-3)
-    known = [Sighting(p, tuple(t)) for p, t in tags.items()]
-    found = fit(known, SIZE, SMALL, ModelSpec("k1k2"))
-    alike = found.variance * np.linalg.inv(found.total)
-    without = [fit(known[:i] + known[i + 1 :], SIZE, SMALL, ModelSpec("k1k2")).shared for i in range(12)]
-    V = 11 / 12 * ((np.array(without) - found.shared) ** 2).sum(axis=0)
+    found = fit(tags, SIZE, SMALL, ModelSpec("k1k2"))
+    alike = found.variance * np.linalg.inv(found.total[:6, :6])
+    without = [fit(but(tags, photo), SIZE, SMALL, ModelSpec("k1k2")).shared[:6] for photo in tags]
+    V = 11 / 12 * ((np.array(without) - found.shared[:6]) ** 2).sum(axis=0)
     wider = np.sqrt(np.maximum(V / np.diag(alike), 1))
-    made = fit_uncertainty(found)
     assert (wider[:2] > 2).all()
-    np.testing.assert_allclose(made.covariance, alike * np.outer(wider, wider), rtol=0.1)
+    made = covariance(found, found.leave_one_out()[0])
+    np.testing.assert_allclose(made[:6, :6], alike * np.outer(wider, wider), rtol=0.1)
+    assert not made[6:].any()
 
 
 # ---------------------------------------------------------------------------------- the board's own shape
@@ -289,18 +295,6 @@ def test_a_photo_far_off_hides_no_other():
     tags["view_05"], tags["view_09"] = by_another_camera(tags["view_05"]), zoomed(tags["view_09"], 0.93)
     found = calibrate_detections(tags, SIZE, SMALL, "k1k2")
     assert sorted(w.text.split(":")[0] for w in found.warnings if w.code == "odd-photo") == ["view_05", "view_09"]
-
-
-def test_the_steepest_photo_is_not_advised_to_be_left_out_at_once():
-    """Alone of its kind, it may disagree because it carries the information."""
-    _, _, tags = views(1, count=14, noise=0.03)
-    tags["view_05"], tags["view_09"] = by_another_camera(tags["view_05"]), zoomed(tags["view_09"], 0.93)
-    found = calibrate_detections(tags, SIZE, SMALL, "k1k2")
-    tilt = dict(zip((v.photo for v in found.views), found.basis.tilts, strict=True))
-    advice = {w.text.split(":")[0]: w.text for w in found.warnings if w.code == "odd-photo"}
-    steepest = max(tilt, key=tilt.__getitem__)
-    assert advice.pop(steepest).endswith("take more as steep before you leave it out")
-    assert all(text.endswith("or blur): leave it out") for text in advice.values())
 
 
 def test_a_photo_that_fits_no_camera_of_the_others_is_left_out_and_named():

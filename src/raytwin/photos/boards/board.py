@@ -12,9 +12,11 @@ import cv2
 import msgspec
 import numpy as np
 from scipy.interpolate import RBFInterpolator
+from scipy.spatial.distance import pdist
 
-from raytwin.errors import InputError
+from raytwin.errors import InputError, check_one_of
 from raytwin.images.limits import MAX_PIXELS
+from raytwin.removed import BOARD_KEYS
 from raytwin.scene import Positive, Record, Vector
 from raytwin.scene.toml_json import plain, read_toml, to_record, write_toml
 
@@ -27,12 +29,6 @@ FAMILIES = {
 
 PAPER, INK = 0.85, 0.04
 """Albedo of white paper and of printed black."""
-
-REMOVED = {
-    "heights": "offsets, as `raytwin photo calibrate -o` writes them now",
-    "border_bits": "tags with a border of one bit",
-}
-"""Keys of a board that 0.2.0 removed -> what is expected instead."""
 
 Count = Annotated[int, msgspec.Meta(ge=1, le=1000)]
 TagId = Annotated[int, msgspec.Meta(ge=0)]
@@ -95,9 +91,8 @@ class Board(Record, frozen=True):
         """(...): the sheet's height over the board's plane at xy (..., 2), metres: as smooth as the tags' allow."""
         if self.offsets is None:
             return np.zeros(xy.shape[:-1])
-        centers = np.array(list(self.centers().values()))
         # Goes on beyond the outermost centres with the curvature that it has there.
-        sheet = RBFInterpolator(centers, np.array(self.offsets)[:, 2], kernel="quintic")
+        sheet = RBFInterpolator([*self.centers().values()], np.array(self.offsets)[:, 2], kernel="quintic")
         return np.asarray(sheet(xy.reshape(-1, 2))).reshape(xy.shape[:-1])
 
     @property
@@ -112,7 +107,7 @@ class Board(Record, frozen=True):
 
     def flat(self) -> "Board":
         """The same board on a flat sheet."""
-        return self if self.offsets is None else msgspec.structs.replace(self, offsets=None)
+        return msgspec.structs.replace(self, offsets=None)
 
 
 def read_board(path: str | os.PathLike) -> Board:
@@ -128,47 +123,35 @@ def read_board(path: str | os.PathLike) -> Board:
 
 
 def refuse_removed(table: Mapping[str, Any], where: object) -> None:
-    """Raise InputError for what 0.2.0 removed: a board's shape as a polynomial, and tags with a wide border."""
-    for key, instead in REMOVED.items():
-        if key in table:
-            raise InputError(where, instead, f"{key}, removed in 0.2.0")
+    """Raise InputError for a key of BOARD_KEYS."""
+    for key in BOARD_KEYS.keys() & table.keys():
+        raise InputError(where, BOARD_KEYS[key], f"{key}, removed in 0.2.0")
 
 
 def write_board(path: str | os.PathLike, board: Board, comment: str = "") -> None:
-    data = plain(board)
-    write_toml(path, {k: v for k, v in data.items() if v is not None}, comment)
+    write_toml(path, {k: v for k, v in plain(board).items() if v is not None}, comment)
 
 
 def check_board(board: Board, where: object = "board") -> None:
     """Raise InputError unless the tags exist in their family, do not overlap, and span a plane."""
-    if board.family not in FAMILIES:
-        raise InputError(f"{where}: family", f"one of {', '.join(FAMILIES)}", repr(board.family))
+    check_one_of(f"{where}: family", board.family, FAMILIES)
     if (board.grid is None) == (board.tags is None):
         found = "both" if board.grid else "neither"
         raise InputError(f"{where}: grid, tags", "either a grid or a list of tags", found)
-    size = family_size(board.family)
-    if board.grid is not None:
-        g = board.grid
-        if g.pitch <= board.tag_edge:
-            raise InputError(f"{where}: grid.pitch", f"metres > tag_edge ({board.tag_edge:g})", g.pitch)
-        if g.first_id + g.columns * g.rows > size:
-            last = g.first_id + g.columns * g.rows - 1
-            raise InputError(f"{where}: grid", f"ids up to {size - 1}, the last of {board.family}", f"ids up to {last}")
-    for i, tag in enumerate(board.tags or ()):
-        if tag.id >= size:
-            raise InputError(f"{where}: tags[{i}].id", f"at most {size - 1}, the last of {board.family}", tag.id)
-        first = next(j for j, other in enumerate(board.tags or ()) if other.id == tag.id)
-        if first != i:
-            raise InputError(f"{where}: tags[{i}].id", "an id of its own", f"{tag.id}, as tags[{first}] has")
-    ids, xy = list(board.centers()), np.array(list(board.centers().values())).reshape(-1, 2)
+    ids = [tag.id for tag in board.tags] if board.tags is not None else list(board.centers())
+    last = family_size(board.family) - 1
+    if max(ids, default=0) > last:
+        field = "tags" if board.grid is None else "grid"
+        raise InputError(f"{where}: {field}", f"ids up to {last}, the last of {board.family}", f"ids up to {max(ids)}")
+    if len(set(ids)) < len(ids):
+        raise InputError(f"{where}: tags", "ids that differ", f"{next(i for i in ids if ids.count(i) > 1)} twice")
+    xy = np.array([*board.centers().values()]).reshape(-1, 2)
     if not spans_a_plane(xy):
         raise InputError(f"{where}: tags", "at least 4 tags, not in one line", f"{len(xy)} tags")
+    if (gap := pdist(xy, "chebyshev").min()) <= board.tag_edge:
+        field = "tags" if board.grid is None else "grid.pitch"
+        raise InputError(f"{where}: {field}", f"centres more than tag_edge ({board.tag_edge:g} m) apart", f"{gap:g} m")
     check_offsets(board.offsets, len(xy), where)
-    gap = np.abs(xy[:, None] - xy[None]).max(axis=-1) + np.diag(np.full(len(xy), np.inf))
-    if gap.min() <= board.tag_edge:
-        a, b = divmod(int(gap.argmin()), len(xy))
-        want = f"centres more than tag_edge ({board.tag_edge:g} m) apart"
-        raise InputError(f"{where}: tags", want, f"ids {ids[a]} and {ids[b]} closer")
 
 
 def check_offsets(offsets: Offsets | None, tags: int, where: object) -> None:
@@ -193,8 +176,7 @@ def family_size(family: str) -> int:
 def tag_cells(family: str, tag_id: int) -> np.ndarray:
     """(n, n) float: 1 where the tag's cell is white; n counts the black border's cells on both sides."""
     dictionary = cv2.aruco.getPredefinedDictionary(FAMILIES[family])
-    side = dictionary.markerSize + 2
-    cells = cv2.aruco.generateImageMarker(dictionary, tag_id, side)
+    cells = cv2.aruco.generateImageMarker(dictionary, tag_id, dictionary.markerSize + 2)
     # OpenCV stores the AprilTag families turned by half a turn against the AprilTag library's upright.
     return np.rot90(cells, 2) / 255.0
 
@@ -205,23 +187,20 @@ def draw_board(board: Board, pixels_per_metre: float) -> tuple[np.ndarray, tuple
     Every pixel is the mean albedo over its area. White paper reaches half a tag's edge past the outermost tags, and at
     most a pixel more: the extent is w and h pixels exactly.
     """
-    centers = board.centers()
-    xy = np.array(list(centers.values()))
+    xy, side = np.array([*board.centers().values()]), board.tag_edge * pixels_per_metre
     low, high = xy.min(axis=0) - board.tag_edge, xy.max(axis=0) + board.tag_edge
     width, height = (int(n) for n in np.ceil((high - low) * pixels_per_metre - 1e-9))
     if width * height > MAX_PIXELS:
         raise InputError("pixels_per_metre", f"at most {MAX_PIXELS / 1e6:.0f} megapixels", f"{width} x {height}")
     # The surplus of the rounding goes to both sides alike.
-    x_min, y_max = (low + high + np.array([-width, height]) / pixels_per_metre) / 2
+    half = np.array([width, height]) / pixels_per_metre / 2
+    (x_min, y_min), (x_max, y_max) = (low + high) / 2 - half, (low + high) / 2 + half
     sheet = np.full((height, width), PAPER, np.float32)
-    for tag_id, (x, y) in centers.items():
+    for tag_id, (x, y) in board.centers().items():
         cells = INK + (PAPER - INK) * tag_cells(board.family, tag_id)
-        left = (x - board.tag_edge / 2 - x_min) * pixels_per_metre
-        top = (y_max - y - board.tag_edge / 2) * pixels_per_metre
-        columns, across = _coverage(left, board.tag_edge * pixels_per_metre, len(cells))
-        rows, down = _coverage(top, board.tag_edge * pixels_per_metre, len(cells))
+        columns, across = _coverage((x - x_min) * pixels_per_metre - side / 2, side, len(cells))
+        rows, down = _coverage((y_max - y) * pixels_per_metre - side / 2, side, len(cells))
         sheet[rows, columns] += (down @ (cells - PAPER) @ across.T).astype(np.float32)
-    x_max, y_min = x_min + width / pixels_per_metre, y_max - height / pixels_per_metre
     return sheet, (float(x_min), float(x_max), float(y_min), float(y_max))
 
 

@@ -48,18 +48,16 @@ def _edges(board: Board) -> dict[int, np.ndarray]:
     """
     s, one = np.linspace(-EDGE_SHARE, EDGE_SHARE, POINTS_PER_EDGE), np.ones(POINTS_PER_EDGE)
     flat = np.stack([np.c_[s, -one], np.c_[one, s], np.c_[-s, one], np.c_[-one, -s]]) * board.tag_edge / 2
-    centers = np.array(list(board.centers().values()))
+    centers = np.array([*board.centers().values()])
     rise = board.rise(centers[:, None, None] + flat) - board.rise(centers)[:, None, None]
-    return {tag: np.concatenate([flat, z[..., None]], axis=-1) for tag, z in zip(board.centers(), rise, strict=True)}
+    return {tag: np.dstack([flat, z]) for tag, z in zip(board.centers(), rise, strict=True)}
 
 
 def unbiased(tags: Sequence[Tag], board: Board, R, t, K, dist: Sequence[float]) -> list[Tag]:
     """The tags with their centres moved by -center_bias: to where the camera sees the true centres."""
     shift = center_bias([tag.id for tag in tags], board, R, t, K, dist)
-    moved = np.array([tag.center for tag in tags]) - shift
     # A shift of a tenth of the tag means that the camera is wrong: such a centre is left where it is.
-    size = [np.ptp(np.array(tag.corners), axis=0).max() for tag in tags]
-    return [
-        msgspec.structs.replace(tag, center=tuple(new)) if np.hypot(*by) < 0.1 * edge else tag
-        for tag, new, by, edge in zip(tags, moved.tolist(), shift, size, strict=True)
-    ]
+    size = np.ptp([tag.corners for tag in tags], axis=1).max(axis=1)
+    shift = np.where(np.linalg.norm(shift, axis=1) < 0.1 * size, shift.T, 0.0).T
+    moved = (np.array([tag.center for tag in tags]) - shift).tolist()
+    return [msgspec.structs.replace(tag, center=tuple(at)) for tag, at in zip(tags, moved, strict=True)]

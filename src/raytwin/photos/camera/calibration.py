@@ -19,14 +19,13 @@ from raytwin.errors import InputError
 from raytwin.images.photo_files import list_photos, photo_size, readable_photos
 from raytwin.photos.boards import Board, read_board
 from raytwin.photos.boards.board import spans_a_plane
-from raytwin.photos.camera import lens_model, pose
+from raytwin.photos.camera import pose
 from raytwin.photos.camera.bias import unbiased
-from raytwin.photos.camera.calibration_result import Calibration, CalibrationWarning, Evidence, FoundBoard, View
-from raytwin.photos.camera.detection import Find, Tag, detect, detect_photos
-from raytwin.photos.camera.diagnostics import CheckInputs, coverage, line_of_sight, misfit, warnings_for
-from raytwin.photos.camera.fit import INTRINSICS, MODELS, Fit, ModelSpec, Sighting, fit, matched
-from raytwin.photos.camera.model import select_model
-from raytwin.photos.camera.uncertainty import FitUncertainty, fit_uncertainty
+from raytwin.photos.camera.calibration_result import Calibration, Evidence, FoundBoard, View
+from raytwin.photos.camera.detection import Tag, detect_photos
+from raytwin.photos.camera.diagnostics import coverage, line_of_sight, misfit, warnings_for
+from raytwin.photos.camera.fit import LENS, MODELS, Fit, ModelSpec, Views, fit
+from raytwin.photos.camera.model import covariance, select_model
 from raytwin.progress import Progress, silent
 
 LEAST_VIEWS = 3
@@ -36,9 +35,6 @@ SAME_VIEW = 0.005
 """Share of the image's longer side: photos whose tags lie less than this apart (rms) are one view, as those of a burst.
 
 Photos taken one by one are at least 0.0166 apart in the real sets, and 0.0104 in one that is deliberately alike."""
-
-REPEATED = "the view of another photo, as in a burst or a video"
-"""Why a photo is left out whose tags lie where another's do."""
 
 ROUNDS = 3
 """Fits, each without the outliers and the detector's bias found by the one before; a fourth moves fx by less than a
@@ -55,28 +51,22 @@ UNEXPLAINED = 0.05
 
 Sound sets have at most 0.005, a fisheye of 150 degrees 0.04. Boards other than the file says: 0.07 and more."""
 
-MAX_OFF_WIDTHS = 0.03
-"""Before anything is fitted: a tag this share of the image's width off its view's homography is an outlier, far more
-than any lens bends a board."""
-
 
 def calibrate(
     photos: str | os.PathLike | Sequence[str | os.PathLike],
     board: str | os.PathLike | Board,
     model: str = "auto",
     progress: Progress = silent,
-    find: Find = detect,
-    threads: int | None = None,
 ) -> Calibration:
     """Return the camera that took `photos` of a board, with standard deviations and warnings.
 
-    `photos` are files or folders, `board` a Board or its TOML file. `model`: auto, none, k1k2 or full5. `progress`,
-    `find` and `threads` are those of `detect_photos`. Photos without tags or of another size, and files that cannot be
-    read, are left out with a warning as long as three others remain. Raises InputError if no camera follows.
+    `photos` are files or folders, `board` a Board or its TOML file. `model`: auto, none, k1k2 or full5. Photos without
+    tags or of another size, and files that cannot be read, are left out with a warning as long as three others remain.
+    Raises InputError if no camera follows.
     """
     named = [photos] if isinstance(photos, str | os.PathLike) else photos
     listed = [list_photos(path) if path.is_dir() else [path] for path in map(Path, named)]
-    paths = list(dict.fromkeys(path for some in listed for path in some))
+    paths = list(dict.fromkeys(itertools.chain(*listed)))
     board = board if isinstance(board, Board) else read_board(board)
     where = str(paths[0].parent) if paths else "photos"
     _check_model(model)
@@ -86,7 +76,7 @@ def calibrate(
     shown = {str(p): p.name if unique else str(p) for p in paths}
     paths, broken = readable_photos(paths)
     paths, image_size, others = _of_one_size(paths)
-    found, without = detect_photos(paths, board.family, progress, find, threads)
+    found, without = detect_photos(paths, board.family, progress)
     wrong = {str(photo): why for photo, why in (broken | others).items()} | without
     progress("fit", 0, 1)
     result = calibrate_detections(
@@ -114,149 +104,117 @@ def calibrate_detections(
     if not any(detections.values()):
         seen = "; ".join(f"{name}: {why}" for name, why in list(wrong.items())[:3])
         raise InputError(where, f"photos of {board.family} tags", seen or "none")
-    pose.check_tags(list(detections.values()), board, where)
+    pose.check_tags(itertools.chain(*detections.values()), board, where)
     _check_inside(detections, image_size)
-    distinct = _distinct(detections, image_size)
-    wrong |= dict.fromkeys((photo for photo in detections if photo not in distinct), REPEATED)
-    views, straight = _first_views(distinct, image_size, board, wrong)
-    _check_enough(views, wrong, where)
-    pose.check_places(sum(len(v.tags) for v in straight), sum(len(v.tags) for v in views), where)
+    views = _distinct(detections, SAME_VIEW * max(image_size), board, wrong)
+    straight = _agreeing(views, board, wrong, where)
     result = fit(straight, image_size, board, ModelSpec(PRELIMINARY if model == "auto" else model))
     for _ in range(ROUNDS):
         # This fit reveals the detector's bias and the outliers; without both, the next fit is better.
-        views, straight = _inliers(views, board, result, wrong)
-        _check_enough(views, wrong, where)
+        straight = _inliers({photo: views[photo] for photo in straight}, board, result, wrong, where)
         result, held_out, gap = select_model(straight, image_size, board, model, result)
-    _check_explained(result, where)
-    read = [{t.id for t in v.tags} for v in views]
-    outliers = {v.photo: sorted(ids - {t.id for t in v.tags}) for ids, v in zip(read, straight, strict=True)}
-    known = fit_uncertainty(result, gap)
-    made = _calibration(straight, board, result, known, held_out, detections)
-    warnings = warnings_for(CheckInputs(made, result, known, straight, board, wrong, outliers))
-    return msgspec.structs.replace(made, warnings=tuple(CalibrationWarning(*w) for w in warnings))
+    if (share := misfit(result)) > UNEXPLAINED:
+        limit = UNEXPLAINED / share * result.rms_px
+        got = f"{result.rms_px:.3g} px: the board's file does not describe this board, or the lens is a fisheye"
+        raise InputError(where, f"tags at most {limit:.2g} px (rms) off where some camera sees them", got)
+    rejected = {photo: {t.id for t in views[photo]} - {t.id for t in tags} for photo, tags in straight.items()}
+    found = {photo: tuple(tags) for photo, tags in detections.items()}
+    made = _calibration(straight, image_size, board, result, gap, held_out, found)
+    return msgspec.structs.replace(made, warnings=warnings_for(made, result, straight, wrong, rejected))
 
 
-def _distinct(detections: Mapping[str, Sequence[Tag]], image_size: tuple[int, int]) -> dict[str, Sequence[Tag]]:
-    """One photo of each view.
+def _distinct(detections: Views, apart: float, board: Board, wrong: dict[str, str]) -> dict[str, list[Tag]]:
+    """The board's tags in one photo of each view.
 
     What pulls a view's tags astray is the same in its copies: counted as views, they make sigma too small.
     """
-    column = {tag: i for i, tag in enumerate({t.id for tags in detections.values() for t in tags})}
-    places = np.full((len(detections), len(column), 2), np.nan)
-    for row, tags in zip(places, detections.values(), strict=True):
-        row[[column[t.id] for t in tags]] = np.array([t.center for t in tags]).reshape(-1, 2)
-    kept = list[int]()
-    for i in range(len(places)):
-        square = ((places[kept] - places[i]) ** 2).sum(axis=-1)
-        both = np.isfinite(square).sum(axis=1)
-        if not ((both >= 4) & (np.nansum(square, axis=1) < both * (SAME_VIEW * max(image_size)) ** 2)).any():
-            kept.append(i)
-    names = list(detections)
-    return {names[i]: detections[names[i]] for i in kept}
-
-
-def _first_views(
-    detections: Mapping[str, Sequence[Tag]],
-    image_size: tuple[int, int],
-    board: Board,
-    wrong: dict[str, str],
-) -> tuple[list[Sighting], list[Sighting]]:
-    """The board in the photos, in the photos' order: all its tags, and those that one homography agrees with."""
-    views, straight = [], []
-    known, flat = board.centers(), board.flat()
+    known, kept, places = board.centers(), dict[str, list[Tag]](), list[dict[int, np.ndarray]]()
     for photo, seen in detections.items():
         tags = [t for t in seen if t.id in known]
-        points, pixels = matched(tags, flat)
-        inside = np.zeros(len(tags), bool)
-        if spans_a_plane(points[:, :2]):
-            inside = pose.consistent(points, pixels, MAX_OFF_WIDTHS * image_size[0])
-        kept = tuple(itertools.compress(tags, inside))
-        if spans_a_plane(flat.points(t.id for t in kept)[:, :2]):
-            views.append(Sighting(photo, tuple(tags)))
-            straight.append(Sighting(photo, kept))
+        at = {t.id: np.array(t.center) for t in tags}
+        both = [(np.array([at[i] - there[i] for i in at.keys() & there.keys()])) for there in places]
+        if any(len(off) >= 4 and (off**2).sum(axis=1).mean() < apart**2 for off in both):
+            wrong[photo] = "the view of another photo, as in a burst or a video"
         else:
-            wrong.setdefault(photo, f"{len(tags)} tags of the board, too few or in one line")
-    return views, straight
+            kept[photo] = tags
+            places.append(at)
+    return kept
 
 
-def _shaped(board: Board, result: Fit) -> Board:
-    return msgspec.structs.replace(board, offsets=result.offsets(board))
+def _agreeing(views: Views, board: Board, wrong: dict[str, str], where: str) -> dict[str, list[Tag]]:
+    """By photo, the tags that one homography agrees with."""
+    kept, tags_of_all = dict[str, list[Tag]](), 0
+    for photo, tags in views.items():
+        inside = pose.consistent(tags, board.flat(), np.array([t.center for t in tags]))
+        agreeing = list(itertools.compress(tags, inside))
+        if spans_a_plane(board.points(t.id for t in agreeing)[:, :2]):
+            kept[photo], tags_of_all = agreeing, tags_of_all + len(tags)
+        else:
+            wrong[photo] = f"{len(tags)} tags of the board, too few or in one line"
+    _check_enough(kept, wrong, where)
+    pose.check_places(sum(map(len, kept.values())), tags_of_all, where)
+    return kept
 
 
-def _inliers(
-    views: Sequence[Sighting], board: Board, result: Fit, wrong: dict[str, str]
-) -> tuple[list[Sighting], list[Sighting]]:
-    """The views that keep enough tags by `result`: all their tags, and the inliers without the detector's bias.
+def _inliers(views: Views, board: Board, result: Fit, wrong: dict[str, str], where: str) -> dict[str, list[Tag]]:
+    """By photo, the inliers by `result`, without the detector's bias.
 
     Every tag is tested again, so that one which an outlier had pulled away comes back.
     """
-    moved, errors = [], []
-    shaped = _shaped(board, result)
-    for view, R, t in zip(views, result.R, result.t, strict=True):
-        tags = unbiased(view.tags, shaped, R, t, result.K, result.dist)
-        points, pixels = matched(tags, shaped)
-        moved.append(tags)
-        errors.append(np.linalg.norm(lens_model.project(points, R, t, result.K, result.dist) - pixels, axis=1))
+    shaped, moved, errors, kept = result.shaped(board), [], [], dict[str, list[Tag]]()
+    for tags, R, t in zip(views.values(), result.R, result.t, strict=True):
+        moved.append(unbiased(tags, shaped, R, t, result.K, result.dist))
+        errors.append(pose.distances(moved[-1], shaped, R, t, result.K, result.dist))
     limit = pose.outlier_limit(np.concatenate(errors))
-    kept, straight = [], []
-    for view, tags, error in zip(views, moved, errors, strict=True):
-        inside = tuple(t for t, e in zip(tags, error, strict=True) if e <= limit)
+    for photo, tags, error in zip(views, moved, errors, strict=True):
+        inside = list(itertools.compress(tags, error <= limit))
         if spans_a_plane(shaped.points(t.id for t in inside)[:, :2]):
-            kept.append(view)
-            straight.append(Sighting(view.photo, inside))
+            kept[photo] = inside
         else:
-            wrong[view.photo] = "too few of its tags agree with the camera of the others: another camera or zoom?"
-    return kept, straight
+            wrong[photo] = "too few of its tags agree with the camera of the others: another camera or zoom?"
+    _check_enough(kept, wrong, where)
+    return kept
 
 
 def _calibration(
-    views: Sequence[Sighting],
-    board: Board,
-    result: Fit,
-    known: FitUncertainty,
-    held_out: dict[str, float],
-    detections: Mapping[str, Sequence[Tag]],
-) -> Calibration:
-    names, seen, there = result.form.names, result.observations, result.observations.seen
-    sigma = np.sqrt(np.diag(known.covariance)[: len(names)])
-    moved = known.moves[:, : len(INTRINSICS)] / np.maximum(sigma[: len(INTRINSICS)], 1e-300)
-    influence = np.sqrt((moved**2).mean(axis=1)).tolist()
+    views: Views, image_size: tuple[int, int], board: Board, result: Fit, gap: np.ndarray, held_out: dict[str, float],
+    found: dict[str, tuple[Tag, ...]],
+) -> Calibration:  # fmt: skip
+    names, there, shaped = result.form.names, result.observations.seen, result.shaped(board)
+    moves, _ = result.leave_one_out()
+    known = covariance(result, moves, gap)
+    sigma = np.sqrt(np.diag(known)[: len(names)])
+    influence = np.sqrt(((moves[:, :4] / np.maximum(sigma[:4], 1e-300)) ** 2).mean(axis=1)).tolist()
     rms = np.sqrt((result.residuals**2).sum(axis=(1, 2)) / there.sum(axis=1)).tolist()
-    shown = tuple(
-        View(view.photo, len(view.tags), rms[i], pose.rotation(result.R[i]), tuple(result.t[i].tolist()), influence[i])
-        for i, view in enumerate(views)
-    )
-    cosine = line_of_sight(result, board)
+    each = zip(views.items(), rms, map(pose.rotation, result.R), map(tuple, result.t.tolist()), influence, strict=True)
+    tilts = np.degrees(np.arccos(np.clip(np.abs(line_of_sight(result, board)), 0, 1)))
+    pixels, bent = result.observations.pixels[there], FoundBoard()
+    if shaped.offsets is not None:
+        height, across = result.shared[LENS + 2 :: 3], np.zeros(len(known))
+        across[LENS + 2 + 3 * np.array([height.argmax(), height.argmin()])] = 1, -1
+        sd = math.sqrt(max(float(across @ known @ across), 0.0))
+        bent = FoundBoard(shaped.offsets, 1e3 * float(np.ptp(height)), 1e3 * sd)
     evidence = Evidence(
-        coverage=coverage(seen.pixels[there], seen.image_size),
-        tilts=tuple(np.degrees(np.arccos(np.clip(np.abs(cosine), 0, 1))).tolist()),
+        coverage=coverage(pixels, image_size),
+        tilts=tuple(tilts.tolist()),
         held_out_px=held_out,
         taken=str(result.form),
-        board=_shaped(board, result),
-        seen=tuple(map(tuple, seen.pixels[there].tolist())),
+        board=shaped,
+        seen=tuple(map(tuple, pixels.tolist())),
         residuals=tuple(map(tuple, result.residuals[there].tolist())),
-        found={photo: tuple(tags) for photo, tags in detections.items()},
+        found=found,
     )
     return Calibration(
-        image_size=(int(seen.image_size[0]), int(seen.image_size[1])),
+        image_size=image_size,
         model=result.form.model,
         K=pose.rotation(result.K),
         dist=result.dist,
         sigma=dict(zip(names, sigma.tolist(), strict=True)),
         rms_px=result.rms_px,
-        views=shown,
-        board=_found_board(board, result, known),
+        views=tuple(View(photo, len(tags), *rest) for (photo, tags), *rest in each),
+        board=bent,
         evidence=evidence,
     )
-
-
-def _found_board(board: Board, result: Fit, known: FitUncertainty) -> FoundBoard:
-    if not result.form.bent:
-        return FoundBoard()
-    height, across = result.free[:, 2], np.zeros(len(result.shared))
-    across[len(result.form.names) + 3 * np.array([height.argmax(), height.argmin()]) + 2] = 1, -1
-    sigma = math.sqrt(max(float(across @ known.covariance @ across), 0.0))
-    return FoundBoard(result.offsets(board), 1e3 * float(np.ptp(height)), 1e3 * sigma)
 
 
 def _of_one_size(paths: Sequence[Path]) -> tuple[list[Path], tuple[int, int], dict[Path, str]]:
@@ -266,13 +224,12 @@ def _of_one_size(paths: Sequence[Path]) -> tuple[list[Path], tuple[int, int], di
     its centre and its axes with them.
     """
     sizes = dict(zip(paths, map(photo_size, paths), strict=True))
-    size, count = Counter(sizes.values()).most_common(1)[0]
-    w, h = size
-    others = [p for p in paths if sizes[p] != size]
+    (w, h), count = Counter(sizes.values()).most_common(1)[0]
+    others = {p: "{} x {}".format(*size) for p, size in sizes.items() if size != (w, h)}
     if others and count < LEAST_VIEWS:
-        raise InputError(others[0], f"{w} x {h} pixels, as other photos have", "{} x {}".format(*sizes[others[0]]))
-    kept = [p for p in paths if sizes[p] == size]
-    return kept, size, {p: "{} x {} pixels where most have {} x {}".format(*sizes[p], w, h) for p in others}
+        raise InputError(next(iter(others)), f"{w} x {h} pixels, as other photos have", next(iter(others.values())))
+    wrong = {p: f"{size} pixels where most have {w} x {h}" for p, size in others.items()}
+    return [p for p in paths if p not in others], (w, h), wrong
 
 
 def _check_inside(detections: Mapping[str, Sequence[Tag]], image_size: tuple[int, int]) -> None:
@@ -286,17 +243,10 @@ def _check_inside(detections: Mapping[str, Sequence[Tag]], image_size: tuple[int
                 raise InputError(photo, f"tags inside {width} x {height} pixels", f"one at {u:.0f}, {v:.0f}{hint}")
 
 
-def _check_enough(views: Sequence[Sighting], wrong: dict[str, str], where: str) -> None:
+def _check_enough(views: Views, wrong: dict[str, str], where: str) -> None:
     if len(views) < LEAST_VIEWS:
         reasons = "".join(f"; {name}: {why}" for name, why in list(wrong.items())[:3])
         raise InputError(where, f"at least {LEAST_VIEWS} photos that show the board", f"{len(views)}{reasons}")
-
-
-def _check_explained(result: Fit, where: str) -> None:
-    if (share := misfit(result)) > UNEXPLAINED:
-        limit = UNEXPLAINED / share * result.rms_px
-        got = f"{result.rms_px:.3g} px: the board's file does not describe this board, or the lens is a fisheye"
-        raise InputError(where, f"tags at most {limit:.2g} px (rms) off where some camera sees them", got)
 
 
 def _check_model(model: str) -> None:

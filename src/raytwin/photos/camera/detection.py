@@ -2,9 +2,8 @@
 
 import os
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 
 import cv2
 import numpy as np
@@ -17,6 +16,18 @@ from raytwin.scene import Record
 
 Find = Callable[[np.ndarray, str], "list[Tag]"]
 """find(grey, family) -> the tags in a photo, in the photo's own pixels; `detect` is one."""
+
+SEARCH_SIDE = 3000
+"""Photos with a longer side are searched at a reduced scale first; edges are refined at full scale in any case."""
+
+REDUCTIONS = (4.0, 2.0, 1.0)
+SMALLEST_SEARCHED = 16.0
+"""A search at 1/n of the side is repeated at the next n when it finds nothing, or a tag with an edge below this many of
+its pixels: its smaller neighbours may have been missed.
+
+Measured against known truth, on tags of at least that size: the error of the centres is the same at 1/4 as at full
+scale, in a tenth of the time.
+"""
 
 
 class NoTags(InputError):
@@ -49,32 +60,6 @@ _idle = defaultdict[str, list[_Detector]](list)
 """By family, the detectors that no thread uses; there are as many as were ever in use at once."""
 
 
-@contextmanager
-def _borrowed(family: str) -> Iterator[_Detector]:
-    try:
-        detector = _idle[family].pop()
-    except IndexError:
-        # One thread each: a second one gains nothing within a photo, but a second photo at once gains all.
-        detector = _Detector(family, nthreads=1)
-    try:
-        yield detector
-    finally:
-        _idle[family].append(detector)
-
-
-SEARCH_SIDE = 3000
-"""Photos with a longer side are searched at a reduced scale first; edges are refined at full scale in any case."""
-
-REDUCTIONS = (4.0, 2.0, 1.0)
-SMALLEST_SEARCHED = 16.0
-"""A search at 1/n of the side is repeated at the next n when it finds nothing, or a tag with an edge below this many of
-its pixels: its smaller neighbours may have been missed.
-
-Measured against known truth, on tags of at least that size: the error of the centres is the same at 1/4 as at full
-scale, in a tenth of the time.
-"""
-
-
 def detect(pixels: np.ndarray, family: str = "tag36h11", reductions: Sequence[float] | None = None) -> list[Tag]:
     """The tags in a photo, sRGB uint8 (H, W, 3) or grey (H, W), by id.
 
@@ -84,35 +69,34 @@ def detect(pixels: np.ndarray, family: str = "tag36h11", reductions: Sequence[fl
     """
     grey = pixels if pixels.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(pixels), cv2.COLOR_RGB2GRAY)
     grey, size = np.ascontiguousarray(grey), np.array(grey.shape[::-1])
-    found = _search(grey, family, reductions or (REDUCTIONS if size.max() > SEARCH_SIDE else (1.0,)))
-    whole = sorted((t for t in found if _is_whole(np.array(t.corners) + 0.5, size)), key=lambda t: t.id)
-    times = Counter(tag.id for tag in whole)
-    return [tag for tag in whole if times[tag.id] == 1]
-
-
-def _search(grey: np.ndarray, family: str, reductions: Sequence[float]) -> list[Tag]:
-    with _borrowed(family) as detector:
-        for reduction in reductions:
-            detector.tag_detector_ptr.contents.quad_decimate = reduction
-            found = [d for d in detector.detect(grey) if d.hamming <= 1]
-            if found and min(_edges(d.corners).min() for d in found) >= SMALLEST_SEARCHED * reduction:
-                break
+    try:
+        detector = _idle[family].pop()
+    except IndexError:
+        # One thread each: a second one gains nothing within a photo, but a second photo at once gains all.
+        detector = _Detector(family, nthreads=1)
+    for reduction in reductions or (REDUCTIONS if size.max() > SEARCH_SIDE else (1.0,)):
+        detector.tag_detector_ptr.contents.quad_decimate = reduction
+        found = [d for d in detector.detect(grey) if d.hamming <= 1]
+        if found and min(_edges(d.corners).min() for d in found) >= SMALLEST_SEARCHED * reduction:
+            break
+    _idle[family].append(detector)
+    # A cell's width, at least an eighth of the edge, must lie between every corner and the frame.
+    room = [min(d.corners.min(), (size - d.corners).min()) - _edges(d.corners).max() / 8 for d in found]
+    whole = [d for d, spare in zip(found, room, strict=True) if spare >= 0]
+    times = Counter(d.tag_id for d in whole)
     # AprilTag's (0, 0) is the corner of the first pixel, OpenCV's is its centre.
-    return [
+    tags = [
         Tag(
             d.tag_id, tuple((d.center - 0.5).tolist()), tuple(map(tuple, (d.corners - 0.5).tolist())), d.decision_margin
         )
-        for d in found
+        for d in whole
+        if times[d.tag_id] == 1
     ]
+    return sorted(tags, key=lambda tag: tag.id)
 
 
 def _edges(corners: np.ndarray) -> np.ndarray:
     return np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
-
-
-def _is_whole(corners: np.ndarray, size: np.ndarray) -> bool:
-    """Whether a cell's width (at least an eighth of the edge) lies between every corner and the frame."""
-    return bool(min(corners.min(), (size - corners).min()) >= _edges(corners).max() / 8)
 
 
 def detect_photo(path: str | os.PathLike, family: str = "tag36h11", find: Find = detect) -> list[Tag]:
@@ -138,10 +122,9 @@ def detect_photos(
     """
     tags: dict[str, list[Tag]] = {}
     wrong: dict[str, str] = {}
-
-    # Decoding and detecting both let other threads run.
     progress("detect", 0, len(photos))
-    with ThreadPoolExecutor(min(len(photos), threads or os.cpu_count() or 1) or 1) as pool:
+    # Decoding and detecting both let other threads run.
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         searches = [pool.submit(detect_photo, photo, family, find) for photo in photos]
         for done, (photo, search) in enumerate(zip(photos, searches, strict=True), start=1):
             try:

@@ -18,24 +18,20 @@ NAMES = ("k1", "k2", "p1", "p2", "k3")
 
 def project(points: np.ndarray, R: Any, t: Any, K: Any, dist: Sequence[float]) -> np.ndarray:
     """Pixels (n, 2) of board points (n, 3): cv2.projectPoints with a rotation matrix."""
-    rvec = cv2.Rodrigues(np.asarray(R, float))[0]
-    pixels, _ = cv2.projectPoints(
-        np.asarray(points, float).reshape(-1, 1, 3), rvec, np.asarray(t, float), np.asarray(K, float), five(dist)
-    )
-    return pixels.reshape(-1, 2)
+    at, turn, shift, K = (np.asarray(array, float) for array in (points, R, t, K))
+    return cv2.projectPoints(at.reshape(-1, 1, 3), cv2.Rodrigues(turn)[0], shift, K, five(dist))[0].reshape(-1, 2)
 
 
 def linearise(
-    points: np.ndarray, pixels: np.ndarray, K: np.ndarray, dist: Sequence[float], free: Sequence[str]
+    points: np.ndarray, pixels: np.ndarray, K: np.ndarray, dist: Sequence[float] | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Residuals (..., 2) of camera points (..., 3); d / d(fx, fy, cx, cy, free) (..., 2, m); d / d point (..., 2,
-    3)."""
+    """Residuals (..., 2) of camera points (..., 3), and their derivatives by fx, fy, cx, cy, NAMES (..., 2, 9) and by
+    the point (..., 2, 3)."""
     none = np.zeros(3)
     there, J = cv2.projectPoints(points.reshape(-1, 1, 3), none, none, np.asarray(K, float), five(dist))
     # Its columns: a turn, a shift (which moves every point alike), fx, fy, cx, cy, and the coefficients.
     J = J.reshape(*points.shape[:-1], 2, 15)
-    of_lens = J[..., [6, 7, 8, 9, *(10 + NAMES.index(name) for name in free)]]
-    return there.reshape(pixels.shape) - pixels, of_lens, J[..., 3:6]
+    return there.reshape(pixels.shape) - pixels, J[..., 6:], J[..., 3:6]
 
 
 def of_pose(points: np.ndarray, of_point: np.ndarray) -> np.ndarray:
@@ -60,6 +56,11 @@ def grows(rays: np.ndarray, dist: Sequence[float]) -> np.ndarray:
         return (rays[:, 2] > 0) & (determinant(x, y, five(dist).tolist()) >= LEAST_DETERMINANT).all(axis=0)
 
 
-def five(dist: Sequence[float]) -> np.ndarray:
+def matrix(lens: np.ndarray) -> np.ndarray:
+    """K of fx, fy, cx, cy, the first of `lens`."""
+    return np.array([[lens[0], 0, lens[2]], [0, lens[1], lens[3]], [0, 0, 1]])
+
+
+def five(dist: Sequence[float] | np.ndarray) -> np.ndarray:
     """k1, k2, p1, p2, k3 of any prefix of them, the missing ones 0."""
     return np.array([*dist, *(0.0,) * (5 - len(dist))], float)

@@ -1,18 +1,18 @@
-"""Choose the lens model, and whether the board is flat, by how well they predict photos that the fit has not seen.
+"""Choose the lens model, and whether the board is flat, by how well they predict photos that the fit has not seen; and
+say how uncertain the camera is.
 
 The five coefficients of a plain OpenCV fit on a flat board are always among the candidates. A smaller model is taken
 only where it predicts as well, a bent board only where it predicts better.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.photos.boards import Board
-from raytwin.photos.camera.fit import MODELS, Fit, ModelSpec, Sighting, fit
-from raytwin.photos.camera.uncertainty import leave_one_out
+from raytwin.photos.camera.fit import LENS, MODELS, Fit, ModelSpec, Views, fit
 from raytwin.scene.lens import undone
 
 RELATIVE_SLACK, SLACK_PX = 1.01, 0.002
@@ -29,26 +29,22 @@ FEWEST_FOR_A_BEND = 4
 
 
 def select_model(
-    views: Sequence[Sighting], image_size: tuple[int, int], board: Board, model: str, start: Fit
+    views: Views, image_size: tuple[int, int], board: Board, model: str, start: Fit
 ) -> tuple[Fit, dict[str, float], np.ndarray]:
     """Choose whether the board is bent, then the lens: the fit, each model's held-out error, and `gap` (see `_gap`).
 
     The error is in pixels, infinite where no fit converges.
     """
-    fits: dict[str, Fit] = {}
-    errors: dict[str, float] = {}
-    folded: set[str] = set()  # the lens folds back inside the frame
+    fits: dict[ModelSpec, Fit] = {}
+    errors: dict[ModelSpec, float] = {}
 
     def attempt(form: ModelSpec, begin: Fit) -> None:
         try:
-            found = fits[str(form)] = fit(views, image_size, board, form, begin)
+            fits[form] = fit(views, image_size, board, form, begin)
+            # A mean of photos, not of squares, so that one foreign photo does not choose the model.
+            errors[form] = float(fits[form].leave_one_out()[1].mean())
         except InputError:
-            errors[str(form)] = math.inf
-            return
-        # A mean of photos, not of squares, so that one foreign photo does not choose the model.
-        errors[str(form)] = float(leave_one_out(found)[1].mean())
-        if undone(found.K, found.dist, image_size).fault:
-            folded.add(str(form))
+            errors[form] = math.inf
 
     lenses = [*MODELS][::-1] if model == "auto" else [model]
     for bent in (False, True)[: 1 + (len(views) >= FEWEST_FOR_A_BEND)]:
@@ -57,29 +53,51 @@ def select_model(
         raise InputError("views", "photos from which a camera follows", "a fit that does not converge")
     taken = _as_good(errors)[0]
     for lens in lenses[1:]:
-        attempt(ModelSpec(lens, fits[taken].form.bent), fits[taken])
-    good = _as_good({n: errors[n] for n in fits if fits[n].form.bent == fits[taken].form.bent})
+        attempt(ModelSpec(lens, taken.bent), fits[taken])
+    good = _as_good({form: errors[form] for form in fits if form.bent == taken.bent})
     good = [taken, *good] if len(views) < FEW_PHOTOS else good[::-1]
-    best = next((n for n in good if n not in folded), good[0])
-    return fits[best], errors, _gap(fits, errors, fits[best])
+    # A lens that folds back inside the frame is the last choice.
+    best = next((f for f in good if not undone(fits[f].K, fits[f].dist, image_size).fault), good[0])
+    return fits[best], {str(form): error for form, error in errors.items()}, _gap(fits, errors, fits[best])
 
 
-def _as_good(errors: Mapping[str, float]) -> list[str]:
+def _as_good(errors: Mapping[ModelSpec, float]) -> list[ModelSpec]:
     """Those that predict as well as the best of them."""
     best = min(errors.values())
-    return [n for n, error in errors.items() if error <= max(RELATIVE_SLACK * best, best + SLACK_PX)]
+    return [form for form, error in errors.items() if error <= max(RELATIVE_SLACK * best, best + SLACK_PX)]
 
 
-def _gap(fits: Mapping[str, Fit], errors: Mapping[str, float], taken: Fit) -> np.ndarray:
-    """(k, k): the mean square of how far K and distortion move between the models that predict alike.
+def _gap(fits: Mapping[ModelSpec, Fit], errors: Mapping[ModelSpec, float], taken: Fit) -> np.ndarray:
+    """(9, 9): the mean square of how far K and distortion move between the models that predict alike.
 
     Each model's own covariance assumes that the coefficients it leaves out are 0. With few photos, which do not show
     which model is correct, all models count; with more, only the richest lens: without p1 and p2 the centre may lie ten
     standard deviations off and predict as well.
     """
     limit, richest = EQUALLY_GOOD * min(errors.values()), ModelSpec([*MODELS][-1], taken.form.bent)
-    alike = [found for n, found in fits.items() if errors[n] <= limit]
+    alike = [found for form, found in fits.items() if errors[form] <= limit]
     if len(taken.R) >= FEW_PHOTOS:
-        alike = [f for f in alike if f.form == richest]
-    moved = [(f.lens - taken.lens)[: len(taken.form.names)] for f in alike or [taken]]
+        alike = [found for found in alike if found.form == richest]
+    moved = [found.shared[:LENS] - taken.shared[:LENS] for found in alike or [taken]]
     return np.mean([np.outer(m, m) for m in moved], axis=0)
+
+
+def covariance(found: Fit, moves: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
+    """(m, m): that of `Fit.shared`, from how the photos disagree, and how the models do (`gap`).
+
+    Tags in one photo do not err on their own: blur, a board that is not quite as described, a focus that moved, pull
+    all of them the same way. So the photo is the unit. Where photos err alike, the covariance is s² H^-1; where they
+    disagree, the jackknife is honest:
+
+        C = S s² H^-1 S,  S_k² = max(1, V_k / (s² H^-1)_kk),  V_k = (n - 1) / n Σ d_ik²,
+
+    d_i: how far the numbers move without photo i of n (`moves`). Neither is believed where it is the smaller: V of few
+    photos may be small by chance, and that makes sigma some 8 % too large where photos do err alike.
+    """
+    alike = max(found.variance, 1e-300) * found.inverse
+    variance, jackknife = np.diag(alike), (1 - 1 / len(moves)) * (moves**2).sum(axis=0)
+    wider = np.maximum(jackknife / np.where(variance > 0, variance, np.inf), 1)
+    made = alike * np.sqrt(np.outer(wider, wider))
+    if gap is not None:
+        made[:LENS, :LENS] += gap
+    return made

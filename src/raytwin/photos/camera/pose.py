@@ -6,7 +6,7 @@ Twice: by the homography, closed form but not the most likely pose, and from the
 import contextlib
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import cv2
 import numpy as np
@@ -32,20 +32,6 @@ OUTLIER_SIGMAS, OUTLIER_PX = 15.0, 1.0
 
 Fifteen, because a real print is never quite flat: its errors have heavier tails than the detector's noise.
 """
-
-
-def ambiguous(ratio: float | None, tags: int) -> bool:
-    """Whether a pose with `ratio` times the error of the best cannot be ruled out, from this number of tags.
-
-    A tag gives two numbers, a pose takes six: with n tags the squared ratio of two independent errors follows
-    Fisher's F with (2 n - 6, 2 n - 6) degrees of freedom. The limit is 1.5² for 35 tags, 32² for four.
-    """
-    degrees = 2 * max(tags - 3, 1)
-    return ratio is not None and bool(fdtrc(degrees, degrees, ratio**2) > WRONGLY_RULED_OUT)
-
-
-MAX_OFF_FOCAL_LENGTHS = 0.004
-"""Before anything is fitted: a tag this far, in focal lengths, off the homography of the others is an outlier."""
 
 LEAST_AGREEING = 2 / 3
 """Share of the tags: with fewer on one homography the photos show another board. Of a row taken for two, half agree."""
@@ -95,14 +81,12 @@ def homography_pose(K, dist: Sequence[float], tags: Sequence[Tag], board: Board)
     if spans_a_plane(points[:, :2]):
         H, _ = cv2.findHomography(points[:, :2], lens_model.undistort(pixels, K, dist))
     if H is None or not np.isfinite(H).all():
-        raise InputError("tags", "four or more, not in one line", f"ids {_list(t.id for t in tags)}")
+        raise InputError("tags", "four or more, not in one line", listed(t.id for t in tags))
     H = H / math.sqrt(np.linalg.norm(H[:, 0]) * np.linalg.norm(H[:, 1]))
-    middle = np.array([*points[:, :2].mean(axis=0), 1.0])
-    H = H * np.sign(H[2] @ middle)  # H's sign is free: the board is in front of the camera
-    r1, r2, t = H.T
+    # H's sign is free: the board is in front of the camera.
+    r1, r2, t = H.T * np.sign(H[2] @ [*points[:, :2].mean(axis=0), 1.0])
     U, _, Vt = np.linalg.svd(np.stack([r1, r2, np.cross(r1, r2)], axis=1))
-    R = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
-    return _pose(R, t, points, pixels, K, dist)
+    return _pose(U @ Vt, t, tags, board.flat(), K, dist)
 
 
 def refined_pose(
@@ -113,60 +97,57 @@ def refined_pose(
     Levenberg-Marquardt from `start` (the homography's pose), from both solutions that a plane has (Collins and Bartoli,
     Infinitesimal plane-based pose estimation, 2014), and from SQPnP's (Terzakis and Lourakis, 2020).
     """
-    points, pixels = matched(tags, board)
+    (points, pixels), flat = matched(tags, board), matched(tags, board.flat())[0]
     start = start or homography_pose(K, dist, tags, board)
     K5, d5 = np.asarray(K, float), lens_model.five(dist)
     starts = [(cv2.Rodrigues(start.R)[0], start.t.reshape(3, 1))]
     # Few tags, three of them in a line, leave a homography undetermined, and with it IPPE; SQPnP needs none.
     for flag in (cv2.SOLVEPNP_IPPE, cv2.SOLVEPNP_SQPNP):
         with contextlib.suppress(cv2.error):  # SQPnP refuses tags that are a few pixels apart
-            found = cv2.solvePnPGeneric(matched(tags, board.flat())[0], pixels, K5, d5, flags=flag)
-            starts += list(zip(found[1], found[2], strict=True))
-    poses = [_pose(start.R, start.t, points, pixels, K, dist)]
-    for rvec, tvec in starts:
-        rvec, tvec = cv2.solvePnPRefineLM(points, pixels, K5, d5, rvec.copy(), tvec.copy())
-        if np.isfinite(rvec).all() and np.isfinite(tvec).all():
-            poses.append(_pose(cv2.Rodrigues(rvec)[0], tvec.ravel(), points, pixels, K, dist))
-    best = min(poses, key=lambda p: p.rms_px)
-    others = [p.rms_px for p in poses[1:] if rotation_degrees(p.R, best.R) > SAME_POSE]
+            _, turns, shifts, _ = cv2.solvePnPGeneric(flat, pixels, K5, d5, flags=flag)
+            starts += zip(turns, shifts, strict=True)
+    refined = (cv2.solvePnPRefineLM(points, pixels, K5, d5, turn.copy(), shift.copy()) for turn, shift in starts)
+    poses = [
+        _pose(cv2.Rodrigues(turn)[0], shift.ravel(), tags, board, K, dist)
+        for turn, shift in refined
+        if np.isfinite([turn, shift]).all()
+    ]
+    best = min([*poses, start], key=lambda pose: pose.rms_px)
+    others = [pose.rms_px for pose in poses if rotation_degrees(pose.R, best.R) > SAME_POSE]
     return best, min(others) / max(best.rms_px, 1e-9) if others else None
+
+
+def ambiguous(ratio: float | None, tags: int) -> bool:
+    """Whether a pose with `ratio` times the error of the best cannot be ruled out, from this number of tags.
+
+    A tag gives two numbers, a pose takes six: with n tags the squared ratio of two independent errors follows
+    Fisher's F with (2 n - 6, 2 n - 6) degrees of freedom. The limit is 1.5² for 35 tags, 32² for four.
+    """
+    degrees = 2 * max(tags - 3, 1)
+    return ratio is not None and bool(fdtrc(degrees, degrees, ratio**2) > WRONGLY_RULED_OUT)
 
 
 def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, photo: str = "photo") -> PoseReport:
     """Both poses from the tags of one photo; tags that are not on the board are passed over."""
+    check_tags(tags, board, photo)
     known = board.centers()
     used = [t for t in tags if t.id in known]
-    check_tags([tags], board, photo)
     if not spans_a_plane(board.points(t.id for t in used)[:, :2]):
-        raise InputError(photo, "at least 4 tags of the board, not in one line", f"ids {_list(t.id for t in used)}")
-    points, pixels = matched(used, board)
-    image = lens_model.undistort(pixels, K, dist)
-    # On the board: a bend moves a tag by less than half of the way to the next one, another board by all of it.
-    near = consistent(image, points[:, :2], pdist(points[:, :2]).min() / 2)
-    check_places(int(near.sum()), len(used), photo)
-    # Known distortion: what is left of a tag's distance from the homography is noise, or a mistake.
-    inside = consistent(points, image, MAX_OFF_FOCAL_LENGTHS)
-    kept, by = list(range(len(used))), None
+        raise InputError(photo, "at least 4 tags of the board, not in one line", listed(t.id for t in used))
+    inside = consistent(used, board, lens_model.undistort([t.center for t in used], K, dist))
+    check_places(int(inside.sum()), len(used), photo)
+    by, kept = homography_pose(K, dist, used, board), np.arange(len(used))
     for _ in range(3):
-        if spans_a_plane(points[inside, :2]):
-            kept = np.flatnonzero(inside).tolist()
+        if spans_a_plane(board.points(used[i].id for i in np.flatnonzero(inside))[:, :2]):
+            kept = np.flatnonzero(inside)
         closed = homography_pose(K, dist, [used[i] for i in kept], board)
-        by = by or closed
         straight = unbiased(used, board, by.R, by.t, K, dist)
-        refined, ambiguity = refined_pose(K, dist, [straight[i] for i in kept], board, closed)
-        off = lens_model.project(points, refined.R, refined.t, K, dist) - matched(straight, board)[1]
-        by, error = refined, np.linalg.norm(off, axis=1)
+        by, ambiguity = refined_pose(K, dist, [straight[i] for i in kept], board, closed)
+        error = distances(straight, board, by.R, by.t, K, dist)
         inside = error <= outlier_limit(error)
-    return PoseReport(
-        photo,
-        len(kept),
-        closed,
-        refined,
-        rotation_degrees(closed.R, refined.R),
-        float(np.linalg.norm(closed.t - refined.t)),
-        ambiguity,
-        tuple(tag.id for i, tag in enumerate(used) if i not in kept),
-    )
+    apart = rotation_degrees(closed.R, by.R), float(np.linalg.norm(closed.t - by.t))
+    outliers = tuple(tag.id for i, tag in enumerate(used) if i not in kept)
+    return PoseReport(photo, len(kept), closed, by, *apart, ambiguity, outliers)
 
 
 def pose_of_photo(calibration, photo: str | os.PathLike, board: Board) -> PoseReport:
@@ -189,21 +170,24 @@ def camera_at(calibration, pose: Pose) -> Camera:
     return Camera(calibration.image_size, calibration.K, pose.R_cam_board, pose.t_cam_board, calibration.dist)
 
 
-def consistent(points: np.ndarray, image: np.ndarray, threshold: float) -> np.ndarray:
-    """(n,) bool: which of the image points (n, 2) one homography of the board's points puts within `threshold`.
+def consistent(tags: Sequence[Tag], board: Board, image: np.ndarray) -> np.ndarray:
+    """(n,) bool: which tags' images (n, 2) one homography leads less than half of the way to the next tag off theirs.
 
-    RANSAC, with OpenCV's own fixed seed; all True where there is no homography.
+    A lens or a bend moves a tag by less, another board by all of it. RANSAC, with OpenCV's own fixed seed.
     """
-    _, inside = cv2.findHomography(points[:, :2], image, cv2.RANSAC, threshold, maxIters=500)
-    return np.ones(len(points), bool) if inside is None else inside.ravel().astype(bool)
+    points = board.points(t.id for t in tags)[:, :2]
+    if not spans_a_plane(points):
+        return np.zeros(len(tags), bool)
+    half = pdist([*board.centers().values()]).min() / 2
+    _, inside = cv2.findHomography(image, points, cv2.RANSAC, half, maxIters=500)
+    return np.ones(len(tags), bool) if inside is None else inside.ravel().astype(bool)
 
 
-def check_tags(views: Sequence[Sequence[Tag]], board: Board, where: str) -> None:
-    """Raise InputError unless some tag of some view is on the board."""
-    shown = {t.id for tags in views for t in tags}
-    known = set(board.centers())
+def check_tags(tags: Iterable[Tag], board: Board, where: str) -> None:
+    """Raise InputError unless some tag is on the board."""
+    shown, known = {t.id for t in tags}, set(board.centers())
     if shown and not shown & known:
-        raise InputError(where, f"tags of the board (ids {_list(known)})", f"other tags (ids {_list(shown)})")
+        raise InputError(where, f"tags of the board ({listed(known)})", f"other tags ({listed(shown)})")
 
 
 def check_places(agree: int, tags: int, where: str) -> None:
@@ -221,6 +205,12 @@ def outlier_limit(errors: np.ndarray) -> float:
     return max(OUTLIER_PX, OUTLIER_SIGMAS * float(np.median(errors)) / 1.1774)
 
 
+def distances(tags: Sequence[Tag], board: Board, R, t, K, dist: Sequence[float]) -> np.ndarray:
+    """(n,) pixels from where the camera sees the tags' places on the board to where they were found."""
+    points, pixels = matched(tags, board)
+    return np.linalg.norm(lens_model.project(points, R, t, K, dist) - pixels, axis=1)
+
+
 def rotation_degrees(A: np.ndarray, B: np.ndarray) -> float:
     """The angle of the rotation A B^T, degrees."""
     return math.degrees(np.linalg.norm(cv2.Rodrigues(np.asarray(A, float) @ np.asarray(B, float).T)[0]))
@@ -231,15 +221,12 @@ def rotation(R: np.ndarray) -> Matrix:
     return (a, b, c), (d, e, f), (g, h, i)
 
 
-def _pose(R: np.ndarray, t: np.ndarray, points: np.ndarray, pixels: np.ndarray, K, dist) -> Pose:
-    error = lens_model.project(points, R, t, K, dist) - pixels
-    rms = math.sqrt(float((error**2).sum(axis=1).mean()))
+def _pose(R: np.ndarray, t: np.ndarray, tags: Sequence[Tag], board: Board, K, dist: Sequence[float]) -> Pose:
+    rms = math.sqrt((distances(tags, board, R, t, K, dist) ** 2).mean())
     return Pose(rotation(R), tuple(np.asarray(t, float).tolist()), rms)
 
 
-def _list(ids) -> str:
-    """Ids as text, without a gap as 0..34."""
+def listed(ids: Iterable[int]) -> str:
+    """Ids as text, the least and the largest of many."""
     some = sorted(ids)
-    if len(some) > 1 and some[-1] - some[0] == len(some) - 1:
-        return f"{some[0]}..{some[-1]}"
-    return ", ".join([*map(str, some[:8]), "..."][: len(some)]) or "none"
+    return f"ids {', '.join(map(str, some))}" if len(some) < 5 else f"ids {some[0]}..{some[-1]}"

@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 from raytwin.errors import InputError
 from raytwin.photos.boards import Board, BoardTag, Grid
 from raytwin.photos.camera import Tag, homography_pose, project, refined_pose
-from raytwin.photos.camera.fit import MODELS
 from raytwin.photos.camera.lens_model import linearise, of_pose
 from raytwin.photos.camera.pose import ambiguous
 from raytwin.study.atlas.experiment import Error, Experiment
@@ -63,7 +62,7 @@ def least_turn(photo: BoardPhoto, points: np.ndarray, azimuth: float) -> float:
     """√ tr of the rotation's part of σ² (JᵀJ)⁻¹: the least rms angle of any unbiased pose, radians."""
     R, t = photo.pose(azimuth)
     seen = points @ R.T + t
-    _, _, of_point = linearise(seen, np.zeros((len(seen), 2)), np.array(K), (), MODELS["none"])
+    _, _, of_point = linearise(seen, np.zeros((len(seen), 2)), np.array(K), ())
     J = of_pose(seen, of_point).reshape(-1, 6)
     return photo.noise * math.sqrt(np.trace(np.linalg.pinv(J.T @ J)[:3, :3]))
 
