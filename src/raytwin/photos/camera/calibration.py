@@ -40,9 +40,6 @@ ROUNDS = 3
 """Fits, each without the outliers and the detector's bias found by the one before; a fourth moves fx by less than a
 tenth of its sigma, on a bent board too."""
 
-PRELIMINARY = "k1k2"
-"""The lens model that `auto` fits before it chooses: enough to find the detector's bias and the outliers."""
-
 REMOVED = {"k1": "k1k2", "k1k2p1p2": "full5", "k1k2k3": "full5"}
 """Lens models that 0.2.0 removed -> the smallest that holds them."""
 
@@ -105,12 +102,12 @@ def calibrate_detections(
         seen = "; ".join(f"{name}: {why}" for name, why in list(wrong.items())[:3])
         raise InputError(where, f"photos of {board.family} tags", seen or "none")
     pose.check_tags(itertools.chain(*detections.values()), board, where)
-    _check_inside(detections, image_size)
+    _check_inside(detections, image_size, where)
     views = _distinct(detections, SAME_VIEW * max(image_size), board, wrong)
     straight = _agreeing(views, board, wrong, where)
-    result = fit(straight, image_size, board, ModelSpec(PRELIMINARY if model == "auto" else model))
+    # Each fit, even one of k1k2, reveals the detector's bias and the outliers; without both, the next is better.
+    result = fit(straight, image_size, board, ModelSpec("k1k2" if model == "auto" else model))
     for _ in range(ROUNDS):
-        # This fit reveals the detector's bias and the outliers; without both, the next fit is better.
         straight = _inliers({photo: views[photo] for photo in straight}, board, result, wrong, where)
         result, held_out, gap = select_model(straight, image_size, board, model, result)
     if (share := misfit(result)) > UNEXPLAINED:
@@ -119,8 +116,10 @@ def calibrate_detections(
         raise InputError(where, f"tags at most {limit:.2g} px (rms) off where some camera sees them", got)
     rejected = {photo: {t.id for t in views[photo]} - {t.id for t in tags} for photo, tags in straight.items()}
     found = {photo: tuple(tags) for photo, tags in detections.items()}
-    made = _calibration(straight, image_size, board, result, gap, held_out, found)
-    return msgspec.structs.replace(made, warnings=warnings_for(made, result, straight, wrong, rejected))
+    made = _calibration(straight, image_size, board, result, gap)
+    evidence = msgspec.structs.replace(made.basis, held_out_px=held_out, found=found)
+    warnings = warnings_for(made, result, straight, wrong, rejected)
+    return msgspec.structs.replace(made, warnings=warnings, evidence=evidence)
 
 
 def _distinct(detections: Views, apart: float, board: Board, wrong: dict[str, str]) -> dict[str, list[Tag]]:
@@ -132,7 +131,7 @@ def _distinct(detections: Views, apart: float, board: Board, wrong: dict[str, st
     for photo, seen in detections.items():
         tags = [t for t in seen if t.id in known]
         at = {t.id: np.array(t.center) for t in tags}
-        both = [(np.array([at[i] - there[i] for i in at.keys() & there.keys()])) for there in places]
+        both = [np.array([at[i] - there[i] for i in at.keys() & there.keys()]) for there in places]
         if any(len(off) >= 4 and (off**2).sum(axis=1).mean() < apart**2 for off in both):
             wrong[photo] = "the view of another photo, as in a burst or a video"
         else:
@@ -177,9 +176,9 @@ def _inliers(views: Views, board: Board, result: Fit, wrong: dict[str, str], whe
 
 
 def _calibration(
-    views: Views, image_size: tuple[int, int], board: Board, result: Fit, gap: np.ndarray, held_out: dict[str, float],
-    found: dict[str, tuple[Tag, ...]],
+    views: Views, image_size: tuple[int, int], board: Board, result: Fit, gap: np.ndarray
 ) -> Calibration:  # fmt: skip
+    """Without warnings; its evidence without the models' errors and what was detected."""
     names, there, shaped = result.form.names, result.observations.seen, result.shaped(board)
     moves, _ = result.leave_one_out()
     known = covariance(result, moves, gap)
@@ -197,12 +196,12 @@ def _calibration(
     evidence = Evidence(
         coverage=coverage(pixels, image_size),
         tilts=tuple(tilts.tolist()),
-        held_out_px=held_out,
+        held_out_px={},
         taken=str(result.form),
         board=shaped,
         seen=tuple(map(tuple, pixels.tolist())),
         residuals=tuple(map(tuple, result.residuals[there].tolist())),
-        found=found,
+        found={},
     )
     return Calibration(
         image_size=image_size,
@@ -232,15 +231,11 @@ def _of_one_size(paths: Sequence[Path]) -> tuple[list[Path], tuple[int, int], di
     return [p for p in paths if p not in others], (w, h), wrong
 
 
-def _check_inside(detections: Mapping[str, Sequence[Tag]], image_size: tuple[int, int]) -> None:
+def _check_inside(detections: Views, image_size: tuple[int, int], where: str) -> None:
     width, height = image_size
-    for photo, tags in detections.items():
-        for tag in tags:
-            u, v = tag.center
-            if not (-0.5 <= u <= width - 0.5 and -0.5 <= v <= height - 0.5):
-                inside = -0.5 <= u <= height - 0.5 and -0.5 <= v <= width - 0.5
-                hint = " (width and height swapped?)" if inside else ""
-                raise InputError(photo, f"tags inside {width} x {height} pixels", f"one at {u:.0f}, {v:.0f}{hint}")
+    for u, v in (tag.center for tags in detections.values() for tag in tags):
+        if not (-0.5 <= u <= width - 0.5 and -0.5 <= v <= height - 0.5):
+            raise InputError(where, f"tags inside {width} x {height} pixels", f"one at {u:.0f}, {v:.0f}")
 
 
 def _check_enough(views: Views, wrong: dict[str, str], where: str) -> None:

@@ -10,6 +10,7 @@ moves what is drawn on it by pixels.
 
 import os
 from collections.abc import Iterable
+from typing import Any
 
 import msgspec
 
@@ -25,10 +26,6 @@ class BoardShape(Record, frozen=True):
     offsets: Offsets
 
 
-class _ShapesOnly(Record, frozen=True):
-    boards: tuple[BoardShape, ...] = ()
-
-
 def write_camera_file(path: str | os.PathLike, camera: Camera, board: Board, comment: str = "") -> None:
     """Write the camera, and the board's shape if it is bent."""
     table = plain(camera)
@@ -39,10 +36,10 @@ def write_camera_file(path: str | os.PathLike, camera: Camera, board: Board, com
 
 def read_board_shapes(path: str | os.PathLike) -> tuple[BoardShape, ...]:
     """Return the shapes in a camera.toml; none where it was written without."""
-    data = {k: v for k, v in read_toml(path).items() if k == "boards"}
-    for i, shape in enumerate(data.get("boards", ())):
+    boards = to_record(path, read_toml(path).get("boards", []), list[dict[str, Any]], "boards")
+    for i, shape in enumerate(boards):
         refuse_removed(shape, f"{path}: boards[{i}]")
-    return to_record(path, data, _ShapesOnly).boards
+    return to_record(path, boards, tuple[BoardShape, ...], "boards")
 
 
 def with_shape(board: Board, shapes: Iterable[BoardShape]) -> Board:
