@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -20,7 +21,7 @@ import msgspec
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.images.photo_files import list_photos
+from raytwin.images.photo_files import list_photos, read_grey
 from raytwin.photos import boards, synthetic_photos
 from raytwin.photos import camera as camera_package
 from raytwin.photos.boards import Board, Grid
@@ -133,8 +134,9 @@ def costs(folder: Path, repeats: int, names: Iterable[str] = SETTINGS) -> dict[s
     true = true_tags(truth)
 
     def calibrate(setting: Setting) -> Calibration:
-        tags, _ = camera_package.detect_photos(taken, BOARD.family, find=setting.find, threads=setting.threads)
-        by_name = {Path(photo).name: found for photo, found in tags.items()}
+        with ThreadPoolExecutor(setting.threads) as pool:
+            tags = pool.map(lambda photo: setting.find(read_grey(photo), BOARD.family), taken)
+        by_name = {photo.name: found for photo, found in zip(taken, tags, strict=True)}
         return camera_package.calibrate_detections(by_name, truth.image_size, BOARD)
 
     errors = {}

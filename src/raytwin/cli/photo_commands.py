@@ -66,7 +66,7 @@ def _write_camera(out: Path, calibration, paths: list[Path], photo: str | None) 
     name, board = photo or shown[0], calibration.basis.board
     check_one_of("--photo", name, dict.fromkeys([*shown, *(Path(p).name for p in calibration.basis.found)]))
     path = next(p for p in paths if name in (p.name, str(p)))
-    camera = taken.camera_of_photo(calibration, path, board)
+    camera = taken.camera_at(calibration, taken.pose_of_photo(calibration, path, board).refined)
     comment = f"Calibrated from {len(shown)} photos, rms {calibration.rms_px:.3f} px."
     taken.write_camera_file(out, camera, board, comment)
 

@@ -28,9 +28,7 @@ def find_camera(
     scene, asked = scene_and_photos(path)
     if asked is None or isinstance(path, Scene):
         if photo is not None:
-            raise InputError(
-                "--photo", "a scene whose camera is calibrated from photos", f"{scene.name}, whose is given"
-            )
+            raise InputError("--photo", "a scene whose camera is calibrated from photos", f"{scene.name}'s is given")
         return scene, None, None, None
     from raytwin.photos import boards
     from raytwin.photos.camera import calibrate, camera_at, pose_of_photo

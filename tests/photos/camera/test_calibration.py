@@ -17,7 +17,7 @@ from raytwin.photos.camera import (
     Tag,
     calibrate,
     calibrate_detections,
-    camera_of_photo,
+    camera_at,
     pose_of_photo,
     pose_of_tags,
 )
@@ -91,7 +91,7 @@ def test_the_pose_of_a_photo_is_the_one_its_calibration_found_and_the_photo_not_
     report = pose_of_photo(plain_found, photo, BOARD)
     assert rotation_degrees(report.refined.R, np.array(view.R_cam_board)) < 2e-3
     assert report.refined.rms_px == pytest.approx(view.rms_px, rel=0.01)
-    camera = camera_of_photo(plain_found, photo, BOARD)
+    camera = camera_at(plain_found, report.refined)
     assert (camera.K, camera.R_cam_board) == (plain_found.K, report.refined.R_cam_board)
     assert camera.dist == plain_found.dist
     monkeypatch.setattr("raytwin.photos.camera.detection.read_grey", None)

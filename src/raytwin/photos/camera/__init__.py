@@ -1,17 +1,11 @@
 """Photos of an AprilTag board in, a calibrated camera out.
 
-detection -> calibration (fit, model, bias, uncertainty) -> pose. `calibration_result` has the records that result,
-`lens_model` the distortion, `diagnostics` the warnings. Importing this loads OpenCV, so commands import it only when
-they run.
+detection -> calibration (fit, model, bias, diagnostics) -> pose. Importing this loads OpenCV, so commands import it
+only when they run.
 """
 
 from raytwin.photos.camera.calibration import calibrate, calibrate_detections
-from raytwin.photos.camera.calibration_result import (
-    Calibration,
-    CalibrationWarning,
-    FoundBoard,
-    View,
-)
+from raytwin.photos.camera.calibration_result import Calibration, CalibrationWarning, FoundBoard, View
 from raytwin.photos.camera.camera_file import read_board_shapes, with_shape, write_camera_file
 from raytwin.photos.camera.detection import NoTags, Tag, detect, detect_photo, detect_photos
 from raytwin.photos.camera.lens_model import project
@@ -19,7 +13,6 @@ from raytwin.photos.camera.pose import (
     Pose,
     PoseReport,
     camera_at,
-    camera_of_photo,
     homography_pose,
     pose_of_photo,
     pose_of_tags,

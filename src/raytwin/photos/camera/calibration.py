@@ -33,8 +33,7 @@ LEAST_VIEWS = 3
 
 SAME_VIEW = 0.005
 """Share of the image's longer side: photos whose tags lie less than this apart (rms) are one view, as those of a burst.
-
-Photos taken one by one are at least 0.0166 apart in the real sets, and 0.0104 in one that is deliberately alike."""
+(Photos taken one by one: at least 0.0104, in a set that is deliberately alike.)"""
 
 ROUNDS = 3
 """Fits, each without the outliers and the detector's bias found by the one before; a fourth moves fx by less than a
@@ -44,9 +43,8 @@ REMOVED = {"k1": "k1k2", "k1k2p1p2": "full5", "k1k2k3": "full5"}
 """Lens models that 0.2.0 removed -> the smallest that holds them."""
 
 UNEXPLAINED = 0.05
-"""Share of the distance between neighbouring tags: with a larger rms there is no camera.
-
-Sound sets have at most 0.005, a fisheye of 150 degrees 0.04. Boards other than the file says: 0.07 and more."""
+"""Share of the distance between neighbouring tags: with a larger rms there is no camera. (A fisheye of 150 degrees:
+0.04. Boards other than the file says: 0.07 and more.)"""
 
 
 def calibrate(

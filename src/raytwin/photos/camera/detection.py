@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter, defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import cv2
@@ -14,20 +14,10 @@ from raytwin.images.photo_files import read_grey
 from raytwin.progress import Progress, silent
 from raytwin.scene import Record
 
-Find = Callable[[np.ndarray, str], "list[Tag]"]
-"""find(grey, family) -> the tags in a photo, in the photo's own pixels; `detect` is one."""
-
-SEARCH_SIDE = 3000
-"""Photos with a longer side are searched at a reduced scale first; edges are refined at full scale in any case."""
-
-REDUCTIONS = (4.0, 2.0, 1.0)
-SMALLEST_SEARCHED = 16.0
-"""A search at 1/n of the side is repeated at the next n when it finds nothing, or a tag with an edge below this many of
-its pixels: its smaller neighbours may have been missed.
-
-Measured against known truth, on tags of at least that size: the error of the centres is the same at 1/4 as at full
-scale, in a tenth of the time.
-"""
+SEARCH_SIDE, REDUCTIONS, SMALLEST_SEARCHED = 3000, (4.0, 2.0, 1.0), 16.0
+"""Photos with a longer side are searched at 1/n of it; edges are refined at full scale in any case. The search is
+repeated at the next n when it finds nothing, or a tag with an edge below SMALLEST_SEARCHED of its pixels: its smaller
+neighbours may have been missed. Larger tags' centres err no more at 1/4 than at full scale, in a tenth of the time."""
 
 
 class NoTags(InputError):
@@ -63,8 +53,8 @@ _idle = defaultdict[str, list[_Detector]](list)
 def detect(pixels: np.ndarray, family: str = "tag36h11", reductions: Sequence[float] | None = None) -> list[Tag]:
     """The tags in a photo, sRGB uint8 (H, W, 3) or grey (H, W), by id.
 
-    An id seen at two places says nothing about which is the board's: both are dropped. So are tags that need more
-    than one corrected bit, and tags whose white ring the frame cuts: what is left of them has its centre elsewhere.
+    Both places of an id are dropped that is seen twice, tags that need more than one corrected bit, and tags whose
+    white ring the frame cuts: what is left of them has its centre elsewhere.
     `reductions`: the scales to search at, by turns (by default REDUCTIONS for large photos, else full scale).
     """
     grey = pixels if pixels.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(pixels), cv2.COLOR_RGB2GRAY)
@@ -99,33 +89,26 @@ def _edges(corners: np.ndarray) -> np.ndarray:
     return np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
 
 
-def detect_photo(path: str | os.PathLike, family: str = "tag36h11", find: Find = detect) -> list[Tag]:
+def detect_photo(path: str | os.PathLike, family: str = "tag36h11") -> list[Tag]:
     """The tags in a photo's file; NoTags, with the reason, where there is none."""
     grey = read_grey(path)
-    if tags := find(grey, family):
+    if tags := detect(grey, family):
         return tags
-    if mirrored := find(grey[:, ::-1], family):
+    if mirrored := detect(grey[:, ::-1], family):
         raise NoTags(path, f"{family} tags", f"a mirrored photo (its mirror image shows {len(mirrored)} tags)")
     raise NoTags(path, f"{family} tags", "no tag that appears once")
 
 
 def detect_photos(
-    photos: Sequence[str | os.PathLike],
-    family: str,
-    progress: Progress = silent,
-    find: Find = detect,
-    threads: int | None = None,
+    photos: Sequence[str | os.PathLike], family: str, progress: Progress = silent
 ) -> tuple[dict[str, list[Tag]], dict[str, str]]:
-    """Tags by photo's path, and by photo's path what is wrong with those that show none or are damaged.
-
-    `threads`: how many photos are read in parallel, by default one per core.
-    """
+    """Tags by photo's path, and by photo's path what is wrong with those that show none or are damaged."""
     tags: dict[str, list[Tag]] = {}
     wrong: dict[str, str] = {}
     progress("detect", 0, len(photos))
     # Decoding and detecting both let other threads run.
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        searches = [pool.submit(detect_photo, photo, family, find) for photo in photos]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        searches = [pool.submit(detect_photo, photo, family) for photo in photos]
         for done, (photo, search) in enumerate(zip(photos, searches, strict=True), start=1):
             try:
                 tags[str(photo)] = search.result()

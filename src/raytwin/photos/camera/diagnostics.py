@@ -1,9 +1,5 @@
 """Whether a calibration deserves trust: never by its rms alone, which is lowest where the views say least.
 
-Six photos from one side fit anything. The evidence is how well the views determine the camera: standard deviations,
-square pixels, a principal point near the middle, board normals that spread, and a covered frame; and whether one photo,
-or the board, is at odds with all the rest.
-
 Every warning's code is stable: tools may test for it. docs/photos.md lists what each says.
 """
 
@@ -32,12 +28,9 @@ MISFIT = 0.01
 """Share of the distance between neighbouring tags: a larger rms says that the board's file is wrong. (Sound sets have
 at most 0.005, a fisheye of 150 degrees 0.04, a pitch that is 3 % wrong in one direction 0.022.)"""
 
-ODD_RMS, ODD_PX = 2.5, 0.2
-"""A photo is odd if its rms in the camera of the others is this many times the median, and this many pixels. (Sound
-sets: at most 2.4 times. Small tags and slanting ones are read no better than the pixels say.)"""
-
-LEAST_FOR_ODD = 5
-"""Photos: with fewer, none can be odd."""
+ODD_RMS, ODD_PX, LEAST_FOR_ODD = 2.5, 0.2, 5
+"""A photo is odd if its rms in the camera of the others is this many times the median, and this many pixels; of fewer
+photos, none is. (Sound sets: at most 2.4 times. Small tags and slanting ones are read no better.)"""
 
 BETTER_WITHOUT, FAR_RMS, SIGMA_WITHOUT = 0.97, 10.0, 2.0
 """A photo is odd only if the camera without it sees the others with less than this share of their error (with less at

@@ -40,10 +40,7 @@ def of_pose(points: np.ndarray, of_point: np.ndarray) -> np.ndarray:
 
 
 def undistort(pixels: Any, K: Any, dist: Sequence[float]) -> np.ndarray:
-    """Normalised x, y (n, 2) of pixels (n, 2); right where the lens can be undone (`raytwin.scene.lens`).
-
-    OpenCV's own stops after 5 steps without looking at what is left, and with more does not always converge.
-    """
+    """Normalised x, y (n, 2) of pixels (n, 2); correct where the lens can be undone (`raytwin.scene.lens`)."""
     (fx, _, cx), (_, fy, cy), _ = K
     u, v = np.asarray(pixels, float).reshape(-1, 2).T
     return np.stack(newton((u - cx) / fx, (v - cy) / fy, five(dist).tolist()), axis=1)

@@ -1,8 +1,6 @@
 """Choose the lens model, and whether the board is flat, by how well they predict photos that the fit has not seen; and
-say how uncertain the camera is.
-
-The five coefficients of a plain OpenCV fit on a flat board are always among the candidates. A smaller model is taken
-only where it predicts as well, a bent board only where it predicts better.
+say how uncertain the camera is. A smaller model is taken only where it predicts as well, a bent board only where it
+predicts better.
 """
 
 import math

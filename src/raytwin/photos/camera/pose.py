@@ -28,10 +28,8 @@ SAME_POSE = 1.0
 """Two poses less than this many degrees apart are one."""
 
 OUTLIER_SIGMAS, OUTLIER_PX = 15.0, 1.0
-"""A tag is rejected when it lies this many standard deviations off, and this many pixels.
-
-Fifteen, because a real print is never quite flat: its errors have heavier tails than the detector's noise.
-"""
+"""A tag is rejected when it lies this many standard deviations off, and this many pixels. A real print is never quite
+flat: its errors have heavier tails than the detector's noise."""
 
 LEAST_AGREEING = 2 / 3
 """Share of the tags: with fewer on one homography the photos show another board. Of a row taken for two, half agree."""
@@ -158,11 +156,6 @@ def pose_of_photo(calibration, photo: str | os.PathLike, board: Board) -> PoseRe
     tags = calibration.tags_of(photo, board)
     tags = detect_photo(photo, board.family) if tags is None else tags
     return pose_of_tags(calibration.K, calibration.dist, tags, calibration.shaped(board), str(photo))
-
-
-def camera_of_photo(calibration, photo: str | os.PathLike, board: Board) -> Camera:
-    """The calibrated camera where it stood when `photo` was taken: its refined pose."""
-    return camera_at(calibration, pose_of_photo(calibration, photo, board).refined)
 
 
 def camera_at(calibration, pose: Pose) -> Camera:
