@@ -102,11 +102,19 @@ def calibrate_detections(
     pose.check_tags(itertools.chain(*detections.values()), board, where)
     _check_inside(detections, image_size, where)
     views = _distinct(detections, SAME_VIEW * max(image_size), board, wrong)
-    straight = _agreeing(views, board, wrong, where)
+    agree = [pose.consistent(tags, board.flat(), [t.center for t in tags]) for tags in views.values()]
+    straight = _kept(views, agree, "too few tags of the board, or all in one line", wrong, board, where)
+    pose.check_places(sum(map(len, straight.values())), sum(len(views[photo]) for photo in straight), where)
     # Each fit, even one of k1k2, reveals the detector's bias and the outliers; without both, the next is better.
     result = fit(straight, image_size, board, ModelSpec("k1k2" if model == "auto" else model))
     for _ in range(ROUNDS):
-        straight = _inliers({photo: views[photo] for photo in straight}, board, result, wrong, where)
+        # Every tag is tested again, so that one which an outlier had pulled away comes back.
+        bent, stands = result.shaped(board), result.stands
+        moved = {photo: unbiased(views[photo], bent, *at) for photo, at in zip(straight, stands, strict=True)}
+        errors = [pose.distances(tags, bent, *at) for tags, at in zip(moved.values(), stands, strict=True)]
+        limit = pose.outlier_limit(np.concatenate(errors))
+        why = "too few of its tags agree with the camera of the others: another camera or zoom?"
+        straight = _kept(moved, [error <= limit for error in errors], why, wrong, board, where)
         result, held_out, gap = select_model(straight, image_size, board, model, result)
     if (share := misfit(result)) > UNEXPLAINED:
         limit = UNEXPLAINED / share * result.rms_px
@@ -138,38 +146,16 @@ def _distinct(detections: Views, apart: float, board: Board, wrong: dict[str, st
     return kept
 
 
-def _agreeing(views: Views, board: Board, wrong: dict[str, str], where: str) -> dict[str, list[Tag]]:
-    """By photo, the tags that one homography agrees with."""
-    kept, tags_of_all = dict[str, list[Tag]](), 0
-    for photo, tags in views.items():
-        inside = pose.consistent(tags, board.flat(), np.array([t.center for t in tags]))
-        agreeing = list(itertools.compress(tags, inside))
-        if spans_a_plane(board.points(t.id for t in agreeing)[:, :2]):
-            kept[photo], tags_of_all = agreeing, tags_of_all + len(tags)
-        else:
-            wrong[photo] = f"{len(tags)} tags of the board, too few or in one line"
-    _check_enough(kept, wrong, where)
-    pose.check_places(sum(map(len, kept.values())), tags_of_all, where)
-    return kept
-
-
-def _inliers(views: Views, board: Board, result: Fit, wrong: dict[str, str], where: str) -> dict[str, list[Tag]]:
-    """By photo, the inliers by `result`, without the detector's bias.
-
-    Every tag is tested again, so that one which an outlier had pulled away comes back.
-    """
-    shaped, moved, errors, kept = result.shaped(board), [], [], dict[str, list[Tag]]()
-    for tags, R, t in zip(views.values(), result.R, result.t, strict=True):
-        moved.append(unbiased(tags, shaped, R, t, result.K, result.dist))
-        errors.append(pose.distances(moved[-1], shaped, R, t, result.K, result.dist))
-    limit = pose.outlier_limit(np.concatenate(errors))
-    for photo, tags, error in zip(views, moved, errors, strict=True):
-        inside = list(itertools.compress(tags, error <= limit))
-        if spans_a_plane(shaped.points(t.id for t in inside)[:, :2]):
-            kept[photo] = inside
-        else:
-            wrong[photo] = "too few of its tags agree with the camera of the others: another camera or zoom?"
-    _check_enough(kept, wrong, where)
+def _kept(
+    views: Views, inside: Sequence[np.ndarray], why: str, wrong: dict[str, str], board: Board, where: str
+) -> dict[str, list[Tag]]:
+    """By photo, the tags that are `inside` (a mask by photo); `wrong` gets `why` of the photos with too few."""
+    tags = {photo: list(itertools.compress(views[photo], mask)) for photo, mask in zip(views, inside, strict=True)}
+    kept = {photo: some for photo, some in tags.items() if spans_a_plane(board.points(t.id for t in some)[:, :2])}
+    wrong |= {photo: why for photo in views if photo not in kept}
+    if len(kept) < LEAST_VIEWS:
+        reasons = "".join(f"; {name}: {of}" for name, of in list(wrong.items())[:3])
+        raise InputError(where, f"at least {LEAST_VIEWS} photos that show the board", f"{len(kept)}{reasons}")
     return kept
 
 
@@ -234,12 +220,6 @@ def _check_inside(detections: Views, image_size: tuple[int, int], where: str) ->
     for u, v in (tag.center for tags in detections.values() for tag in tags):
         if not (-0.5 <= u <= width - 0.5 and -0.5 <= v <= height - 0.5):
             raise InputError(where, f"tags inside {width} x {height} pixels", f"one at {u:.0f}, {v:.0f}")
-
-
-def _check_enough(views: Views, wrong: dict[str, str], where: str) -> None:
-    if len(views) < LEAST_VIEWS:
-        reasons = "".join(f"; {name}: {why}" for name, why in list(wrong.items())[:3])
-        raise InputError(where, f"at least {LEAST_VIEWS} photos that show the board", f"{len(views)}{reasons}")
 
 
 def _check_model(model: str) -> None:

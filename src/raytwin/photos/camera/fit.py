@@ -126,6 +126,11 @@ class Fit:
         return tuple(self.shared[4 : len(self.form.names)].tolist())
 
     @property
+    def stands(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, tuple[float, ...]]]:
+        """By view, R, t, K and distortion."""
+        return [(R, t, self.K, self.dist) for R, t in zip(self.R, self.t, strict=True)]
+
+    @property
     def rms_px(self) -> float:
         return float(np.sqrt((self.residuals**2).sum() / self.observations.seen.sum()))
 

@@ -7,6 +7,7 @@ import contextlib
 import math
 import os
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import cv2
 import numpy as np
@@ -163,7 +164,7 @@ def camera_at(calibration, pose: Pose) -> Camera:
     return Camera(calibration.image_size, calibration.K, pose.R_cam_board, pose.t_cam_board, calibration.dist)
 
 
-def consistent(tags: Sequence[Tag], board: Board, image: np.ndarray) -> np.ndarray:
+def consistent(tags: Sequence[Tag], board: Board, image: Any) -> np.ndarray:
     """(n,) bool: which tags' images (n, 2) one homography leads less than half of the way to the next tag off theirs.
 
     A lens or a bend moves a tag by less, another board by all of it. RANSAC, with OpenCV's own fixed seed.
@@ -172,7 +173,7 @@ def consistent(tags: Sequence[Tag], board: Board, image: np.ndarray) -> np.ndarr
     if not spans_a_plane(points):
         return np.zeros(len(tags), bool)
     half = pdist([*board.centers().values()]).min() / 2
-    _, inside = cv2.findHomography(image, points, cv2.RANSAC, half, maxIters=500)
+    _, inside = cv2.findHomography(np.array(image), points, cv2.RANSAC, half, maxIters=500)
     return np.ones(len(tags), bool) if inside is None else inside.ravel().astype(bool)
 
 
