@@ -73,15 +73,13 @@ def seen(camera: Camera, stands, board: Board = SMALL, noise: float = 0.0, rng=N
     found = {}
     for i, (R, t) in enumerate(stands):
         centers = lens_model.project(points, R, t, camera.K, camera.dist)
-        corners = lens_model.project((points[:, None] + around).reshape(-1, 3), R, t, camera.K, camera.dist).reshape(
-            -1, 4, 2
-        )
+        corners = lens_model.project((points[:, None] + around).reshape(-1, 3), R, t, camera.K, camera.dist)
         if noise:
             centers = centers + rng.normal(0, noise, centers.shape)
         inside = ((centers > 0) & (centers < np.array(camera.image_size) - 1)).all(axis=1)
         found[f"view_{i:02d}"] = [
             Tag(tag, tuple(c), tuple(tuple(p) for p in q), 100.0)
-            for tag, c, q, ok in zip(ids, centers.tolist(), corners.tolist(), inside, strict=True)
+            for tag, c, q, ok in zip(ids, centers.tolist(), corners.reshape(-1, 4, 2).tolist(), inside, strict=True)
             if ok
         ]
     return found

@@ -263,7 +263,9 @@ def test_too_few_photos_or_views_tags_outside_the_frame_and_other_ids_are_refuse
             calibrate([shoot()[0] / "photo_00.jpg"] * times, BOARD)
     camera, _, tags = _views(count=4)
     few = {p: (t if i < 2 else t[:2]) for i, (p, t) in enumerate(tags.items())}
-    with pytest.raises(InputError, match=r"at least 3 photos that show the board, got 2; view_02: too few tags of the board"):
+    with pytest.raises(
+        InputError, match=r"at least 3 photos that show the board, got 2; view_02: too few tags of the board"
+    ):
         calibrate_detections(few, SIZE, SMALL)
     enough = "at least 3 photos that show the board"
     for center, said in (
