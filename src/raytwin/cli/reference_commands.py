@@ -1,4 +1,4 @@
-"""raytwin reference make | check | show: references that renders are compared with."""
+"""raytwin reference make | accept | check | show | merge: references that renders are compared with."""
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -52,6 +52,44 @@ def make_command(
             refused.append(change.new.path)
     if refused and not _terminal():
         raise InputError(_count(refused), "would be replaced, and there is no terminal to ask. --yes replaces them.")
+
+
+def accept_command(new: Path, because: str = "", folder: Path = REFERENCES, allow: list[str] | None = None) -> None:
+    """Take one new image or reference, with the reason why.
+
+    An image that a test run kept (its summary.md names the file), or SCENE/RUNG, which is rendered anew.
+    """
+    from raytwin.renderers import references
+    from raytwin.rungs import RUNGS
+    from raytwin.scene_folders import find_scene
+    from raytwin.study import make_reference
+
+    check_outputs(folders=(folder,))
+    if new.suffix == ".exr":
+        found = references.load(new)
+    else:
+        check_one_of(f"{new}: the light level", new.name, RUNGS)
+        with show_progress() as progress:
+            scene = find_scene(new.parent)
+            found = make_reference.make(scene, new.name, folder.absolute(), progress=progress).new
+    change = make_reference.accept(found, folder.absolute(), because)
+    references.save(change.new)
+    say("\n".join((*change.lines(), f"  written: {change.new.path}")))
+
+
+def merge_command(folders: list[Path], out: Path = Path("out/merged")) -> None:
+    """Merge the reports of several machines: a row per test, a column per machine.
+
+    Each folder is what `pytest --raytwin-report` wrote on a machine. Says which machine is the odd one. Exit with 1 if
+    a test failed anywhere, otherwise with 2 if one is undecided or missing.
+    """
+    check_outputs(folders=(out,))
+    from raytwin.show import merged_page
+
+    merged = merged_page.merge(folders)
+    merged_page.write_merged(merged, out)
+    say("\n".join((*merged.sentences, f"report: {out / 'index.html'}")))
+    raise typer.Exit(merged.exit_code)
 
 
 def check_command(
@@ -170,7 +208,9 @@ def _count(things: Sequence[object]) -> str:
 
 COMMANDS: dict[str, Callable[..., None]] = {
     "make": make_command,
+    "accept": accept_command,
     "check": check_command,
     "show": show_command,
+    "merge": merge_command,
 }
 register(app, COMMANDS, within="reference")
