@@ -93,11 +93,15 @@ def raytwin_laws(request: pytest.FixtureRequest) -> "Callable[..., Laws]":
 
     def judge(render: Any, rung: str = "shadow", scene: "Scene | None" = None, sampling: str = "center") -> "Laws":
         __tracebackhide__ = True
+        from raytwin.errors import InputError
         from raytwin.renderers.user_renderers import of_function
         from raytwin.show import laws_page
         from raytwin.study.laws import laws
 
-        found = laws(of_function(render, "", rung, sampling), scene)
+        try:
+            found = laws(of_function(render, "", rung, sampling), scene)
+        except InputError as error:
+            pytest.fail(str(error))
         if (folder := _report_folder(request.config)) is not None:
             laws_page.write_laws(found, folder / "laws" / request.node.name)
         if found.verdict != "pass":
@@ -234,7 +238,8 @@ class ReferenceCheck:
         if not made.passed and known.golden and (folder := _report_folder(self._node.config)):
             new = self._as_reference(taken.image, folder / "new")
             references.save(new)
-            notes.append(f"to take it for the reference: raytwin reference accept {new.path}")
+            place = os.path.relpath(new.path, self._node.config.invocation_params.dir)
+            notes.append(f"to take it for the reference: raytwin reference accept {shlex.quote(place)}")
         text = f"{self.name}/{self.rung}{because(made) or f': {made.verdict}'}\n"
         text += "".join(f"  {reason}\n" for reason in further(made)) + "".join(f"  note: {n}\n" for n in notes)
         if page := self._report(made, tuple(notes), taken.image, shown, allowed):

@@ -136,7 +136,8 @@ def summary(rows: list[CheckRow], failed: int) -> str:
     if failed:
         lines += ["| verdict | test | cause | expected | got | difference |", "| --- " * 6 + "|"]
     for row in rows[:failed]:
-        shown = [f"![{name}]({name})" if name else "" for name in (row.reference, row.picture, row.error)]
+        files = {"expected": row.reference, "got": row.picture, "difference": row.error}
+        shown = [f"![{name}]({file})" if file else "" for name, file in files.items()]
         what = cell(row.test.rpartition("/")[2], " ".join(filter(None, (row.scene, row.rung))))
         lines.append(f"| {' | '.join((row.verdict, what, cell(*row.reasons[:1], *row.notes), *shown))} |")
     return "\n".join(lines) + "\n"

@@ -16,7 +16,7 @@ MISSING = "missing"
 
 @dataclass(frozen=True)
 class MergedRow:
-    """A comparison on every machine, None where it was not made; `odd`: machines whose verdict few others have."""
+    """A comparison on every machine, None where it was not made."""
 
     name: str
     found: tuple[CheckRow | None, ...]
@@ -27,9 +27,13 @@ class MergedRow:
 
     @property
     def odd(self) -> tuple[int, ...]:
-        """Return which machines contradict the verdict of more than half of them, by number."""
-        usual, count = Counter(self.verdicts).most_common(1)[0]
-        return tuple(i for i, verdict in enumerate(self.verdicts) if verdict != usual and 2 * count > len(self.found))
+        """Return which machines, by number, differ from most of them: in verdict, or in how a picture fails."""
+        said = [
+            (verdict, "" if row is None or verdict in GOOD else f"{row.rmse or 0:.1e} {row.ratio or 0:.3g}")
+            for verdict, row in zip(self.verdicts, self.found, strict=True)
+        ]
+        usual, count = Counter(said).most_common(1)[0]
+        return tuple(i for i, one in enumerate(said) if one != usual and 2 * count > len(said))
 
 
 @dataclass(frozen=True)

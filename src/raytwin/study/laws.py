@@ -25,7 +25,7 @@ from raytwin.scene import Rectangle, Scene
 from raytwin.scene.record_base import Row
 from raytwin.scene.scene_files import read_scene
 from raytwin.study.rounds import Budget, Rounds, calls_per_round, sample_more
-from raytwin.study.scene_laws import LAWS, Level, View, placed
+from raytwin.study.scene_laws import CAUSES, LAWS, Level, View, placed
 from raytwin.teach.contract.submission import Shown
 
 FALSE_ALARM_RATE = 1e-3
@@ -38,9 +38,6 @@ REFERENCE_SEEDS = 1_000_000
 """Seeds from here on render the scene itself, those from 0 on the changed ones."""
 PICTURE = "picture"
 """The row of the scene's own picture. Where it cannot be judged, no law is tried."""
-
-CAUSES: tuple[tuple[tuple[str, ...], str], ...] = ()
-"""Laws that break together -> what does that; the first row whose laws are all broken counts."""
 
 
 class LawRow(Row, frozen=True):
@@ -81,7 +78,7 @@ class Laws:
     def cause(self) -> str:
         """What a renderer does that breaks just these laws; empty where none is broken."""
         names = {row.law for row in self.broken}
-        together = (cause for laws, cause in CAUSES if names.issuperset(laws))
+        together = (cause for laws, cause in CAUSES.items() if names.issuperset(laws))
         return next(together, self.broken[0].cause if self.broken else "")
 
     def numbers(self) -> dict[str, Any]:
