@@ -48,7 +48,6 @@ class LawRow(Row, frozen=True):
     verdict: Verdict | str
     reasons: tuple[str, ...] = ()
     cause: str = ""
-    samples: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,8 +140,7 @@ def laws(
         except InputError as error:  # the renderer's own: it could render the scene as it is
             found = Comparison("fail", notes([str(error)]))
         cause = law.cause if found.verdict == "fail" else ""
-        samples = found.statistics.samples_to_certainty
-        rows.append(LawRow(law.name, law.does, found.verdict, found.reasons, cause, samples))
+        rows.append(LawRow(law.name, law.does, found.verdict, found.reasons, cause))
     progress("laws", len(LAWS), len(LAWS))
     return Laws(subject.name, base, subject.rung, tuple(rows), pictures)
 

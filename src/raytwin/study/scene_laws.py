@@ -1,9 +1,9 @@
 """What a change of a scene does to its picture, known exactly: a law per change, with the cause where it breaks.
 
-Seventeen laws hold for any scene. Four, frame, disc, plate and curtain, put one simple body before the scene's camera.
+Frame, disc, plate and curtain put one simple body before the scene's camera. The other laws change the scene itself.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,8 +11,8 @@ import numpy as np
 from raytwin.rungs import Rung
 from raytwin.scene import Rectangle, Scene, Shape, Sky, Sphere, Sun
 
-SHIFT, SHRINK, CUT = (1200.0, -1600.0, 0.0), 1 / 50, 0.37
-"""Where the scene is moved (2000 units), its scale, and at which share of its length a rectangle is cut."""
+SHIFT, SHRINK = (1200.0, -1600.0, 0.0), 1 / 50
+"""By how much the scene is moved, 2000 units, and scaled."""
 TURN = np.array([[2, -1, 2], [2, 2, -1], [-1, 2, 2]]) / 3
 """A rotation about none of the frame's axes."""
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
@@ -91,10 +91,10 @@ def painted(scene: Scene, albedo: Callable[[np.ndarray], Any]) -> Scene:
     return scene.with_(objects=[thing.with_(albedo=albedo(np.array(thing.albedo))) for thing in scene.objects])
 
 
-def lit(scene: Scene, sun: Callable[[np.ndarray], Any], sky: Callable[[np.ndarray], Any]) -> Scene:
-    """Return the scene with another irradiance of the sun and radiance of the sky, made of their own (3,)."""
-    shining = scene.sun.with_(irradiance=sun(np.array(scene.sun.irradiance)))
-    return scene.with_(sun=shining, sky=Sky().with_(radiance=sky(np.array(scene.sky_radiance))))
+def lit(scene: Scene, sun: float = 1.0, sky: float = 1.0) -> Scene:
+    """Return the scene with its lights times these factors."""
+    irradiance, radiance = sun * np.array(scene.sun.irradiance), sky * np.array(scene.sky_radiance)
+    return scene.with_(sun=scene.sun.with_(irradiance=irradiance), sky=Sky().with_(radiance=radiance))
 
 
 def screen(scene: Scene, box: Sequence[float], albedo: Any, distance: float) -> Rectangle:
@@ -115,14 +115,6 @@ def _rectangle(center: np.ndarray, half_u: np.ndarray, half_v: np.ndarray, albed
 def _alone(scene: Scene) -> Scene:
     """The first object only: a convex body, whose light reaches no other surface."""
     return scene.with_(objects=scene.objects[:1])
-
-
-def _same(light: np.ndarray) -> np.ndarray:
-    return light
-
-
-def _none(light: np.ndarray) -> Any:
-    return BLACK
 
 
 def _reached(scene: Scene) -> np.ndarray:
@@ -175,7 +167,7 @@ def _curtain(scene: Scene, level: Level) -> Pair:
 
 
 def _sun_behind(scene: Scene, level: Level) -> Pair:
-    one = lit(_alone(scene), _same, _none)
+    one = lit(_alone(scene), sky=0)
     away = np.subtract(one.objects[0].center, scene.camera.eye)
     return View((one.with_(sun=one.sun.with_(to_light=away)),)), View()
 
@@ -189,13 +181,13 @@ def _covered(scene: Scene, level: Level) -> Pair | str:
     half_u = np.cross(to_light, np.eye(3)[np.abs(to_light).argmin()])
     half_u *= 4 * reach / np.linalg.norm(half_u)
     lid = _rectangle(center + 2 * reach * to_light, half_u, np.cross(to_light, half_u))
-    return View((lit(scene, _same, _none).with_(objects=[*scene.spheres, lid, *scene.planes]),)), View()
+    return View((lit(scene, sky=0).with_(objects=[*scene.spheres, lid, *scene.planes]),)), View()
 
 
 def _half_albedo(scene: Scene, level: Level) -> Pair | str:
     if (level.rung.depth or 2) > 2:
         return "bounced light is not proportional to the albedo"
-    sunlit = lit(scene, _same, _none)
+    sunlit = lit(scene, sky=0)
     return View((painted(sunlit, lambda albedo: albedo / 2),), weight=2.0), View((sunlit,))
 
 
@@ -205,16 +197,15 @@ def _furnace(scene: Scene, level: Level) -> Pair:
 
 
 def _recoloured(scene: Scene) -> Scene:
-    def rolled(values: np.ndarray) -> np.ndarray:
-        return np.roll(values, 1)
-
-    return lit(painted(scene, rolled), rolled, rolled)
+    sun = scene.sun.with_(irradiance=np.roll(scene.sun.irradiance, 1))
+    sky = Sky().with_(radiance=np.roll(scene.sky_radiance, 1))
+    return painted(scene, lambda albedo: np.roll(albedo, 1)).with_(sun=sun, sky=sky)
 
 
 def _behind_the_eye(scene: Scene, level: Level) -> Pair | str:
     if level.rung.sky != "open":
         return "what stands behind the camera hides sky there"
-    skylit, eye = lit(scene, _none, _same), np.array(scene.camera.eye)
+    skylit, eye = lit(scene, sun=0), np.array(scene.camera.eye)
     there = [thing.with_(center=2 * eye - thing.center, name=f"behind {i}") for i, thing in enumerate(scene.objects)]
     return View((skylit.with_(objects=[*scene.objects, *there]),)), View((skylit,))
 
@@ -223,19 +214,6 @@ def _reordered(scene: Scene, level: Level) -> Pair | str:
     if max(len(scene.spheres), len(scene.planes)) < 2:
         return "it needs two objects of a kind"
     return View((scene.with_(objects=scene.objects[::-1]),)), View((scene,))
-
-
-def _cut(scene: Scene, level: Level) -> Pair | str:
-    if not scene.planes:
-        return "the scene has no rectangle"
-
-    def pieces(number: int, thing: Rectangle) -> Iterator[Rectangle]:
-        for share, side in ((CUT, CUT - 1), (1 - CUT, CUT)):
-            half = np.array(thing.half_u)
-            yield thing.with_(center=thing.center + side * half, half_u=share * half, name=f"piece {share} of {number}")
-
-    cut = [piece for number, thing in enumerate(scene.planes) for piece in pieces(number, thing)]
-    return View((scene.with_(planes=cut),)), View((scene,))
 
 
 def _halved(scene: Scene, level: Level) -> Pair:
@@ -271,8 +249,6 @@ LAWS: dict[str, Law] = {
             _reordered),
         Law("behind the eye", "the scene mirrored at the eye is added behind the camera",
             "objects behind the camera are seen: accept distances above 0 only", _behind_the_eye),
-        Law("cut", "each rectangle in two pieces",
-            "rectangles do not end at half_u and half_v, or objects are sorted by their centers", _cut),
         Law("halves", "left and right half by cameras of their own",
             "a pixel's ray depends on the picture's size, not on K alone", _halved),
         Law("resolution", "a third of the pixels per side, and K with them",
@@ -289,7 +265,7 @@ LAWS: dict[str, Law] = {
         Law("scaled", "all lengths times 1/50", "a length is fixed in units, as an epsilon, or a vector is not unit",
             _changed(lambda scene: placed(scene, SHRINK * np.eye(3)))),
         Law("black", "albedo 0 under the sun alone is black", "light is added that comes from no source",
-            lambda scene, level: (View((painted(lit(scene, _same, _none), _none),)), View())),
+            lambda scene, level: (View((painted(lit(scene, sky=0), lambda albedo: BLACK),)), View())),
         Law("sun behind", "the sun straight behind a body leaves its near side black",
             "the sun lights what faces away from it: n·l is not clamped at 0, or the far root is taken", _sun_behind),
         Law("covered", "a screen between the sun and everything makes it black", "something casts or gets no shadow",
@@ -302,9 +278,9 @@ LAWS: dict[str, Law] = {
             "radiance is not proportional to the albedo", _half_albedo),
         Law("light doubled", "sun and sky twice as bright",
             "radiance is not proportional to the light: a clamp, gamma or tone mapping",
-            lambda scene, level: (View((lit(scene, lambda E: 2 * E, lambda L: 2 * L),), weight=0.5), View((scene,)))),
+            lambda scene, level: (View((lit(scene, 2, 2),), weight=0.5), View((scene,)))),
         Law("light split", "sun alone + sky alone = both", "a light is counted twice, or left out beside another",
-            lambda scene, level: (View((lit(scene, _same, _none), lit(scene, _none, _same)), lambda x: np.add(*x)),
+            lambda scene, level: (View((lit(scene, sky=0), lit(scene, sun=0)), lambda x: np.add(*x)),
                                   View((scene,)))),
         Law("colours", "red, green and blue take turns", "a colour channel is computed from another",
             _changed(_recoloured, lambda x: np.roll(x[0], -1, axis=2))),
@@ -333,7 +309,6 @@ CAUSES: dict[tuple[str, ...], str] = {
     ("rolled", "mirrored"): "the lens's coefficients are in another order, or the principal point is fixed",
     ("turned", "scaled"): "an offset of fixed length and direction is added",
     ("sun behind", "moved"): "the sun's direction is used as a place, or normals are taken from the origin",
-    ("cut", "scaled"): "normals of rectangles are not unit",
     ("plate", "sun behind", "covered"): "the direction to the sun has the wrong sign",
     ("frame", "disc", "curtain"): "R and t are not used as p_cam = R p_board + t",
     ("frame", "curtain", "plate"): "rectangles are not hit where they are",
