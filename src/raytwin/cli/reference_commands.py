@@ -78,9 +78,11 @@ def accept_command(new: Path, because: str = "", folder: Path = REFERENCES, allo
 
 
 def merge_command(folders: list[Path], out: Path = Path("out/merged")) -> None:
-    """Merge the reports of several machines: a row per test, a column per machine.
+    """Merge the reports of several machines.
 
-    Each folder is what `pytest --raytwin-report` wrote on a machine. Says which machine is the odd one. Exit with 1 if
+    A row per test, a column per machine, and which is the odd one.
+
+    Each folder is what `pytest --raytwin-report` wrote. Exit with 1 if
     a test failed anywhere, otherwise with 2 if one is undecided or missing.
     """
     check_outputs(folders=(out,))

@@ -31,7 +31,7 @@ def answer(found: "Laws") -> tuple[str, str, str]:
     decided = [*count["fail"], *count["undecided"]]
     first = f"{found.cause[:1].upper()}{found.cause[1:]}." if found.cause else ""
     names = f" Broken: {', '.join(row.law for row in count['fail'])}." if count["fail"] else ""
-    held = f"{len(count['pass'])} of {told} laws hold{f', {len(skipped)} do not apply' if skipped else ''}."
+    held = f"{len(count['pass'])} of {told} laws hold{f'; not applicable: {len(skipped)}' if skipped else ''}."
     worst = (
         f"{decided[0].law}: {(*decided[0].reasons, decided[0].cause)[0]}."
         if decided

@@ -11,8 +11,8 @@ import numpy as np
 from raytwin.rungs import Rung
 from raytwin.scene import Rectangle, Scene, Shape, Sky, Sphere, Sun
 
-SHIFT, SHRINK = (1200.0, -1600.0, 0.0), 1 / 50
-"""By how much the scene is moved, 2000 units, and scaled."""
+SHIFT, SHRINK = (873.1, -1746.3, 433.74), 1 / 50
+"""By how much the scene is moved, 2000 units and nothing that floats hold exactly, and scaled."""
 TURN = np.array([[2, -1, 2], [2, 2, -1], [-1, 2, 2]]) / 3
 """A rotation about none of the frame's axes."""
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
@@ -206,7 +206,10 @@ def _behind_the_eye(scene: Scene, level: Level) -> Pair | str:
     if level.rung.sky != "open":
         return "what stands behind the camera hides sky there"
     skylit, eye = lit(scene, sun=0), np.array(scene.camera.eye)
-    there = [thing.with_(center=2 * eye - thing.center, name=f"behind {i}") for i, thing in enumerate(scene.objects)]
+    there = [
+        thing.with_(center=1.5 * eye - np.array(thing.center) / 2, name=f"behind {i}")
+        for i, thing in enumerate(scene.objects)
+    ]
     return View((skylit.with_(objects=[*scene.objects, *there]),)), View((skylit,))
 
 
@@ -247,7 +250,7 @@ LAWS: dict[str, Law] = {
             "another object than the nearest is seen", _curtain),
         Law("order", "objects in reverse order", "what is seen depends on the objects' order: keep the nearest hit",
             _reordered),
-        Law("behind the eye", "the scene mirrored at the eye is added behind the camera",
+        Law("behind the eye", "the same objects are added behind the camera, half as far",
             "objects behind the camera are seen: accept distances above 0 only", _behind_the_eye),
         Law("halves", "left and right half by cameras of their own",
             "a pixel's ray depends on the picture's size, not on K alone", _halved),
