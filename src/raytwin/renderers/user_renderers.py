@@ -100,5 +100,9 @@ def of_function(
         raise InputError("method", "a function of a scene, or a text as --subject takes it", repr(function))
     title, takes = name or getattr(function, "__name__", type(function).__name__), takes_of(function)
     few = DEFAULT_SAMPLES if takes >= {"seed", "samples"} else 0
-    describe = (lambda scene, rung: scene) if records else as_arrays
+    describe = _itself if records else as_arrays
     return UserRenderer(rung, title, function, describe, {}, "seed" in takes, renders, sampling, few)
+
+
+def _itself(scene: Scene, rung: str) -> Scene:
+    return scene
