@@ -28,7 +28,7 @@ EXACT = (
 )  # fmt: skip
 NOISY = "drjit32-sky-16", "drjit32-path-16", "twin-llvm-path-16"
 SIZE = 72, 54
-"""Pixels of noisy pictures: six tiles, and many runs."""
+"""Pixels of correct renderers' pictures: six tiles, and many runs."""
 
 NAMED = {
     "small spheres": "radius", "large spheres": "radius", "spheres too high": "offset", "planes too low": "offset",
@@ -84,9 +84,9 @@ def student(text: str) -> Renderer:
 def runs(count: int, files: list[str]) -> Iterator[tuple[str, Callable[[], Laws]]]:
     """(what is tried, how) of every correct renderer and seed."""
     for name in (*EXACT, *files):
-        yield name.rpartition("students/")[2], lambda name=name: laws(find_subject(name, "shadow"))
+        yield name.rpartition("students/")[2], lambda name=name: laws(find_subject(name, "shadow"), size=SIZE)
     for number, how in enumerate(CORRECT):
-        yield f"student's text {number}", lambda how=how: laws(student(mistaken(*how)))
+        yield f"student's text {number}", lambda how=how: laws(student(mistaken(*how)), size=SIZE)
     for seed in range(count):
         for name in NOISY:
             inner = find_subject(name, "path")
@@ -99,6 +99,7 @@ def correct(count: int = 200, *files: str) -> None:
     found: dict[str, list[Laws]] = {}
     for name, judged in runs(count, list(files)):
         found.setdefault(name, []).append(judged())
+        print(len(found), name, file=sys.stderr, flush=True)
         if found[name][-1].verdict != "pass":
             print(name, found[name][-1].verdict, [row.law for row in found[name][-1].broken], flush=True)
     rows = []

@@ -172,15 +172,9 @@ OPTIONS: dict[str, dict[str, Any]] = {
     },
     "laws": {
         "renderer": _arg("What --subject takes, as tracer.py.", "[WHAT]"),
-        "scene": _opt(
-            "Scene to change (spheres, a floor and a wall).", "SCENE", among=_scenes, callback=_known_scene,
-            kind=Path | None,
-        ),
-        "subject": _opt("Renderer to judge: FILE.py:FUNCTION, a method, or a command with {scene} and {out}.", "WHAT",
-                        kind=str | None),
+        "scene": _opt("Scene to change.", "SCENE", among=_scenes, callback=_known_scene, kind=Path | None),
+        "subject": _opt("Renderer to judge; see `raytwin compare --subject`.", "WHAT", kind=str | None),
         "rung": _opt("Light level that it renders: lambert, shadow, sky or path.", among=LEVELS),
-        "size": _opt("Size of the pictures (144 wide).", "WxH", callback=_size, kind=str | None),
-        "budget": _opt("Samples per pixel (1024) or time (30s) per law.", "N|TIME"),
         "out": _opt("Folder for laws.html and laws.json (out/laws).", "DIR", *OUT),
         **{field.name: None for field in dataclasses.fields(CompareSettings) if field.name not in OF_LAWS},
     },

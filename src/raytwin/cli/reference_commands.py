@@ -80,18 +80,18 @@ def accept_command(new: Path, because: str = "", folder: Path = REFERENCES, allo
 def merge_command(folders: list[Path], out: Path = Path("out/merged")) -> None:
     """Merge the reports of several machines.
 
-    A row per test, a column per machine, and which is the odd one.
-
-    Each folder is what `pytest --raytwin-report` wrote. Exit with 1 if
-    a test failed anywhere, otherwise with 2 if one is undecided or missing.
+    Each folder is what `pytest --raytwin-report` wrote on one. The page has a row per test and a column per machine,
+    and says which machine is the odd one. Exit code 1: a comparison failed, or is missing, on any of them.
     """
-    check_outputs(folders=(out,))
     from raytwin.show import merged_page
 
-    merged = merged_page.merge(folders)
-    merged_page.write_merged(merged, out)
-    say("\n".join((*merged.sentences, f"report: {out / 'index.html'}")))
-    raise typer.Exit(merged.exit_code)
+    check_outputs(folders=(out,))
+    rows = merged_page.merge(folders)
+    merged_page.write_merged(rows, folders, out)
+    for sentence in merged_page.sentences(rows, merged_page.machines(folders)):
+        say(sentence)
+    say(f"report: {out / 'index.html'}")
+    raise typer.Exit(0 if all(row.good for row in rows) else 1)
 
 
 def check_command(

@@ -122,10 +122,9 @@ def write_index(folder: Path) -> tuple[int, int]:
 
 
 def read_rows(folder: Path) -> list[CheckRow]:
-    """Return the rows of a report's folder. Raises InputError where it has none, or a damaged one."""
-    files = sorted(folder.glob("check-*.json"))
+    """Return the rows of a report's folder. Raises InputError where one is damaged."""
     try:
-        return [msgspec.json.decode(file.read_bytes(), type=CheckRow) for file in files]
+        return [msgspec.json.decode(file.read_bytes(), type=CheckRow) for file in sorted(folder.glob("check-*.json"))]
     except msgspec.DecodeError as error:
         raise InputError(folder, "a report as pytest --raytwin-report writes it", error) from None
 

@@ -7,7 +7,7 @@ cause     the first broken law's, or that of laws which break together
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import count
 from typing import Any
 
@@ -106,19 +106,8 @@ def laws(
     seconds per law of a renderer with noise. Raises InputError for a subject that cannot render the scene itself, or is
     an image; for a scene with a sky map, highlights or no object; and for a light level without light.
     """
-    if isinstance(subject, UserRenderer) and isinstance(subject.render, Shown):
-        raise InputError("--subject", "a renderer, since an image shows one scene alone", subject.name)
-    if not RUNGS[subject.rung].lit:
-        raise InputError("--rung", "a light level with light", subject.rung)
-    base = scene or builtin_scene()
-    base.check_lambertian("laws")
-    base.sky_radiance  # noqa: B018 (checked)
-    if not base.objects:
-        raise InputError(f"scene {base.name}", "objects", "none")
-    width, height = base.image_size
-    base = base.with_camera(base.camera.resized(*(size or (WIDTH, max(3, 3 * round(WIDTH * height / width / 3))))))
-    trial = _Trial(subject, base, budget)
-    own = subject(base, REFERENCE_SEEDS)
+    trial = _Trial(subject, _checked(subject, scene or builtin_scene(), size), budget)
+    own = trial.render(trial.base, 1, REFERENCE_SEEDS)
     found = compare(own, own, noise="none")
     if found.passed and not np.ptp(own.mean, axis=(0, 1)).any():
         found = found.judged("fail" if scene is None else "undecided", *notes(["it has one colour everywhere"]))
@@ -130,70 +119,77 @@ def laws(
     level = Level(RUNGS[subject.rung], subject.sampling, subject.noisy)
     for number, law in enumerate(LAWS.values() if found.passed else ()):
         progress("laws", number, len(LAWS))
-        views = law.views(base, level)
+        views = law.views(trial.base, level)
         if isinstance(views, str):
             rows.append(LawRow(law.name, law.does, "skipped", (views,)))
             continue
         try:
-            *images, found = trial.decide(*views)
-            pictures[law.name] = images[0], images[1]
+            test, reference, judged = trial.decide(*views)
+            pictures[law.name] = test, reference
         except InputError as error:  # the renderer's own: it could render the scene as it is
-            found = Comparison("fail", notes([str(error)]))
-        cause = law.cause if found.verdict == "fail" else ""
-        rows.append(LawRow(law.name, law.does, found.verdict, found.reasons, cause))
+            judged = Comparison("fail", notes([str(error)]))
+        cause = law.cause if judged.verdict == "fail" else ""
+        rows.append(LawRow(law.name, law.does, judged.verdict, judged.reasons, cause))
     progress("laws", len(LAWS), len(LAWS))
-    return Laws(subject.name, base, subject.rung, tuple(rows), pictures)
+    return Laws(subject.name, trial.base, subject.rung, tuple(rows), pictures)
+
+
+def _checked(subject: Renderer, scene: Scene, size: tuple[int, int] | None) -> Scene:
+    """The scene at the size that its pictures have, once the laws can be tried on it."""
+    if isinstance(subject, UserRenderer) and isinstance(subject.render, Shown):
+        raise InputError("--subject", "a renderer, since an image shows one scene alone", subject.name)
+    if not RUNGS[subject.rung].lit:
+        raise InputError("--rung", "a light level with light", subject.rung)
+    scene.check_lambertian("laws")
+    scene.sky_radiance  # noqa: B018 (checked)
+    if not scene.objects:
+        raise InputError(f"scene {scene.name}", "objects", "none")
+    width, height = scene.image_size
+    return scene.with_(size=size or (WIDTH, max(3, 3 * round(WIDTH * height / width / 3))))
 
 
 @dataclass(eq=False)
 class _Trial:
-    """One subject on one scene. Without noise, the scene itself is rendered once."""
+    """One subject on one scene, whose own renders are made once."""
 
     subject: Renderer
     base: Scene
     budget: Budget
-
-    def __post_init__(self) -> None:
-        self.judging = Judging(tolerance=self.base.tolerance, false_alarm_rate=FALSE_ALARM_RATE / len(LAWS))
-        self._known: dict[tuple[int, int], Image] = {}
+    _known: dict[tuple[int, int], Image] = field(default_factory=dict)
 
     def decide(self, changed: View, expected: View) -> tuple[Image, Image, Comparison]:
         """Return both pictures, and the verdict on them."""
+        judging = Judging(tolerance=self.base.tolerance, false_alarm_rate=FALSE_ALARM_RATE / len(LAWS))
         seeds, own_seeds = count(), count(REFERENCE_SEEDS)
         if not self.subject.noisy:
             test, reference = self._image(changed, 1, seeds), self._image(expected, 1, own_seeds)
-            return test, reference, compare(test, reference, self.judging)
+            return test, reference, compare(test, reference, judging)
         constant = None if expected.scenes else self._image(expected, 1, own_seeds)
-        check = SequentialComparison(constant, judging=self.judging)
-        rounds = Rounds(
-            check,
+        check = SequentialComparison(constant, judging=judging)
+        sides = (
             lambda samples, _: self._image(changed, samples, seeds),
             None if constant else lambda samples, _: self._image(expected, samples, own_seeds),
-            0,
-            Stages(),
-            *(calls_per_round(self.subject),) * 2,
         )
-        found = rounds.decide(self.budget)
+        calls = calls_per_round(self.subject)
+        found = Rounds(check, *sides, 0, Stages(), calls, calls).decide(self.budget)
         return check.image("test"), check.image("reference"), found
 
     def _image(self, view: View, samples: int, seeds: Iterator[int]) -> Image:
         """Return the view's picture from independent renders: what adds pictures adds their variances too."""
         if not view.scenes:
             return Image(np.broadcast_to(np.float32(view.value), (*self.base.image_size[::-1], 3)).copy())
-        images = [self._render(scene, samples, next(seeds)) for scene in view.scenes]
+        images = [self.render(scene, samples, next(seeds)) for scene in view.scenes]
         parts: dict[str, Any] = {}
         for power, name in enumerate(("mean", "variance", "third"), start=1):
             arrays = [getattr(image, name) for image in images]
             if all(array is not None for array in arrays):
                 parts[name] = np.float32(view.weight**power) * np.asarray(view.join(arrays), np.float32)
-        first = images[0]
-        return Image(**parts, samples=first.samples, batches=first.batches)
+        return Image(**parts, samples=images[0].samples, batches=images[0].batches)
 
-    def _render(self, scene: Scene, samples: int, seed: int) -> Image:
-        key = samples, seed if self.subject.noisy else 0
-        if scene is self.base and key in self._known:
-            return self._known[key]
-        image = sample_more(self.subject, scene)(*key)
-        if scene is self.base:
-            self._known[key] = image
-        return image
+    def render(self, scene: Scene, samples: int, seed: int) -> Image:
+        key = (samples, seed) if self.subject.noisy else (1, 0)
+        if scene is not self.base:
+            return sample_more(self.subject, scene)(*key)
+        if key not in self._known:
+            self._known[key] = sample_more(self.subject, scene)(*key)
+        return self._known[key]
