@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+from program import raytwin
 from typer.testing import CliRunner
 
 from raytwin.cli import app
@@ -383,8 +384,62 @@ def test_report_lists_every_comparison_once_failures_first(warm, tmp_path):
     for page in pages:
         text = (out / page).read_text()
         assert "http" not in re.sub(r"http://www\.w3\.org/\S+|<script.*?</script>", "", text, flags=re.DOTALL)
-    assert index.count("data:image/png") == 3 * 5
+    pictures = re.findall(r'<img src="([^"]+)"', index)
+    assert len(pictures) == 3 * 5
+    assert all((out / picture).stat().st_size < 50_000 for picture in pictures)
     assert (out / "notes.txt").exists()
+    summary = (out / "summary.md").read_text().splitlines()
+    assert summary[0] == "**5 of 8 comparisons failed.**"
+    shown = re.findall(r"!\[(expected|got|difference)\]\(([^)]+)\)", "\n".join(summary))
+    assert {picture for _, picture in shown} < set(pictures)
+    assert [row.split(" | ")[0] for row in summary[4:]] == ["| error", *["| fail"] * 4]
+    assert "my renderer &lt;b&gt;broke&lt;/b&gt;" in summary[4]
+
+
+REVIEWED = """
+from pathlib import Path
+
+@pytest.mark.parametrize("name", ["mine", "other"])
+def test_image(raytwin_reference, name):
+    pixels = np.full((6, 8, 3), 0.5)
+    pixels[2:4, 3:6] = 0.5 if name == "other" else float(Path("value").read_text())
+    raytwin_reference(name, "path", image=True).check(raytwin.Image(pixels.astype("f4")))
+
+def test_laws_of_a_tracer_without_shadows(raytwin_laws):
+    found = raytwin_laws(lambda scene: lambert(scene), rung="lambert")
+    assert found.verdict == "pass"
+    raytwin_laws(lambert, rung="shadow")
+
+def test_laws_of_what_renders_nothing(raytwin_laws):
+    raytwin_laws(lambda scene: np.zeros((1, 1, 3)))
+
+def lambert(scene):
+    from raytwin.renderers.scene_exchange import as_scene
+    return raytwin.trace(as_scene(scene), "lambert").mean
+"""
+
+
+def test_one_image_is_accepted_with_its_reason_and_laws_are_judged_in_a_test(warm, tmp_path):
+    source = "import raytwin\n" + REVIEWED
+    (tmp_path / "value").write_text("0.25")
+    run(warm, tmp_path, "--raytwin-update", "-k", "image", test_review=source).assert_outcomes(passed=2)
+    (tmp_path / "value").write_text("0.3")
+    options = "--raytwin-report", "pages"
+    result = run(warm, tmp_path, *options, test_review=source)
+    result.assert_outcomes(passed=1, failed=3)
+    assert failures(result)["test_laws_of_what_renders_nothing"].endswith(
+        "expected an image (108, 144, 3), got float64 (1, 1, 3)"
+    )
+    result.stdout.fnmatch_lines(["*FAIL  lambert, shadow: Something casts or gets no shadow.", "*Broken: covered."])
+    assert (tmp_path / "pages/laws/test_laws_of_a_tracer_without_shadows/laws.html").is_file()
+    new = "pages/new/mine/path.exr"
+    assert [f"pages/new/{p.relative_to(tmp_path / 'pages/new')}" for p in tmp_path.glob("pages/new/*/*")] == [new]
+    assert f"raytwin reference accept {new}" in (tmp_path / "pages/summary.md").read_text().replace("\\", "")
+    taken = raytwin("reference", "accept", new, "--because", "brighter | on purpose", cwd=tmp_path)
+    assert taken.returncode == 0, taken.stderr
+    assert "because: brighter | on purpose, was nothing" in taken.stdout
+    assert references.load(tmp_path / "reference/mine/path.exr").header["because"] == "brighter | on purpose"
+    run(warm, tmp_path, "-k", "image", test_review=source).assert_outcomes(passed=2)
 
 
 SPOILS = """

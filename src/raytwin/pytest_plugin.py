@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from raytwin.images.image_input import LoadedImage
     from raytwin.renderers.references import Reference
     from raytwin.scene import Camera, Scene, Tolerance
+    from raytwin.study.laws import Laws
 
 MARKER = "raytwin(scenes=None, rungs=None): which references the fixture raytwin_case goes through (default: all)."
 
@@ -80,6 +81,34 @@ def raytwin_reference(request: pytest.FixtureRequest) -> "Callable[..., Referenc
         return ReferenceCheck(request, scene, rung or _Folders(request.config).usual_rung(scene), image)
 
     return find
+
+
+@pytest.fixture
+def raytwin_laws(request: pytest.FixtureRequest) -> "Callable[..., Laws]":
+    """`raytwin_laws(render, rung="shadow")`: fail unless `render` keeps the laws that need no reference.
+
+    `render` is a function as `raytwin.method` takes it; `scene` is changed in the place of the built-in one, `sampling`
+    says where rays go. Returns what was found.
+    """
+
+    def judge(render: Any, rung: str = "shadow", scene: "Scene | None" = None, sampling: str = "center") -> "Laws":
+        __tracebackhide__ = True
+        from raytwin.errors import InputError
+        from raytwin.renderers.user_renderers import of_function
+        from raytwin.show import laws_page
+        from raytwin.study.laws import laws
+
+        try:
+            found = laws(of_function(render, "", rung, sampling), scene)
+        except InputError as error:
+            pytest.fail(str(error))
+        if (folder := _report_folder(request.config)) is not None:
+            laws_page.write_laws(found, folder / "laws" / request.node.name)
+        if found.verdict != "pass":
+            pytest.fail(laws_page.laws_summary(found))
+        return found
+
+    return judge
 
 
 @pytest.fixture
@@ -171,6 +200,7 @@ class ReferenceCheck:
         from raytwin.explain.diagnosis import explain
         from raytwin.images import image_input
         from raytwin.images.image import Image
+        from raytwin.renderers import references
         from raytwin.scene import Tolerance
         from raytwin.show.terminal_text import because, further
 
@@ -205,6 +235,11 @@ class ReferenceCheck:
                 "the reference has noise and the image tells none: where it has, give its variance=, "
                 "several renders, or a function of a seed"
             )
+        if not made.passed and known.golden and (folder := _report_folder(self._node.config)):
+            new = self._as_reference(taken.image, folder / "new")
+            references.save(new)
+            place = os.path.relpath(new.path, self._node.config.invocation_params.dir)
+            notes.append(f"to take it for the reference: raytwin reference accept {shlex.quote(place)}")
         text = f"{self.name}/{self.rung}{because(made) or f': {made.verdict}'}\n"
         text += "".join(f"  {reason}\n" for reason in further(made)) + "".join(f"  note: {n}\n" for n in notes)
         if page := self._report(made, tuple(notes), taken.image, shown, allowed):
@@ -301,9 +336,7 @@ class ReferenceCheck:
         wrong = compare(image, image)  # NaN, black, of another shape: nothing to compare others with
         if not wrong.passed:
             self._fail(f"{self.name}/{self.rung}: no reference can be made of this image: {'; '.join(wrong.reasons)}")
-        header = {"scene": self.name, "rung": self.rung, "renderer": f"the test {self._node.nodeid}"}
-        path = references.path_of(self._folders.own, self.name, self.rung)
-        made = references.sealed(path, image, header, None)
+        made = self._as_reference(image, self._folders.own)
         # The run's first test puts the file into the temporary folder that all its workers share. A link is there whole
         # or not at all, and only one process can make it.
         shared = self._request.getfixturevalue("tmp_path_factory").getbasetemp()
@@ -313,13 +346,19 @@ class ReferenceCheck:
         try:
             os.link(own, first)
         except FileExistsError:
-            self.reference = replace(references.load(first), path=path)
+            self.reference = replace(references.load(first), path=made.path)
             return self.reference.header["renderer"]
         finally:
             own.unlink()
         self.reference = made
         references.save(made)
         return None
+
+    def _as_reference(self, image: "Image", folder: Path) -> "Reference":
+        from raytwin.renderers import references
+
+        header = {"scene": self.name, "rung": self.rung, "renderer": f"the test {self._node.nodeid}"}
+        return references.sealed(references.path_of(folder, self.name, self.rung), image, header, None)
 
     def _fail(self, text: str) -> NoReturn:
         __tracebackhide__ = True

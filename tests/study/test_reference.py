@@ -318,6 +318,24 @@ def test_the_command_replaces_only_when_told_to(overlap, folder, tmp_path):
     assert raytwin("reference", "check", "scenes/overlap", "--rung", "shadow", cwd=tmp_path).returncode == 0
 
 
+def test_accept_takes_one_reference_with_the_reason_in_its_header(overlap, tmp_path):
+    folder, where = tmp_path / "reference", "scenes/overlap/lambert"
+    make(overlap, "lambert", folder)
+    make(overlap, "surface", folder)
+    edit(overlap, "radius = 0.05", "radius = 0.045")
+    done = raytwin("reference", "accept", where, "--because", "a smaller ball", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "spheres[1].radius 0.05 -> 0.045" in done.stdout
+    found = references.load(folder / "overlap" / "lambert.exr")
+    assert found.header["because"] == "a smaller ball"
+    assert references.stale(found, overlap) is None
+    assert "stale" in make_reference.check(overlap, "surface", folder).problems[0]
+    again = raytwin("reference", "accept", where, cwd=tmp_path)  # the reason of an earlier time is none of this one
+    assert "because: nothing, was a smaller ball" in again.stdout
+    refused(raytwin("reference", "accept", "scenes/overlap/shadwo", cwd=tmp_path), "did you mean shadow?")
+    refused(raytwin("reference", "accept", "missing.exr", cwd=tmp_path), "expected a reference, got no such file")
+
+
 def test_show_tells_a_line_of_each_reference_and_all_of_a_single_one(overlap, folder, tmp_path):
     found = [make(overlap, rung, folder).new for rung in ("lambert", "shadow")]
     lines = raytwin("reference", "show", cwd=tmp_path).stdout.splitlines()

@@ -38,6 +38,7 @@ PHOTOS, CLASSES, FURTHER = "Photos", "Learn and teach", "Further"
 COMMANDS: dict[str, tuple[str, Any]] = {
     "compare": (COMPARE, compare_commands.compare_command),
     "diff": (COMPARE, compare_commands.diff_command),
+    "laws": (COMPARE, method_commands.laws_command),
     "explore": (COMPARE, method_commands.explore_command),
     "shrink": (COMPARE, method_commands.shrink_command),
     "reference": (REFERENCES, reference_commands.app),
@@ -52,7 +53,7 @@ COMMANDS: dict[str, tuple[str, Any]] = {
 }
 """Command -> the heading that it stands under in `--help`, and what runs. An app is a group of commands."""
 GROUP_HELP = {
-    "reference": "Make, check, show or diff reference images.",
+    "reference": "Make, accept, check, show reference images, merge reports.",
     "bench": "Measure speed against accuracy.",
     "photo": "Calibrate from photos, find their light, draw into them.",
     "grade": "Grade students' tracers.",

@@ -1,4 +1,4 @@
-"""raytwin levels, shrink, explore: a scene by many methods."""
+"""raytwin levels, laws, shrink, explore: a scene by many methods."""
 
 import os
 import shlex
@@ -11,6 +11,7 @@ from raytwin.cli.option_values import check_outputs
 from raytwin.cli.options import Size
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say, say_wrapped
+from raytwin.errors import InputError
 from raytwin.study.settings import CompareSettings
 
 
@@ -39,6 +40,38 @@ def levels_command(
     say_wrapped(levels_page.levels_summary(made.found))
     say(f"report: {folder / 'levels.html'}")
     raise typer.Exit(0 if made.found.choice or tolerance is None else 2)
+
+
+def laws_command(
+    settings: CompareSettings, renderer: str | None = None, scene: Path | None = None, json: Path | None = None,
+    out: Path | None = None,
+) -> None:  # fmt: skip
+    """Judge a renderer without a reference.
+
+    A scene is moved, turned, scaled, mirrored, cut and lit otherwise, so that each picture follows from another. The
+    laws that break name the cause. Exit code 0: none is broken; 1: one is; 2: undecided.
+    """
+    check_outputs(folders=(out or Path("out"),), files=(json,))
+    what = [one for one in (renderer, settings.subject) if one is not None]
+    if len(what) != 1:
+        raise InputError("--subject", "the one renderer to judge", "two" if what else "none")
+    with show_progress() as progress:
+        with progress.stage("imports"):
+            from raytwin.scene.scene_files import read_scene
+            from raytwin.scene.toml_json import write_json
+            from raytwin.show import laws_page
+            from raytwin.study.laws import laws
+            from raytwin.teach.contract.subject import find_subject
+        subject = find_subject(what[0], settings.rung, settings.sampling)
+        read = read_scene(scene) if scene else None
+        found = laws(subject, read, size=settings.size, budget=settings.spending, progress=progress)
+        folder = out or Path("out") / "laws"
+        laws_page.write_laws(found, folder)
+    if json:
+        write_json(json, found.numbers())
+    say_wrapped(laws_page.laws_summary(found))
+    say(f"report: {folder / 'laws.html'}")
+    raise typer.Exit(found.exit_code)
 
 
 def shrink_command(

@@ -83,6 +83,8 @@ ANY_SCENE = "A scene's folder, its scene.toml or its name; or a Mitsuba file (XM
 METRICS = "rmse", "relmse", "mae", "max_abs", "p999_abs", "p999_rel"
 OF_SHRINK = "subject", "rung", "samples", "seed", "size", "light"
 """Settings of `compare` that `shrink` has, too."""
+OF_LAWS = "subject", "rung", "sampling", "size", "budget"
+"""Settings of `compare` that `laws` has, too."""
 
 TRACER, CERTAINTY, PLACE, FILES = "raytwin's own tracer", "How certain a verdict is", "Camera and light", "Files"
 SHARED_OPTIONS: dict[str, dict[str, Any]] = {
@@ -167,6 +169,14 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "metric": _opt(f"{', '.join(METRICS[:-1])} or {METRICS[-1]}.", among=METRICS),
         "size": _opt("Size of the pictures; 320 wide by default.", "WxH", callback=_size, kind=str | None),
         "out": _opt("Folder for page and chart (in out/).", "DIR", *OUT),
+    },
+    "laws": {
+        "renderer": _arg("What --subject takes, as tracer.py.", "[WHAT]"),
+        "scene": _opt("Scene to change.", "SCENE", among=_scenes, callback=_known_scene, kind=Path | None),
+        "subject": _opt("Renderer to judge; see `raytwin compare --subject`.", "WHAT", kind=str | None),
+        "rung": _opt("Light level that it renders: lambert, shadow, sky or path.", among=LEVELS),
+        "out": _opt("Folder for laws.html and laws.json (out/laws).", "DIR", *OUT),
+        **{field.name: None for field in dataclasses.fields(CompareSettings) if field.name not in OF_LAWS},
     },
     "shrink": {
         "subject": _opt("Renderer that fails: a method, FILE.py:FUNCTION, or a command with {scene} and {out}.", "WHAT",
@@ -260,6 +270,15 @@ OPTIONS: dict[str, dict[str, Any]] = {
     },
     "reference.check": {
         "budget": _opt("Most samples per pixel, or time (30s), per reference.", "N|TIME", "--budget", "--samples"),
+    },
+    "reference.accept": {
+        "new": _arg("Image that a test run kept, or SCENE/RUNG.", "NAME"),
+        "because": _opt("Why, for the file's header.", "REASON"),
+        "folder": _opt("Folder of the references.", "DIR", "--folder"),
+    },
+    "reference.merge": {
+        "folders": _arg("Reports, one per machine.", "FOLDER..."),
+        "out": _opt("Folder for index.html and summary.md.", "DIR", *OUT),
     },
     "reference.make": {"folder": _opt("Folder of the references.", "DIR", "--folder")},
     "reference.show": {

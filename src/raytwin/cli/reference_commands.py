@@ -1,4 +1,4 @@
-"""raytwin reference make | check | show: references that renders are compared with."""
+"""raytwin reference make | accept | check | show | merge: references that renders are compared with."""
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -52,6 +52,46 @@ def make_command(
             refused.append(change.new.path)
     if refused and not _terminal():
         raise InputError(_count(refused), "would be replaced, and there is no terminal to ask. --yes replaces them.")
+
+
+def accept_command(new: Path, because: str = "", folder: Path = REFERENCES, allow: list[str] | None = None) -> None:
+    """Take one new image or reference, with the reason why.
+
+    An image that a test run kept (its summary.md names the file), or SCENE/RUNG, which is rendered anew.
+    """
+    from raytwin.renderers import references
+    from raytwin.rungs import RUNGS
+    from raytwin.scene_folders import find_scene
+    from raytwin.study import make_reference
+
+    check_outputs(folders=(folder,))
+    if new.suffix == ".exr":
+        found = references.load(new)
+    else:
+        check_one_of(f"{new}: the light level", new.name, RUNGS)
+        with show_progress() as progress:
+            scene = find_scene(new.parent)
+            found = make_reference.make(scene, new.name, folder.absolute(), progress=progress).new
+    change = make_reference.accept(found, folder.absolute(), because)
+    references.save(change.new)
+    say("\n".join((*change.lines(), f"  written: {change.new.path}")))
+
+
+def merge_command(folders: list[Path], out: Path = Path("out/merged")) -> None:
+    """Merge the reports of several machines.
+
+    Each folder is what `pytest --raytwin-report` wrote on one. The page has a row per test and a column per machine,
+    and says which machine is the odd one. Exit code 1: a comparison failed, or is missing, on any of them.
+    """
+    from raytwin.show import merged_page
+
+    check_outputs(folders=(out,))
+    rows = merged_page.merge(folders)
+    merged_page.write_merged(rows, folders, out)
+    for sentence in merged_page.sentences(rows, merged_page.machines(folders)):
+        say(sentence)
+    say(f"report: {out / 'index.html'}")
+    raise typer.Exit(0 if all(row.good for row in rows) else 1)
 
 
 def check_command(
@@ -170,7 +210,9 @@ def _count(things: Sequence[object]) -> str:
 
 COMMANDS: dict[str, Callable[..., None]] = {
     "make": make_command,
+    "accept": accept_command,
     "check": check_command,
     "show": show_command,
+    "merge": merge_command,
 }
 register(app, COMMANDS, within="reference")

@@ -90,3 +90,19 @@ def takes_of(function: Callable[..., Any]) -> set[str]:
         except (TypeError, ValueError):
             return set()
     return {"seed", "samples"} & set(names)
+
+
+def of_function(
+    function: Callable[..., Any], name: str, rung: str, sampling: str, renders: int = 1, records: bool = False
+) -> UserRenderer:
+    """Return the renderer that a function is, as `raytwin.method` describes. Raises InputError for what is none."""
+    if not callable(function):
+        raise InputError("method", "a function of a scene, or a text as --subject takes it", repr(function))
+    title, takes = name or getattr(function, "__name__", type(function).__name__), takes_of(function)
+    few = DEFAULT_SAMPLES if takes >= {"seed", "samples"} else 0
+    describe = _itself if records else as_arrays
+    return UserRenderer(rung, title, function, describe, {}, "seed" in takes, renders, sampling, few)
+
+
+def _itself(scene: Scene, rung: str) -> Scene:
+    return scene

@@ -1,10 +1,11 @@
 """A test run's comparisons: a page for each as it is made, then an index of all, failures first.
 
-Each comparison leaves `check-<test>-<hash>.json` and, where it has pictures, a page of the same name. The index is made
-from these files, so that tests may run in many processes at once.
+Each comparison leaves `check-<test>-<hash>.json` and, where it has pictures, a page and small PNGs of the same name.
+The index and summary.md are made from these files, so that tests may run in many processes at once.
 """
 
 import hashlib
+import html
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ import msgspec
 from raytwin.compare import Report
 from raytwin.errors import InputError
 from raytwin.images.image import Image
+from raytwin.images.photo_files import write_picture
 from raytwin.safe_write import write_text
 from raytwin.scene import Tolerance
 from raytwin.scene.toml_json import write_json
@@ -25,16 +27,20 @@ from raytwin.study.compared import Compared
 
 THUMB = 150
 """Pixels across a small picture in the index."""
-INDEX = "index.html"
+INDEX, SUMMARY = "index.html", "summary.md"
 SCRIPT = "check-viewer.js"
 """The viewer, which all pages of a run share."""
 GOOD = ("pass", "differs")
+NEW = "new"
+"""Folder of the images that may become references."""
+PICTURES = "picture", "reference", "error"
+"""Fields of a row that name a file."""
 
 NAMES = Names("test", "reference", "The test's image", "The reference")
 
 
 class CheckRow(msgspec.Struct):
-    """A line of the index. `page` and the pictures (data URLs) are empty where there was no image to show."""
+    """A line of the index. `page` and the pictures (files) are empty where there was no image to show."""
 
     test: str
     number: int
@@ -74,7 +80,10 @@ def write_check(
         row.page, page = f"{stem}.html", folder / f"{stem}.html"
         write_report(view, page, SCRIPT)
         if view.alike:
-            row.picture, row.reference, row.error = _thumbs(view, tolerance)
+            pictures = data_urls.small_pictures(view.test, view.reference, view.tolerance.p999_abs, THUMB)
+            for name, pixels in zip(PICTURES, pictures, strict=True):
+                setattr(row, name, f"{stem}-{name}.png")
+                write_picture(folder / f"{stem}-{name}.png", pixels)
     write_json(folder / f"{stem}.json", row)
     return page
 
@@ -93,7 +102,8 @@ def prepare(folder: Path) -> None:
     """Make the folder, without what an earlier run wrote. Raises InputError for a folder that cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for old in [*folder.glob("check-*.html"), *folder.glob("check-*.json"), folder / INDEX, folder / SCRIPT]:
+        written = [old for kind in ("check-*.*", f"{NEW}/*/*.exr") for old in folder.glob(kind)]
+        for old in [*written, folder / INDEX, folder / SUMMARY, folder / SCRIPT]:
             old.unlink(missing_ok=True)
     except OSError as error:
         found = "a file" if folder.is_file() else error.strerror or error
@@ -102,13 +112,40 @@ def prepare(folder: Path) -> None:
 
 
 def write_index(folder: Path) -> tuple[int, int]:
-    """index.html over all comparisons in the folder; how many there are, and how many failed."""
-    rows = [msgspec.json.decode(f.read_bytes(), type=CheckRow) for f in folder.glob("check-*.json")]
-    rows.sort(key=lambda row: (row.verdict in GOOD, row.test, row.number))
+    """Write index.html and summary.md over all comparisons; return how many there are, and how many failed."""
+    rows = sorted(read_rows(folder), key=lambda row: (row.verdict in GOOD, row.test, row.number))
     failed = sum(row.verdict not in GOOD for row in rows)
     about = {"rows": rows, "failed": failed, "name": folder.absolute().name}
     write_page(folder / INDEX, "checks.html.j2", ("checks.css",), ("table.js",), **about)
+    write_text(folder / SUMMARY, summary(rows, failed))
     return len(rows), failed
+
+
+def read_rows(folder: Path) -> list[CheckRow]:
+    """Return the rows of a report's folder. Raises InputError where one is damaged."""
+    try:
+        return [msgspec.json.decode(file.read_bytes(), type=CheckRow) for file in sorted(folder.glob("check-*.json"))]
+    except msgspec.DecodeError as error:
+        raise InputError(folder, "a report as pytest --raytwin-report writes it", error) from None
+
+
+def summary(rows: list[CheckRow], failed: int) -> str:
+    """Return a table in Markdown of what failed, with small pictures, which are files beside it."""
+    lines = [f"**{failed} of {len(rows)} comparisons failed.**" if failed else f"All {len(rows)} comparisons pass.", ""]
+    if failed:
+        lines += ["| verdict | test | cause | expected | got | difference |", "| --- " * 6 + "|"]
+    for row in rows[:failed]:
+        files = {"expected": row.reference, "got": row.picture, "difference": row.error}
+        shown = [f"![{name}]({file})" if file else "" for name, file in files.items()]
+        what = cell(row.test.rpartition("/")[2], " ".join(filter(None, (row.scene, row.rung))))
+        lines.append(f"| {' | '.join((row.verdict, what, cell(*row.reasons[:1], *row.notes), *shown))} |")
+    return "\n".join(lines) + "\n"
+
+
+def cell(*texts: str) -> str:
+    """Return texts as the lines of a table's cell in Markdown: nothing in them is markup."""
+    lines = (re.sub(r"([\\`*_\[\]|~])", r"\\\1", html.escape(" ".join(text.split()))) for text in texts)
+    return "<br>".join(filter(None, lines))
 
 
 def _view(test: str, notes: tuple[str, ...], pair: Compared) -> PairView:
@@ -124,12 +161,3 @@ def _view(test: str, notes: tuple[str, ...], pair: Compared) -> PairView:
         tiles=tiles(pair, tolerance),
         objects=numbered(pair.reference),
     )
-
-
-def _thumbs(view: PairView, tolerance: Tolerance) -> tuple[str, str, str]:
-    """Return the test's image, the reference and their difference, small, as data URLs."""
-    step, stops = max(1, -(-view.test.shape[1] // THUMB)), data_urls.exposure(view.reference)
-    test, reference = (
-        data_urls.png_url(data_urls.exposed(image, stops)[::step, ::step]) for image in (view.test, view.reference)
-    )
-    return test, reference, data_urls.error_thumb(view.test, view.reference, tolerance.p999_abs, THUMB)

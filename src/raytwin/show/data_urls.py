@@ -39,12 +39,19 @@ FAINT = 10.0
 """Times the tolerance: the least error that gets the full colour, so that what is allowed stays pale."""
 
 
-def error_thumb(test: Image, reference: Image, tolerance: float, widest: int) -> str:
-    """Return the difference as a picture of at most about `widest` pixels across: noise thins as it does for an eye."""
-    step = max(1, round(test.shape[1] / widest))
-    test, reference = (binned(Image(image.mean), step) for image in (test, reference))
+def small_pictures(
+    test: Image, reference: Image, tolerance: float, widest: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return sRGB uint8 of the test, of its reference, exposed alike, and of their difference.
+
+    At most about `widest` pixels across. In the difference noise thins as it does for an eye.
+    """
+    step = max(1, -(-test.shape[1] // widest))
+    gain = exposure(reference if reference.mean.any() else test)
+    shown = [exposed(image, gain)[::step, ::step] for image in (test, reference)]
+    test, reference = (binned(Image(image.mean), max(1, round(test.shape[1] / widest))) for image in (test, reference))
     scale = max(FAINT * tolerance, error_scale(test, reference))
-    return png_url(to_bytes(error_map(test, reference, scale=scale)))
+    return shown[0], shown[1], to_bytes(error_map(test, reference, scale=scale))
 
 
 # ------------------------------------------------------------------------------------------ pixels worth a look

@@ -178,7 +178,17 @@ def make(
         image = twin.render_mitsuba(placed, *how[1:], STINTS * BATCHES, progress=progress)
     else:
         image = render(placed, rung, *how, progress)
-    new = sealed(path, image, header, sealed_scene)
+    return _change(sealed(path, image, header, sealed_scene), old, notes)
+
+
+def accept(new: Reference, folder: str | Path, because: str = "") -> Change:
+    """What the folder's reference would become: the `new` one, with the reason why in its header."""
+    header = {k: v for k, v in new.header.items() if k != "because"} | ({"because": because} if because else {})
+    path = path_of(folder, header["scene"], header["rung"])
+    return _change(sealed(path, new.image, header, new.scene), *_there(path))
+
+
+def _change(new: Reference, old: Reference | None, notes: tuple[str, ...]) -> Change:
     if old is None:
         return Change(new, None, notes)
     compared = compare(new.image, old.image, tolerance=new.tolerance)

@@ -16,7 +16,6 @@ from raytwin.images.image import Image
 from raytwin.images.image_input import one_batch
 from raytwin.progress import Stages
 from raytwin.renderers.renderer import Renderer
-from raytwin.renderers.subject_renderers import PathTraced
 from raytwin.renderers.user_renderers import UserRenderer
 
 if TYPE_CHECKING:
@@ -67,8 +66,8 @@ def round_seed(seed: int, number: int) -> int:
 class Rounds:
     """The rounds of one comparison. A side whose `Render` is None stays what `check` was made with.
 
-    `calls`: at most this many renders of the test per round: more than one if it states no variance, infinity if it
-    cannot be asked for more samples at once. Their seeds are 0, 1, 2 and so on. `names`: of the sides' stages.
+    `calls`: at most this many renders of the test per round (`calls_per_round`), of seeds 0, 1, 2 and so on;
+    `reference_calls`: likewise. `names`: of the sides' stages.
     """
 
     def __init__(
@@ -79,9 +78,11 @@ class Rounds:
         seed: int,
         stages: Stages,
         calls: float = 1,
+        reference_calls: float = 1,
         names: tuple[str, str] = ("tracer", "twin"),
     ) -> None:
-        self.check, self.seed, self.stages, self.calls = check, seed, stages, calls
+        self.check, self.seed, self.stages = check, seed, stages
+        self.calls = {"test": calls, "reference": reference_calls}
         self._sides = {"test": (test, names[0]), "reference": (reference, names[1])}
         self._made = {"test": 0, "reference": 0}
 
@@ -107,7 +108,7 @@ class Rounds:
         for side, (render, stage) in self._sides.items():
             if render is None:
                 continue
-            parts = _parts(samples, self.calls if side == "test" else 1)
+            parts = _parts(samples, self.calls[side])
             with self.stages.stage(stage):
                 made[side] = [render(count, self._seed(side)) for count in parts]
         with self.stages.stage("compare"):
@@ -117,13 +118,37 @@ class Rounds:
     def _seed(self, side: str) -> int:
         self._made[side] += 1
         number = self._made[side] - 1
-        return number if side == "test" and self.calls > 1 else round_seed(self.seed, number)
+        return number if side == "test" and self.calls[side] > 1 else round_seed(self.seed, number)
 
 
 def _parts(samples: int, most: float) -> list[int]:
     """So many samples in `most` parts, as even as can be; no more parts than samples."""
     count = int(min(most, samples))
     return [samples // count + (i < samples % count) for i in range(count)]
+
+
+def calls_per_round(subject: Renderer) -> float:
+    """Return how often a renderer is called in a round: once, or as often as it takes to know its noise.
+
+    It is infinity for a program that cannot be asked for several samples at once.
+    """
+    if not (isinstance(subject, UserRenderer) and subject.seeded):
+        return 1
+    return CALLS if subject.samples else math.inf
+
+
+def sample_more(subject: Renderer, scene: Any) -> Render:
+    """Return what renders further samples of a scene; the image of a renderer without noise, whatever is asked for."""
+
+    def render(samples: int, seed: int) -> Image:
+        if not subject.noisy:
+            return subject(scene, seed)
+        if not isinstance(subject, UserRenderer):
+            return subject.with_samples(samples)(scene, seed)
+        image = replace(subject, renders=1, samples=samples if subject.samples else 0)(scene, seed)
+        return image if subject.samples else one_batch(image)
+
+    return render
 
 
 ENOUGH_FOR_A_CAUSE = 64
@@ -140,9 +165,8 @@ def render_sides(
     both have the same light; a subject with other light and noise of its own is compared at its own level, which is
     done once.
     """
-    ours = isinstance(subject, PathTraced) and not chosen.subject  # a method's name says its samples
-    theirs = isinstance(subject, UserRenderer) and subject.seeded
-    takes = ours or theirs
+    # A method's name says its samples.
+    takes = subject.noisy and (isinstance(subject, UserRenderer) or not chosen.subject)
     if chosen.samples is not None or not (noisy or takes) or (takes and not alike):
         if isinstance(subject, UserRenderer) and subject.samples:
             subject = subject.with_samples(max(1, chosen.twin_samples // subject.renders))
@@ -153,12 +177,6 @@ def render_sides(
         with stages.stage("compare"):
             return made, right, judge(made, right, judging=chosen.judging)
 
-    def test(samples: int, seed: int) -> Image:
-        if not isinstance(subject, UserRenderer):
-            return subject.with_samples(samples)(scene, seed)
-        image = replace(subject, renders=1, samples=samples if subject.samples else 0)(scene, seed)
-        return image if subject.samples else one_batch(image)
-
     fixed: dict[str, Image] = {}
     with stages.stage("tracer"):
         fixed |= {} if takes else {"test": subject(scene, chosen.seed)}
@@ -168,8 +186,8 @@ def render_sides(
     check = SequentialComparison(
         fixed.get("reference"), test=fixed.get("test"), judge=judge, judging=chosen.judging, **fewest
     )
-    calls = (CALLS if subject.samples else math.inf) if theirs else 1
-    rounds = Rounds(check, test if takes else None, reference if noisy else None, chosen.seed, stages, calls)
+    test, twin = sample_more(subject, scene) if takes else None, reference if noisy else None
+    rounds = Rounds(check, test, twin, chosen.seed, stages, calls_per_round(subject))
     found = rounds.decide(chosen.spending)
     if found.verdict == "fail" and alike:
         rounds.extend(ENOUGH_FOR_A_CAUSE)

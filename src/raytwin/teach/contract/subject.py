@@ -13,7 +13,7 @@ from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.renderer_table import RENDERERS
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.renderers.subject_renderers import Traced
-from raytwin.renderers.user_renderers import DEFAULT_SAMPLES, UserRenderer, takes_of
+from raytwin.renderers.user_renderers import DEFAULT_SAMPLES, UserRenderer, of_function, takes_of
 from raytwin.rungs import RUNGS, SAMPLINGS
 from raytwin.safe_write import check_file
 from raytwin.scene import Scene
@@ -97,18 +97,7 @@ def method(
             raise InputError("method", "a function beside `renders` or `records`", what)
         found = find_subject(what, rung)
         return replace(found, title=name or found.title, rays=sampling) if isinstance(found, UserRenderer) else found
-    title = name or getattr(what, "__name__", type(what).__name__)
-    if not callable(what):
-        raise InputError("method", "a function of a scene, or a text as --subject takes it", repr(what))
-    takes = takes_of(what)
-    few = DEFAULT_SAMPLES if takes >= {"seed", "samples"} else 0
-    return UserRenderer(
-        rung, title, what, _itself if records else as_arrays, {}, "seed" in takes, renders, sampling, few
-    )
-
-
-def _itself(scene: Scene, rung: str) -> Scene:
-    return scene
+    return of_function(what, name, rung, sampling, renders, records)
 
 
 def _name(scene: Scene, rung: str) -> dict[str, Any]:
