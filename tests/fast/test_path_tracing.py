@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 import pytest
 from closed_forms import CLOSED
-from engines import SHIPPED, TRIED, plain_paths
+from engines import SHIPPED, TRIED, plain_paths, to_numpy
 from scene_of import changed, scene_of
 from scipy.stats import qmc
 from truths import (
@@ -29,7 +29,7 @@ from truths import (
 from raytwin import fast as fast_package
 from raytwin import twin
 from raytwin.fast import ENGINES, frame
-from raytwin.fast.engine import from_numpy, to_numpy
+from raytwin.fast.engine import from_numpy
 from raytwin.fast.sampling import BATCHES, reverse_bits, second_of_sobol, sobol_pair
 from raytwin.images.image import Image
 from raytwin.scene import Phong, Rectangle, Scene, Sky, Sphere, Sun

@@ -4,12 +4,13 @@ from math import pi
 
 import numpy as np
 import pytest
+from engines import to_numpy
 from scene_of import changed, scene_of
 from truths import camera_above
 
 from raytwin import fast
 from raytwin.fast import ENGINES
-from raytwin.fast.engine import from_numpy, to_engine, to_numpy
+from raytwin.fast.engine import from_numpy, to_engine
 from raytwin.scene import Environment, Lambert, Rectangle, Scene
 from raytwin.tracer.lights.environment_map import environment_map
 

@@ -24,13 +24,11 @@ def newton_steps(camera: Camera, precision: str = "float64") -> int:
     check_lens(camera)
     known = undone(camera.K, camera.dist, camera.image_size)
     xd, yd = ((known.pixels[known.found] - (camera.cx, camera.cy)) / (camera.fx, camera.fy)).T
-    x, y = known.ideal[known.found].T
     enough = 2e-14 if precision == "float64" else 2e-8
     with np.errstate(all="ignore"):
         for steps in range(NEWTON_STEPS):
             ended = undistort(xd, yd, dist, steps)
-            back = distort(*ended, dist)
-            apart = np.hypot(ended[0] - x, ended[1] - y).max()  # large at a root beyond a fold
-            if np.hypot(back[0] - xd, back[1] - yd).max() < enough and apart < SAME_ROOT_WITHIN:
+            apart = np.hypot(*(ended - known.ideal[known.found].T)).max()  # large at a root beyond a fold
+            if np.hypot(*np.subtract(distort(*ended, dist), (xd, yd))).max() < enough and apart < SAME_ROOT_WITHIN:
                 return steps
     return NEWTON_STEPS
