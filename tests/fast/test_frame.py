@@ -109,29 +109,6 @@ def test_numpy_stays_in_the_precision_that_was_asked_for(overlap, name):
             assert {a.dtype.name for a in arrays} == {engine.precision}, (rung, solver)
 
 
-def test_every_rung_returns_a_whole_image(overlap, engine):
-    small = overlap.with_camera(overlap.camera.resized(107, 80))
-    for rung in RADIANCE:
-        image = trace(small, rung, engine)
-        layers = image.mean, image.surface.depth, image.surface.normal
-        assert [layer.dtype for layer in layers] == [np.float32] * 3, rung
-        assert all(np.isfinite(layer).all() for layer in layers), rung
-        assert (image.mean.shape, image.surface.ids.dtype, image.variance) == ((80, 107, 3), np.int32, None)
-        assert image.mean.min() >= 0
-        assert set(np.unique(image.surface.ids)) == set(range(-1, len(small.objects)))
-        background = np.float32((0, 0, 0) if rung == "surface" else small.sky.radiance)
-        assert (image.mean[~image.surface.mask] == background).all(), rung
-
-
-def test_a_shadow_only_takes_light_away(overlap):
-    lit, shaded = trace(overlap, "lambert"), trace(overlap, "shadow")
-    assert (shaded.mean <= lit.mean).all()
-    taken = (shaded.mean < lit.mean).any(axis=-1)
-    assert 0.02 < taken.mean() < 0.5
-    albedo = np.array([x.material.albedo for x in overlap.objects])[shaded.surface.ids[taken]]
-    np.testing.assert_allclose(shaded.mean[taken], albedo * overlap.sky.radiance, rtol=1e-6)
-
-
 @pytest.mark.parametrize("shiny", [0, 3])
 def test_many_objects_keep_the_highlight_of_each(overlap, engine, rng, shiny):
     """Looked up in a table: the first object's as well as another's."""

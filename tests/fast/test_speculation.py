@@ -85,15 +85,6 @@ def test_a_step_of_one_traces_everything(scenes):
     np.testing.assert_allclose(guess, trace(scene).mean, atol=1e-6)
 
 
-def test_what_no_lattice_point_sees_is_lost():
-    """A sphere of 4 px across, between lattice points 16 px apart."""
-    scene = sphere_scene(x=0.0045, y=0.0045, radius=0.001)
-    truth = trace(scene, "lambert")
-    assert truth.surface.mask.any()
-    guess, _ = speculate(scene, 16, "lambert", engine="numpy64")
-    np.testing.assert_array_equal(guess, truth.mean[0, 0] + 0 * guess)
-
-
 @pytest.mark.parametrize("width", range(32, 41))
 def test_frames_of_every_size_are_filled_to_their_last_row_and_column(scenes, width):
     # A frame full of a table: a pixel left out would show the sky.

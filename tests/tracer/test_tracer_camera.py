@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from raytwin.fast.boxes import field_of_view
-from raytwin.fast.newton_steps import newton_steps
+from raytwin.fast.frame import newton_steps
 from raytwin.scene import Camera
 from raytwin.scene.lens import distort, inverse
 from raytwin.scene.scene_files import read_scene

@@ -1,7 +1,7 @@
 """The whole tracer, fast: tiles that see some object, in any engine; the same pixels as `tracer.trace`."""
 
 from collections.abc import Iterable, Iterator
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -11,11 +11,10 @@ from raytwin.errors import check_one_of
 from raytwin.fast.boxes import TRIMS
 from raytwin.fast.engine import ENGINES, Canvas, Engine, from_numpy, pixel_grid, tile_pixels, to_engine
 from raytwin.fast.fast_world import FastWorld, Objects
-from raytwin.fast.newton_steps import newton_steps
 from raytwin.images.image import Image, Surface
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, to_camera_frame
-from raytwin.scene.lens import without_ray
+from raytwin.scene.lens import NEWTON_STEPS, check_lens, distort, undone, without_ray
 from raytwin.tracer.arrays import Vec, unit
 from raytwin.tracer.hit import Stages
 from raytwin.tracer.lights import Lighting, lighting
@@ -30,6 +29,8 @@ CHUNK = 1 << 14
 """Points that NumPy traces at a time: they stay in the processor's cache, as a tile does."""
 BOXED = ("intersect_sphere", "intersect_rectangle", "nearer", "sun_visible")
 """The stages on which it depends which objects a ray can be spared."""
+SAME_ROOT_WITHIN = 1e-4
+"""Solutions farther apart than this, in normalised coordinates, are different roots; rounding moves them far less."""
 Piece = tuple[Any, Any, Any, FastWorld]
 """u, v, place of the pixels; the objects that their rays may meet."""
 
@@ -66,11 +67,10 @@ def background(scene: Scene, rung: str = "shadow") -> Float32[np.ndarray, "h w 3
     elif scene.environment is None:
         out[:] = np.tile(np.array(scene.sky_radiance, np.float32), (w, 1))
     else:
-        view, step = EyeScene(scene, ENGINES["numpy64"]), max(1, (1 << 16) // w)
+        view = EyeScene(scene, ENGINES["numpy64"])
         with np.errstate(all="ignore"):  # where the lens has no ray
-            for y in range(0, h, step):
-                d = view.ray(*pixel_grid(view.engine, (0, y, w, min(y + step, h))))
-                out[y : y + step] = np.stack(view.light.sky.radiance(d), axis=-1)
+            for u, v, place, _ in pieces(view, np.array([(0, 0, w, h)])):
+                out[place] = np.stack(view.light.sky.radiance(view.ray(u, v)), axis=-1)
     if (lost := without_ray(scene.camera)) is not None:
         out[lost] = 0
     return out
@@ -165,6 +165,28 @@ class EyeScene:
         if seen is None or self.objects.every:
             seen = np.arange(self.objects.number)
         return FastWorld(self.objects, self.stages, seen.tolist())
+
+
+@lru_cache(maxsize=64)
+def newton_steps(camera: Camera, precision: str = "float64") -> int:
+    """Return the fewest steps of `undistort` that come back to rounding from all over the frame; 0 for a pinhole.
+
+    Raises InputError where `check_lens` does.
+    """
+    dist = camera.coefficients
+    if not any(dist):
+        return 0
+    check_lens(camera)
+    known = undone(camera.K, camera.dist, camera.image_size)
+    xd, yd = ((known.pixels[known.found] - (camera.cx, camera.cy)) / (camera.fx, camera.fy)).T
+    enough = 2e-14 if precision == "float64" else 2e-8
+    with np.errstate(all="ignore"):
+        for steps in range(NEWTON_STEPS):
+            ended = undistort(xd, yd, dist, steps)
+            apart = np.hypot(*(ended - known.ideal[known.found].T)).max()  # large at a root beyond a fold
+            if np.hypot(*np.subtract(distort(*ended, dist), (xd, yd))).max() < enough and apart < SAME_ROOT_WITHIN:
+                return steps
+    return NEWTON_STEPS
 
 
 def pieces(view: EyeScene, boxes: Int[np.ndarray, "n 4"]) -> Iterator[Piece]:

@@ -128,13 +128,7 @@ def radiance_by_surfaces(hit: Hit, view: EyeScene, world: World, draw: Draw, dep
 
 def _closed_form_sky(view: EyeScene, hit: Hit) -> tuple[Vec, Lighting]:
     """The sky's light at the first surface where `sky_visibility` knows it, and light whose sky is dark there."""
-
-    def fold(state: Any, body: Callable[..., Any]) -> Any:
-        for index, thing in enumerate(view.objects.objects):
-            state = body(state, index, thing)
-        return state
-
-    left, known = sky_visibility(hit, fold)
+    left, known = sky_visibility(hit, view.objects.objects)
     sky, albedo = view.light.sky.radiance(hit.d), select(hit.ids >= 0, hit.albedo, NOTHING)
     r, g, b = (select(known, rho * left * L, 0.0) for rho, L in zip(albedo, sky, strict=True))
     return (r, g, b), view.light._replace(sky=ConstantSky(select(known, NOTHING, sky)))
