@@ -106,19 +106,6 @@ def test_the_rays_of_a_known_camera_point_where_they_should(single):
     assert camera.eye == pytest.approx((0, 0, 0.45))
 
 
-def test_every_prefix_of_the_coefficients_means_the_rest_is_zero(single):
-    u, v = pixels_of(single.camera)
-    coefficients = (-0.1, 0.02, 0.001, -0.002, 0.003)
-    for n in range(6):
-        short = msgspec.structs.replace(single.camera, dist=coefficients[:n])
-        long = msgspec.structs.replace(single.camera, dist=coefficients[:n] + (0.0,) * (5 - n))
-        assert short.coefficients == long.coefficients
-        # Without any, no Newton step is made: the same but for rounding.
-        np.testing.assert_allclose(
-            back_project(u, v, short), back_project(u, v, long), rtol=0, atol=1e-16 if n else 1e-15
-        )
-
-
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 def test_no_fewer_steps_of_newtons_undo_a_phones_lens(single, precision):
     """As many as are counted come back to rounding at every pixel of its sides, and one fewer does not."""
