@@ -16,6 +16,7 @@ from raytwin.images.image import Image
 from raytwin.scene import Scene
 from raytwin.scene.scene_files import read_scene
 from raytwin.tracer import trace_paths
+from raytwin.tracer.arrays import library
 from raytwin.tracer.path import Draw
 
 SHIPPED = ("single", "overlap", "distorted", "grazing")
@@ -99,3 +100,8 @@ def plain_paths(scene: Scene, depth: int = 8, samples: int = 16, seed: int = 0) 
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(20251121)
+
+
+def to_numpy(values, shape: tuple[int, ...]) -> np.ndarray:
+    """The engine's numbers, or one number for all, as a NumPy array of `shape`."""
+    return np.broadcast_to(values if library(values) is np else values.numpy(), shape)

@@ -6,7 +6,6 @@ import pytest
 from scene_of import changed
 
 from raytwin.fast import ENGINES, bvh, walk
-from raytwin.fast.fast_world import KernelObjects
 from raytwin.fast.frame import EyeScene
 from raytwin.scene import Lambert, Rectangle, Scene, Sphere
 from raytwin.tracer import STAGES, intersect_sphere
@@ -31,36 +30,26 @@ def strewn(scene: Scene, rng: np.random.Generator, spheres: int = 60, sheets: in
     [("drjit32", 60, 40), ("drjit64", 60, 2), ("drjit64", 3, 40)],
     indirect=["engine"],
 )
-def test_many_objects_give_the_same_light_as_one_after_the_other(overlap, engine, rng, monkeypatch, spheres, sheets):
-    """To rounding where two are met at the same distance; rays at an edge may go astray in one of a thousand pixels."""
+def test_many_objects_in_trees_give_the_light_of_one_after_the_other(overlap, engine, rng, spheres, sheets):
+    """As NumPy tries them; float32's rounding sends one path in some fifty elsewhere at an edge."""
     scene = strewn(overlap.with_camera(overlap.camera.resized(16, 12)), rng, spheres, sheets)
-    images = []
-    for few in (16, 1000):
-        monkeypatch.setattr(bvh, "MAX_OBJECTS_WITHOUT_TREE", few)
-        images.append(walk(scene, "path", engine, samples=4, seed=2, depth=4).mean)
-    off = np.abs(images[0] - images[1]).max(axis=-1)
-    assert (off > 1e-6).mean() < (0.005 if ENGINES[engine].bits == 32 else 1e-9)
-
-
-@pytest.mark.parametrize("engine", ["numpy32", "drjit32"], indirect=True)
-def test_a_crowd_is_in_trees_on_dr_jit_alone(overlap, engine, rng):
-    found = EyeScene(strewn(overlap, rng), ENGINES[engine]).everywhere
-    trees = isinstance(found.seen, KernelObjects) and all(boxes for *_, boxes in found.seen.parts)
-    assert trees == (engine == "drjit32")
+    bits = ENGINES[engine].bits
+    kinds = [tree.kind for tree in EyeScene(scene, ENGINES[engine]).objects.trees]
+    assert kinds == [Sphere, Rectangle]
+    found, plain = (walk(scene, "path", name, samples=4, seed=2, depth=4).mean for name in (engine, f"numpy{bits}"))
+    off = np.abs(found - plain).max(axis=-1)
+    assert (off > 1e-4).mean() < 0.02 if bits == 32 else off.max() < 1e-6
 
 
 @pytest.mark.parametrize("engine", ["drjit64"], indirect=True)
-def test_a_step_that_meets_objects_beyond_their_boxes_is_asked_about_all(overlap, engine, rng, monkeypatch):
+def test_a_step_that_meets_objects_beyond_their_boxes_is_asked_about_all(overlap, engine, rng):
     """A faulty sphere, twice as large as it says."""
     scene = strewn(overlap.with_camera(overlap.camera.resized(12, 9)), rng, 40, 0)
     large = STAGES._replace(
         intersect_sphere=lambda o, d, s: intersect_sphere(o, d, msgspec.structs.replace(s, radius=2 * s.radius))
     )
-    images = []
-    for few in (16, 1000):
-        monkeypatch.setattr(bvh, "MAX_OBJECTS_WITHOUT_TREE", few)
-        images.append(walk(scene, "path", engine, samples=2, depth=3, stages=large).mean)
-    np.testing.assert_array_equal(*images)
+    found, plain = (walk(scene, "path", name, samples=2, depth=3, stages=large).mean for name in (engine, "numpy64"))
+    np.testing.assert_allclose(found, plain, rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 7, 100])

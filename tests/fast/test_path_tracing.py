@@ -5,16 +5,14 @@ A sampled mean may err by 4 of its standard errors, each of which 16 batches tel
 """
 
 import itertools
-from itertools import pairwise
 from math import sqrt
 
 import msgspec
 import numpy as np
 import pytest
 from closed_forms import CLOSED
-from engines import SHIPPED, TRIED, plain_paths
+from engines import SHIPPED, TRIED, plain_paths, to_numpy
 from scene_of import changed, scene_of
-from scipy.stats import qmc
 from truths import (
     BLACK,
     WHITE,
@@ -29,12 +27,11 @@ from truths import (
 from raytwin import fast as fast_package
 from raytwin import twin
 from raytwin.fast import ENGINES, frame
-from raytwin.fast.engine import from_numpy, to_numpy
-from raytwin.fast.sampling import BATCHES, reverse_bits, second_of_sobol, sobol_pair
+from raytwin.fast.engine import from_numpy
+from raytwin.fast.sampling import BATCHES, sobol_pair
 from raytwin.images.image import Image
 from raytwin.scene import Phong, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.scene.scene_files import read_scene
-from raytwin.tracer import back_project
 
 EVERY = "single", "overlap", "distorted", "grazing", "wedge", "ball", "eclipse", "weekend"
 """The scenes whose camera is written down."""
@@ -56,9 +53,6 @@ def assert_agrees(found: Shown, expected: float, bias: float = 0.0) -> None:
     assert agrees(found, expected, bias), (found, expected)
 
 
-# ---------------------------------------------------------------------------------------------- numbers
-
-
 def test_the_same_numbers_come_on_every_engine(engine):
     like, pixel = np.zeros(5000), np.arange(5000)
     lifted, how = from_numpy(ENGINES[engine], like), ENGINES[engine]
@@ -68,44 +62,21 @@ def test_the_same_numbers_come_on_every_engine(engine):
         np.testing.assert_array_equal(to_numpy(found, (5000,)), numbers)
 
 
-@pytest.mark.parametrize("key", ["pixel", "batch", "seed", "bounce"])
-def test_what_is_counted_by_any_key_is_uniform_and_its_pairs_are_independent(key):
+def test_what_is_counted_by_any_key_is_uniform_and_its_pairs_are_independent():
     """Chi-square of 8 x 8 cells: 63 +- 11.2; 4.5 of these fail one correct hash in 10 000."""
-    n = 1 << 16
-    keys = {"pixel": 11, "batch": 2, "index": 0, "seed": 5, "bounce": 1}
-    counted = np.arange(n)
-    if key == "seed":
-        pairs = np.array([sobol_pair(np.zeros(1), 11, 2, 0, s, 1) for s in range(1 << 10)]).reshape(-1, 2)
-    else:
-        pairs = np.stack(sobol_pair(np.zeros(n), **(keys | {key: counted})), axis=1)
-    cells = np.histogram2d(*pairs.T, bins=8, range=[[0, 1], [0, 1]])[0]
-    expected = len(pairs) / 64
-    assert ((cells - expected) ** 2 / expected).sum() == pytest.approx(63, abs=4.5 * sqrt(2 * 63))
+    n = 1 << 10
+    for key in ("pixel", "batch", "seed", "bounce"):
+        keys = {"pixel": 11, "batch": 2, "index": 0, "seed": 5, "bounce": 1}
+        pairs = np.array([sobol_pair(np.zeros(1), **(keys | {key: k})) for k in range(n)]).reshape(-1, 2)
+        cells = np.histogram2d(*pairs.T, bins=8, range=[[0, 1], [0, 1]])[0]
+        assert ((cells - n / 64) ** 2 / (n / 64)).sum() == pytest.approx(63, abs=4.5 * sqrt(2 * 63)), key
 
 
-@pytest.mark.parametrize("bounce", [0, 1, 7, 40])
-def test_a_batchs_first_places_have_one_in_each_cell_of_their_area_whatever_its_shape(bounce):
-    a, b = sobol_pair(np.zeros(64), 7, 1, np.arange(64), 0, bounce)
-    for k in range(7):
+def test_a_batchs_first_places_have_one_in_each_cell_of_their_area_whatever_its_shape():
+    for bounce, k in itertools.product((0, 1, 7, 40), range(7)):
+        a, b = sobol_pair(np.zeros(64), 7, 1, np.arange(64), 0, bounce)
         cells = np.histogram2d(a, b, bins=(1 << k, 64 >> k), range=[[0, 1], [0, 1]])[0]
-        np.testing.assert_array_equal(cells, 1)
-
-
-def test_the_digits_are_those_of_sobols_sequence():
-    """Against SciPy's own, without scrambling: the same points, in the order of Gray's code there."""
-    index = np.arange(256, dtype=np.uint32)
-    found = {(int(reverse_bits(n)), int(reverse_bits(second_of_sobol(n)))) for n in index}
-    assert found == {tuple(row) for row in (qmc.Sobol(2, scramble=False).random(256) * 2**32).astype(int).tolist()}
-
-
-def test_bounces_take_their_points_in_orders_that_have_nothing_in_common():
-    """Correlations of each number of one bounce with each of another, of 256 places in 64 pixels: by chance 1/256 of
-    mean square; neighbours in Owen's order, which differ in their first digit, make it up to twice that."""
-    pixel, place = (a.ravel() for a in np.mgrid[:64, :256])
-    one, other = (sobol_pair(np.zeros(place.shape), pixel, 0, place, 3, bounce) for bounce in (1, 2))
-    rows = [(x.reshape(64, 256) - 0.5) * 12**0.5 for x in (*one, *other)]
-    squares = [np.square((x * y).mean(axis=1)).mean() * 256 for x in rows[:2] for y in rows[2:]]
-    assert 0.6 < np.mean(squares) < 2.4
+        np.testing.assert_array_equal(cells, 1, err_msg=f"bounce {bounce}, {1 << k} columns")
 
 
 def test_the_mean_of_a_smooth_integrand_errs_by_far_less_than_by_chance():
@@ -114,9 +85,6 @@ def test_the_mean_of_a_smooth_integrand_errs_by_far_less_than_by_chance():
         pixel, place = (a.ravel() for a in np.mgrid[:16, :places_])
         a, b = sobol_pair(np.zeros(place.shape), pixel, 0, place, 3, 1)
         assert np.square((a * b * b).reshape(16, -1).mean(axis=1) - 1 / 6).mean() < most
-
-
-# ---------------------------------------------------------------------------------------------- one source
 
 
 @pytest.mark.nightly
@@ -150,9 +118,6 @@ def test_tiles_of_any_size_give_the_same_image(overlap, engine, monkeypatch):
     np.testing.assert_array_equal(first.variance, again.variance)
 
 
-# ---------------------------------------------------------------------------------------------- closed forms
-
-
 @pytest.mark.parametrize("name", CLOSED)
 def test_the_light_is_what_the_closed_form_says(fast, name):
     row = CLOSED[name]
@@ -181,45 +146,6 @@ def test_inside_a_white_sphere_light_is_followed_from_wall_to_wall(fast):
     shiny = msgspec.structs.replace(scene.objects[0], albedo=Phong((0.5,) * 3, (0.4,) * 3, 100.0))
     within = changed(scene, objects=(shiny,))  # a way's rounding errors must not grow by each bounce
     np.testing.assert_array_equal(fast_package.walk(within, "path", fast, samples=16, depth=100).mean, 0)
-
-
-# ---------------------------------------------------------------------------------------------- shipped scenes
-
-
-def test_the_scene_wedge_shows_one_radiance_in_all_its_pixels(scenes, fast):
-    scene = read_scene(scenes / "wedge")
-    small = scene.with_camera(scene.camera.resized(80, 60))
-    image = fast_package.walk(small, "path", fast, samples=64, depth=32)
-    for ids in (0, 1):
-        own = image.surface.ids == ids
-        error = np.sqrt(image.variance[own].sum(dtype=float)) / (3 * own.sum()) * sqrt(3)  # channels share their paths
-        assert image.mean[own].mean(dtype=float) == pytest.approx(1 / 3, abs=4 * error + 3e-4)
-    np.testing.assert_array_equal(fast_package.trace(small, "shadow", "numpy64").mean, 0.5)
-
-
-def test_the_scene_ball_shows_the_closed_forms_of_its_comment(scenes, fast):
-    """Rays through the pixels' centres; rings of the floor and bands of the ball, 4 standard errors."""
-    scene = read_scene(scenes / "ball")
-    small = scene.with_camera(scene.camera.resized(160, 120))
-    image, exact = (
-        fast_package.walk(small, "sky", fast, sampling="center", samples=64),
-        fast_package.trace(small, "shadow", "numpy64").surface
-    )  # fmt: skip
-    v, u = np.mgrid[:120, :160].astype(float)
-    R, eye = np.asarray(small.camera.R_cam_board), np.asarray(small.camera.eye)
-    d = np.stack(back_project(u, v, small.camera), axis=-1) @ R
-    point = eye + exact.depth[..., None].astype(float) * d
-    p = np.hypot(point[..., 0], point[..., 1]) / 0.1
-    expected = np.where(exact.ids == 1, 0.5 * (1 - (1 + p**2) ** -1.5), 0.8 * (1 + exact.normal[..., 2]) / 2)
-    parts = [(exact.ids == 1) & (p > a) & (p <= b) for a, b in ((0, 1), (1, 1.5), (1.5, 2), (2, 3), (3, 4))]
-    parts += [(exact.ids == 0) & (exact.normal[..., 2] > a) & (exact.normal[..., 2] <= a + 0.5) for a in (-0.5, 0, 0.5)]
-    for part in parts:
-        assert part.sum() > 50
-        error = np.sqrt(image.variance[part, 1].sum(dtype=float)) / part.sum()
-        assert image.mean[part, 1].mean(dtype=float) == pytest.approx(expected[part].mean(), abs=4 * error + 1e-5)
-
-
-# ---------------------------------------------------------------------------------------------- the twin
 
 
 def tiles(values: np.ndarray) -> np.ndarray:
@@ -255,21 +181,3 @@ def test_the_twin_sees_the_same_light_in_every_tile(scenes, name, fast, depth):
     assert all(by_chance(z[..., channel]) for channel in range(3)), np.sort(np.abs(z).ravel())[-4:]
     if depth == 1:
         assert mine.mean[mine.surface.ids >= 0].min() == 0
-
-
-@pytest.mark.nightly
-def test_each_bounce_alone_is_the_difference_of_two_of_the_twins_depths_and_all_add_up(scenes, fast):
-    scene = read_scene(scenes / "eclipse")
-    small = scene.with_camera(scene.camera.resized(96, 72))
-    parts = fast_package.light_parts(small, fast, samples=160, seed=4, depth=8)
-    alone = {2: ("open", "shadow", "occlusion"), 3: ("bounce 1",), 4: ("bounce 2",), 8: ("bounce 3+",)}
-    depths = {depth: twin_to(small, depth, 11 + depth) for depth in (1, *alone)}
-    for (before, after), names in zip(pairwise(depths.items()), alone.values(), strict=True):
-        # the whole has the sky past the objects, as depth 1 has
-        sky = depths[1].mean if after[0] == 2 else 0
-        mean = sum(parts[part].mean for part in names) - sky
-        variance = len(names) * sum(parts[part].variance for part in names)
-        other = after[1].mean - before[1].mean, after[1].variance + before[1].variance
-        assert np.abs(apart((mean, variance), other)).max() < 4.5, names
-    whole = sum(image.mean for image in parts.values()), sum(len(parts) * image.variance for image in parts.values())
-    assert np.abs(apart(whole, (depths[8].mean, depths[8].variance))).max() < 4.5

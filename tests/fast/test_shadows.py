@@ -6,7 +6,7 @@ from scene_of import scene_of
 from scipy.spatial.transform import Rotation
 
 from raytwin.fast import frame, trace
-from raytwin.fast.fast_world import ObjectList
+from raytwin.fast.fast_world import Objects
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
 
 SIZE = (80, 60)
@@ -55,13 +55,14 @@ def test_a_tables_tile_asks_only_the_spheres_whose_shadows_reach_it(monkeypatch)
     down = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
     camera = Camera((320, 256), ((300.0, 0.0, 159.5), (0.0, 300.0, 127.5), (0.0, 0.0, 1.0)), down, (0.0, 0.0, 1.0))
     scene = scene_of("table", camera, (*balls, table), (Sun((0.3, 0.2, 1.0)),))
-    full, asked, fold = trace(scene, "shadow", trim="none").mean, [], ObjectList.fold
+    full, asked, towards = trace(scene, "shadow", trim="none").mean, [], Objects.towards
 
-    def counted(self, ray, *rest):
-        asked.extend([len(self.ids)] if ray.start is not None else [])
-        return fold(self, ray, *rest)
+    def counted(self, start, d):
+        found = towards(self, start, d)
+        asked.append(len(found))
+        return found
 
-    monkeypatch.setattr(ObjectList, "fold", counted)
+    monkeypatch.setattr(Objects, "towards", counted)
     monkeypatch.setattr(frame, "TILE_NUMPY", 32)
     np.testing.assert_array_equal(trace(scene, "shadow").mean, full)
     assert max(asked) <= 12

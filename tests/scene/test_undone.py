@@ -214,7 +214,7 @@ def test_a_march_by_another_route_ends_at_the_same_places(seed):
 @given(cameras())
 def test_tracer_and_twin_take_the_same_lenses_and_end_in_the_same_place(camera):
     from raytwin.fast.boxes import field_of_view
-    from raytwin.fast.newton_steps import newton_steps
+    from raytwin.fast.frame import newton_steps
     from raytwin.tracer.pixel_to_ray import undistort
     from raytwin.twin import rays
 

@@ -2,7 +2,6 @@
 
 from math import pi
 
-import msgspec
 import numpy as np
 import pytest
 from engines import plain_paths
@@ -15,8 +14,6 @@ from raytwin.fast import ENGINES
 from raytwin.scene import Lambert, Phong, Rectangle, Scene, Sky, Sun
 from raytwin.scene.scene_files import read_scene
 from raytwin.tracer.arrays import power
-from raytwin.tracer.hit import Hit, Specular
-from raytwin.tracer.shading import highlight, reflectance
 
 SUN = Sun((0.6, 0.0, 0.8), (2.0, 2.0, 2.0))
 
@@ -42,18 +39,6 @@ def sent_back(material: Phong, v: np.ndarray) -> float:
         return f_of(material, v, out) * np.sin(theta) * np.cos(theta)
 
     return float(integrate.dblquad(at, 0, pi / 2, 0, 2 * pi, epsabs=1e-7)[0])
-
-
-def test_light_may_go_either_way(rng):
-    """f(l, v) = f(v, l): Helmholtz's reciprocity."""
-    n = np.array((0.0, 0.0, 1.0))
-    for pair in abs(rng.normal(size=(20, 2, 3))):
-        to_light, v = pair / np.linalg.norm(pair, axis=1, keepdims=True)
-        there, back = (
-            highlight(Hit(1.0, 0, n, tuple(n), n, False, tuple(-a), Specular((0.3, 0.2, 0.1), 7.0)), tuple(b))
-            for a, b in ((v, to_light), (to_light, v))
-        )
-        assert there == pytest.approx(back)
 
 
 def test_on_a_sheet_under_the_sun_every_engine_shows_the_formula(engine):
@@ -116,21 +101,3 @@ def test_parts_of_the_light_on_highlights_under_a_map_add_up_to_the_whole(scenes
     parts = fast.light_parts(scene, "numpy32", samples=4, seed=3)
     whole = fast.walk(scene, "path", "numpy32", samples=4, seed=3)
     np.testing.assert_allclose(sum(part.mean for part in parts.values()), whole.mean, rtol=0, atol=1e-5)
-
-
-def test_a_highlight_of_nothing_is_lamberts_law(overlap):
-    """`specular` 0: the same picture, bit by bit but for one sum."""
-    scene = overlap.with_camera(overlap.camera.resized(32, 24))
-    objects = tuple(
-        msgspec.structs.replace(thing, albedo=Phong(thing.material.albedo, (0.0,) * 3, 9.0)) for thing in scene.objects
-    )
-    dull = changed(scene, objects=objects)
-    for rung in ("lambert", "shadow"):
-        np.testing.assert_allclose(fast.trace(dull, rung).mean, fast.trace(scene, rung).mean, rtol=1e-6)
-    walks = [fast.walk(s, "path", samples=2, seed=5).mean for s in (dull, scene)]
-    np.testing.assert_allclose(*walks, rtol=1e-5, atol=1e-7)
-
-
-def test_a_surface_without_highlights_asks_for_none():
-    hit = Hit(1.0, 0, (0.0,) * 3, (0.0, 0.0, 1.0), (0.5, 0.4, 0.3), False, (0.0, 0.0, -1.0))
-    assert reflectance(hit, (0.0, 0.0, 1.0)) == (0.5, 0.4, 0.3)

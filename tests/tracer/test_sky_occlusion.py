@@ -1,7 +1,5 @@
 """The sky that spheres leave, in closed form: Howell's numbers, and where it must not be used."""
 
-from functools import reduce
-
 import numpy as np
 import pytest
 from scene_of import scene_of
@@ -24,17 +22,12 @@ def ball(direction, h: float, radius: float = 1.0) -> Sphere:
     return Sphere((x, y, z), radius)
 
 
-def one_by_one(things):
-    """fold(state, body) over the things in order."""
-    return lambda state, body: reduce(lambda state, pair: body(state, *pair), enumerate(things), state)
-
-
 def left_at_origin(*others: Shape, inside: bool = False) -> tuple[float, bool]:
     """`sky_visibility` on a sheet at the origin that faces UP, object 0."""
     point = tuple(np.zeros(1) for _ in range(3))
     normal = tuple(np.full(1, c) for c in UP)
     hit = Hit(np.ones(1), np.zeros(1, int), point, normal, normal, np.full(1, inside), normal)
-    left, known = sky_visibility(hit, one_by_one((element(UP), *others)))
+    left, known = sky_visibility(hit, (element(UP), *others))
     return float(left[0]), bool(known[0])
 
 
@@ -88,7 +81,7 @@ def test_a_second_sphere_in_the_same_place_hides_nothing(precision):
     n = tuple((n / np.linalg.norm(n, axis=0)).astype(precision))
     point = tuple((c + 0.7 * x).astype(precision) for c, x in zip(twice[0].center, n, strict=True))
     hit = Hit(np.ones(4000), np.zeros(4000, int), point, n, n, np.full(4000, False), n)
-    left, known = sky_visibility(hit, one_by_one(twice))
+    left, known = sky_visibility(hit, twice)
     assert known.all()
     np.testing.assert_allclose(left, 1, rtol=0, atol=1e-5)
 

@@ -5,6 +5,6 @@ scene -> EyeScene (camera's frame, engine's floats) -> boxes -> plan (tiles and 
 
 from raytwin.fast.boxes import TRIMS, corner_box, trim_box, trim_boxes
 from raytwin.fast.engine import ENGINES
-from raytwin.fast.frame import background, check_rows, draw, trace, with_solver
+from raytwin.fast.frame import background, check_rows, draw, trace
 from raytwin.fast.path_tracing import PARTS, light_parts, walk
-from raytwin.fast.speculation import WAYS, speculate, trace_points
+from raytwin.fast.speculation import WAYS, speculate

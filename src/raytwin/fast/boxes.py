@@ -13,11 +13,9 @@ from math import ceil, floor, inf, pi
 
 import numpy as np
 
-from raytwin.array_types import Int
-from raytwin.fast.newton_steps import newton_steps
+from raytwin.array_types import Float, Int
 from raytwin.scene import Camera, Shape, Sphere
 from raytwin.scene.lens import LEAST_DETERMINANT, determinant, distort, undone
-from raytwin.tracer.pixel_to_ray import undistort
 
 Box = tuple[int, int, int, int]
 """x0, y0, x1, y1 in pixels: x0 <= u < x1 and y0 <= v < y1."""
@@ -39,7 +37,7 @@ def trim_boxes(things: Sequence[Shape], camera: Camera) -> Int[np.ndarray, "n 4"
     empty = np.asarray(~(low < high).all(axis=1))
     if field is None:
         return np.where(empty[:, None], 0, np.concatenate([0 * frame, frame]))
-    near, far = np.array(field).reshape(2, 2).T
+    near, far = field
     low, high = np.maximum(low, near), np.minimum(high, far)
     empty |= (low > high).any(axis=1)
     low, high = np.where(empty[:, None], near, low), np.where(empty[:, None], far, high)
@@ -64,39 +62,34 @@ def trim_box(thing: Shape, camera: Camera) -> Box:
 
 
 @lru_cache(maxsize=64)
-def field_of_view(camera: Camera) -> tuple[float, float, float, float] | None:
-    """(x_min, x_max, y_min, y_max) of normalised coordinates that the frame sees; None where the lens folds there."""
-    w, h = camera.width - 0.5, camera.height - 0.5
-    us, vs = -0.5 + (w + 0.5) * SIDE, -0.5 + (h + 0.5) * SIDE
-    u = np.concatenate([us, us, -0.5 + 0 * vs, w + 0 * vs])
-    v = np.concatenate([-0.5 + 0 * us, h + 0 * us, vs, vs])
-    xd, yd = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
-    if undone(camera.K, camera.dist, camera.image_size).fault:
+def field_of_view(camera: Camera) -> Float[np.ndarray, "2 2"] | None:
+    """The least and the greatest normalised (x, y) that the frame sees; None where the lens folds within them."""
+    seen = undone(camera.K, camera.dist, camera.image_size)
+    if seen.fault:
         return None
-    x, y = undistort(xd, yd, camera.coefficients, newton_steps(camera))
-    pad_x, pad_y = 0.01 * np.ptp(x), 0.01 * np.ptp(y)
-    field = float(x.min() - pad_x), float(x.max() + pad_x), float(y.min() - pad_y), float(y.max() + pad_y)
+    low, high = seen.ideal.min(axis=0), seen.ideal.max(axis=0)
+    low, high = low - 0.01 * (high - low), high + 0.01 * (high - low)
     # What lies between the sides of a rectangle comes out between its bent sides if nothing folds within.
-    across, down = (field[a] + (field[a + 1] - field[a]) * SIDE for a in (0, 2))
-    return field if determinant(across, down[:, None], camera.coefficients).min() >= LEAST_DETERMINANT else None
+    x, y = np.linspace(low, high, len(SIDE)).T
+    folds = determinant(x, y[:, None], camera.coefficients).min() < LEAST_DETERMINANT
+    return None if folds else np.array([low, high])
 
 
 def _extents(things: Sequence[Shape], camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """The least and the greatest normalised (x, y) (n, 2) of each object; nothing to be seen: (inf, -inf)."""
     low, high = np.full((2, len(things), 2), [[[np.inf]], [[-np.inf]]])
-    spheres = [i for i, thing in enumerate(things) if isinstance(thing, Sphere)]
-    center, radius = (np.array([getattr(things[i], name) for i in spheres]) for name in ("center", "radius"))
-    low[spheres], high[spheres] = _ball_extents(center.reshape(-1, 3), radius, camera)
-    for i in {*range(len(things))}.difference(spheres):
-        if extent := _plane_extent(things[i], camera):
-            low[i], high[i] = np.transpose(extent)
+    balls = np.array([isinstance(thing, Sphere) for thing in things], bool)
+    x, y, z = _in_camera(np.array([thing.center for thing in things]).reshape(-1, 3)[balls], camera)
+    radius = np.array([thing.radius for thing in things if isinstance(thing, Sphere)])
+    for k, along in enumerate((x, y)):
+        low[balls, k], high[balls, k] = _tangents(along, z, radius)
+    for i in np.flatnonzero(~balls).tolist():
+        x, y, z = _corners(things[i], camera)
+        if z.max() > 0:
+            before = z.min() > 1e-9 * abs(z).max()
+            slopes = np.array([x, y]) / z if before else np.array([[-inf, inf]] * 2)
+            low[i], high[i] = slopes.min(axis=1), slopes.max(axis=1)
     return low, high
-
-
-def _ball_extents(center: np.ndarray, radius: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    x, y, z = np.asarray(camera.R_cam_board) @ center.T + np.asarray(camera.t_cam_board)[:, None]
-    sides = [_tangents(a, z, radius) for a in (x, y)]
-    return np.stack([low for low, _ in sides], axis=1), np.stack([high for _, high in sides], axis=1)
 
 
 def _tangents(a: np.ndarray, z: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -111,19 +104,13 @@ def _tangents(a: np.ndarray, z: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, 
     return np.where(behind, np.inf, start), np.where(behind, -np.inf, end)
 
 
-def _plane_extent(plane: Shape, camera: Camera) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    x, y, z = _corners(plane, camera)
-    if z.max() <= 0:
-        return None
-    if z.min() <= 1e-9 * abs(z).max():
-        return (-inf, inf), (-inf, inf)
-    return (float((x / z).min()), float((x / z).max())), (float((y / z).min()), float((y / z).max()))
-
-
 def _corners(thing: Shape, camera: Camera) -> np.ndarray:
     """(3, n): in the camera's frame."""
-    corners = np.array(thing.center) + thing.corners()
-    return np.asarray(np.asarray(camera.R_cam_board) @ corners.T + np.asarray(camera.t_cam_board)[:, None])
+    return _in_camera(np.array(thing.center) + thing.corners(), camera)
+
+
+def _in_camera(points: np.ndarray, camera: Camera) -> np.ndarray:
+    return np.asarray(np.asarray(camera.R_cam_board) @ points.T + np.asarray(camera.t_cam_board)[:, None])
 
 
 def corner_box(thing: Shape, camera: Camera) -> Box:

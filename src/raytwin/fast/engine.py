@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Sequence
 from copy import copy
 from typing import Any, NamedTuple
 
@@ -68,30 +68,11 @@ def pixel_grid(engine: Engine, box: tuple[int, int, int, int]) -> tuple[Any, Any
     return np.arange(x0, x1, dtype=kind)[None, :], np.arange(y0, y1, dtype=kind)[:, None]
 
 
-def constant(engine: Engine, value: int) -> Any:
-    """An integer that all rays share; on Dr.Jit as data, so that another value needs no other kernel."""
-    if engine.is_numpy:
-        return value
-    import drjit
+def tile_pixels(engine: Engine, tiles: np.ndarray, side: int, size: tuple[int, int]) -> tuple[Any, Any, Any]:
+    """Dr.Jit's whole numbers (u, v, place) for all pixels of the tiles; `place` counts the frame's pixels.
 
-    return drjit.opaque(drjit.uint32_array_t(engine.float_type), value)
-
-
-def pixel_numbers(engine: Engine, place: Any, width: int) -> Any:
-    """Which pixel of the frame each is, counted row by row, from what `store` takes."""
-    if not engine.is_numpy:
-        return place
-    rows, columns = place
-    return np.arange(rows.start, rows.stop)[:, None] * width + np.arange(columns.start, columns.stop)[None, :]
-
-
-def tile_grid(
-    engine: Engine, tiles: np.ndarray, side: int, columns: int, size: tuple[int, int]
-) -> tuple[Any, Any, Any, Any]:
-    """Dr.Jit's whole numbers (u, v, place, number) for all pixels of the tiles: `number` of the tile among `tiles`.
-
-    `place` counts the frame's pixels. A tile is `side` x `side` pixels; `columns` of them are a row of tiles. Beyond
-    the frame the last pixel is repeated.
+    A tile is `side` x `side` pixels; `tiles` (n, 2) are their rows and columns. Beyond the frame the last pixel is
+    repeated.
     """
     import drjit
 
@@ -101,10 +82,19 @@ def tile_grid(
     index = drjit.arange(kind, len(tiles) * side * side)
     number, inner = index // (side * side), index % (side * side)
     # One look-up for both corners: it costs more than taking them apart.
-    corner = drjit.gather(kind, kind((tiles % columns | tiles // columns << 16).astype(np.uint32)), number)
+    corner = drjit.gather(kind, kind((tiles[:, 1] | tiles[:, 0] << 16).astype(np.uint32)), number)
     left, top = (corner & 0xFFFF) * side, (corner >> 16) * side
     u, v = drjit.minimum(left + inner % side, w - 1), drjit.minimum(top + inner // side, h - 1)
-    return u, v, v * w + u, number
+    return u, v, v * w + u
+
+
+def constant(engine: Engine, value: int) -> Any:
+    """An integer that all rays share; on Dr.Jit as data, so that another value needs no other kernel."""
+    if engine.is_numpy:
+        return value
+    import drjit
+
+    return drjit.opaque(drjit.uint32_array_t(engine.float_type), value)
 
 
 def to_engine(value: Any, engine: Engine) -> Any:
@@ -129,69 +119,6 @@ def to_engine(value: Any, engine: Engine) -> Any:
     return drjit.opaque(kind, float(value))
 
 
-def canvas(engine: Engine, out: np.ndarray) -> list[Any]:
-    """What `store` writes the channels of `out`, (H, W) or (H, W, n), through; contiguous on Dr.Jit."""
-    layers = out.reshape(*out.shape[:2], -1)
-    if engine.is_numpy:
-        return [layers[..., c] for c in range(layers.shape[-1])]
-    import drjit
-
-    if not out.flags.c_contiguous:
-        raise ValueError("canvas: a contiguous array is needed")
-    kind = engine.float_type
-    target: Any = drjit.int32_array_t(kind) if out.dtype == np.int32 else drjit.float32_array_t(kind)
-    # On the CPU each target is the array's own memory, not a copy; one per channel, since a second scatter into a
-    # target would first compute the pending one, in a kernel of its own.
-    if engine.package == "cuda":
-        return [target(out.reshape(-1))] * layers.shape[-1]
-    return [target(out.reshape(-1)) for _ in range(layers.shape[-1])]
-
-
-def store(engine: Engine, targets: list[Any], place: Any, values: tuple[Any, ...], where: Any) -> None:
-    """Write values[c] to channel c where `where` is true; `place`: NumPy's slices, or Dr.Jit's numbers of the pixels.
-
-    On Dr.Jit this only queues the writing; `flush` does all of it in one kernel.
-    """
-    for c, (target, value) in enumerate(zip(targets, values, strict=True)):
-        if engine.is_numpy:
-            np.copyto(target[place], value, where=where, casting="unsafe")
-        else:
-            import drjit
-
-            drjit.scatter(target, type(target)(value), place * len(values) + c, active=where)
-
-
-def only_where(engine: Engine, mask: Any, body: Callable[[], None]) -> None:
-    """Do the `body`, which stores where the mask is true: on Dr.Jit all other rays cost nothing."""
-    if engine.is_numpy:
-        body()
-    else:
-        import drjit
-
-        drjit.if_stmt((), mask, body, lambda: None)
-
-
-def flush(engine: Engine, queued: list[tuple[np.ndarray, list[Any]]]) -> None:
-    """Do the writing that `store` has queued, for each array with its canvas."""
-    if engine.is_numpy:
-        return
-    import drjit
-
-    drjit.eval([targets for _, targets in queued])
-    drjit.sync_thread()
-    if engine.package == "cuda":
-        for out, targets in queued:
-            np.copyto(out.reshape(-1), targets[0].numpy())
-
-
-def evaluate(engine: Engine, values: Any) -> None:
-    """Compute the values, however nested, in one kernel; NumPy has computed them already."""
-    if not engine.is_numpy:
-        import drjit
-
-        drjit.eval(values)
-
-
 def from_numpy(engine: Engine, values: np.ndarray, whole: bool = False) -> Any:
     """Numbers (m,) as the engine's floats, or `whole` ones as its integers."""
     kind = engine.float_type
@@ -202,14 +129,60 @@ def from_numpy(engine: Engine, values: np.ndarray, whole: bool = False) -> Any:
     return drjit.int32_array_t(kind)(values.astype(np.int32)) if whole else kind(values.astype(engine.precision))
 
 
-def to_numpy(values: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """The engine's numbers, or one number for all, as a NumPy array of `shape`."""
-    return np.broadcast_to(values if library(values) is np else values.numpy(), shape)
-
-
 def gather(numbers: Any, places: Any, where: Any = True) -> Any:
-    """numbers[places]; anything where `where` is false."""
+    """numbers[places], of a tuple each column's; anything where `where` is false."""
+    if isinstance(numbers, tuple):
+        return tuple(gather(column, places, where) for column in numbers)
     if isinstance(numbers, np.ndarray):
         return np.take(numbers, places)
     xp = library(numbers)
     return xp.gather(type(numbers), numbers, xp.uint32_array_t(type(places))(places), active=where)
+
+
+class Canvas:
+    """Arrays (H, W) or (H, W, n) that the engine writes into, n numbers per pixel; contiguous on Dr.Jit."""
+
+    def __init__(self, engine: Engine, layers: Sequence[np.ndarray]) -> None:
+        self.engine, self.layers = engine, layers
+        self.targets = [self._channels(out.reshape(*out.shape[:2], -1)) for out in layers]
+
+    def _channels(self, out: np.ndarray) -> list[Any]:
+        if self.engine.is_numpy:
+            return [out[..., c] for c in range(out.shape[-1])]
+        import drjit
+
+        if not out.flags.c_contiguous:
+            raise ValueError("canvas: a contiguous array is needed")
+        kind = self.engine.float_type
+        target: Any = drjit.int32_array_t(kind) if out.dtype == np.int32 else drjit.float32_array_t(kind)
+        # On the CPU each target is the array's own memory, not a copy; one per channel, since a second scatter into a
+        # target would first compute the pending one, in a kernel of its own.
+        if self.engine.package == "cuda":
+            return [target(out.reshape(-1))] * out.shape[-1]
+        return [target(out.reshape(-1)) for _ in range(out.shape[-1])]
+
+    def store(self, place: Any, colours: Sequence[tuple[Any, ...]], where: Any) -> None:
+        """Write each layer's numbers where `where` is true; `place`: NumPy's slices, or Dr.Jit's numbers of the pixels.
+
+        On Dr.Jit this only queues the writing; `flush` does all of it in one kernel.
+        """
+        for targets, values in zip(self.targets, colours, strict=True):
+            for c, (target, value) in enumerate(zip(targets, values, strict=True)):
+                if self.engine.is_numpy:
+                    np.copyto(target[place], value, where=where, casting="unsafe")
+                else:
+                    import drjit
+
+                    drjit.scatter(target, type(target)(value), place * len(values) + c, active=where)
+
+    def flush(self) -> None:
+        """Do the writing that `store` has queued."""
+        if self.engine.is_numpy:
+            return
+        import drjit
+
+        drjit.eval(self.targets)
+        drjit.sync_thread()
+        if self.engine.package == "cuda":
+            for out, targets in zip(self.layers, self.targets, strict=True):
+                np.copyto(out.reshape(-1), targets[0].numpy())

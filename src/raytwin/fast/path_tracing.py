@@ -3,13 +3,14 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from raytwin.array_types import Int
 from raytwin.fast.boxes import trim_boxes
-from raytwin.fast.engine import ENGINES, canvas, constant, flush, pixel_numbers, store
+from raytwin.fast.engine import ENGINES, Canvas, constant
+from raytwin.fast.fast_world import MAX_OBJECTS_WITHOUT_TREE, FastWorld
 from raytwin.fast.frame import EyeScene, background, draw, pieces
 from raytwin.fast.sampling import BATCHES, sobol_pair
 from raytwin.images.image import Image, Surface
@@ -19,7 +20,8 @@ from raytwin.scene.lens import without_ray
 from raytwin.tracer.arrays import Vec, plus, repeat, select
 from raytwin.tracer.hit import Hit, Stages, World
 from raytwin.tracer.lights import ConstantSky, Lighting, sky_visibility
-from raytwin.tracer.path import Draw, bounce, packed, radiance_along_path, unpacked
+from raytwin.tracer.lights.lookup import floor
+from raytwin.tracer.path import Draw, radiance_along_path, sum_along_path
 from raytwin.tracer.render_image import EYE, STAGES
 from raytwin.tracer.shading import lambert_radiance, shadow_radiance
 from raytwin.tracer.world import first_hit
@@ -38,9 +40,6 @@ NOTHING = (0.0, 0.0, 0.0)
 
 Integrand = Callable[[World, Hit], Callable[[Draw], Sequence[Vec]]]
 """(world, hit) -> random numbers -> the colours of one sample there."""
-
-MAX_OBJECTS_IN_CLOSED_FORM = 16
-"""Objects up to which the sky's visibility is computed in closed form: it tests all pairs at every pixel."""
 
 
 def walk(
@@ -64,20 +63,15 @@ def walk(
     deep, side = depth or RUNGS[rung].depth or 2, side if sampling == "area" else 0.0
     view = EyeScene(scene, ENGINES[engine], stages)
     surfaces = constant(view.engine, deep)
-    closed = (
-        deep == 2
-        and not side
-        and len(scene.objects) <= MAX_OBJECTS_IN_CLOSED_FORM
-        and not scene.environment
-        and not scene.glossy
-    )
+    closed = deep == 2 and not side and not scene.environment and not scene.glossy
+    closed = closed and len(scene.objects) <= MAX_OBJECTS_WITHOUT_TREE  # it tests all pairs at every pixel
 
     def whole(world: World, hit: Hit) -> Callable[[Draw], Sequence[Vec]]:
-        known, light = _closed_form_sky(view, hit) if closed else (None, view.light)
+        known, light = _closed_form_sky(view, hit) if closed else (NOTHING, view.light)
 
         def sample(numbers: Draw) -> Sequence[Vec]:
-            L = radiance_along_path(hit, light, view.everywhere, numbers, surfaces)
-            return [_or_sky(hit, plus(known, L) if known else L, view.light)]
+            L = radiance_along_path(hit, light, world, numbers, surfaces)
+            return [_or_sky(hit, plus(known, L), view.light)]
 
         return sample
 
@@ -97,20 +91,19 @@ def light_parts(
     depth: int = 8,
     side: float = 1.0,
     bounces: int = 3,
-    stages: Stages = STAGES,
 ) -> dict[str, Image]:
     """Return global illumination over the pixels' area as its parts, `part_names(bounces)`, from the same samples.
 
     `side` of the area, in pixels, about their centres.
     """
-    view, names = EyeScene(scene, ENGINES[engine], stages), part_names(bounces)
+    view, names = EyeScene(scene, ENGINES[engine]), part_names(bounces)
     surfaces = constant(view.engine, depth)
 
     def parts(world: World, hit: Hit) -> Callable[[Draw], Sequence[Vec]]:
         open_, lit = (f(hit, view.light, world, view.camera) for f in (lambert_radiance, shadow_radiance))
 
         def sample(numbers: Draw) -> Sequence[Vec]:
-            direct, *later = radiance_by_surfaces(hit, view, numbers, surfaces, bounces + 1)
+            direct, *later = radiance_by_surfaces(hit, view, world, numbers, surfaces, bounces + 1)
             hidden = (tuple(x - y for x, y in zip(a, b, strict=True)) for a, b in ((lit, open_), (direct, lit)))
             shadow, occlusion = (select(hit.ids >= 0, L, NOTHING) for L in hidden)
             return [_or_sky(hit, open_, view.light), shadow, occlusion, *later]
@@ -122,27 +115,20 @@ def light_parts(
     return {name: image.blacken(without_ray(scene.camera)) for name, image in zip(names, found, strict=True)}
 
 
-def radiance_by_surfaces(hit: Hit, view: EyeScene, draw: Draw, depth: Any, parts: int) -> tuple[Vec, ...]:
+def radiance_by_surfaces(hit: Hit, view: EyeScene, world: World, draw: Draw, depth: Any, parts: int) -> list[Vec]:
     """`radiance_along_path` by the number of surfaces that the light met: [1, 2, ...], the last of `parts` and more."""
 
-    def step(k: Any, *state: Any) -> tuple[Any, ...]:
-        direct, there, onto = bounce(k, unpacked(state[:-1]), view.light, view.everywhere, draw)
+    def add(k: Any, totals: Any, direct: Vec) -> Any:
         now = [*(k == part for part in range(parts - 1)), k >= parts - 1]
-        found = zip(now, state[-1], strict=True)
-        return *packed(there, onto), tuple(plus(total, select(this, direct, NOTHING)) for this, total in found)
+        return tuple(plus(total, select(this, direct, NOTHING)) for this, total in zip(now, totals, strict=True))
 
-    start = *packed(hit, (1.0, 1.0, 1.0)), ((0 * hit.point[0],) * 3,) * parts
-    found: tuple[Vec, ...] = repeat(depth - 1, step, start, lambda *state: state[6] >= 0)[-1]
-    return found
+    nothing = ((0 * hit.point[0],) * 3,) * parts
+    return [*sum_along_path(hit, view.light, world, draw, depth, nothing, add)]
 
 
 def _closed_form_sky(view: EyeScene, hit: Hit) -> tuple[Vec, Lighting]:
     """The sky's light at the first surface where `sky_visibility` knows it, and light whose sky is dark there."""
-
-    def fold(state: Any, body: Callable[..., Any]) -> Any:
-        return view.one_by_one.fold(None, state, lambda state, _, index, thing: body(state, index, thing))
-
-    left, known = sky_visibility(hit, fold)
+    left, known = sky_visibility(hit, view.objects.objects)
     sky, albedo = view.light.sky.radiance(hit.d), select(hit.ids >= 0, hit.albedo, NOTHING)
     r, g, b = (select(known, rho * left * L, 0.0) for rho, L in zip(albedo, sky, strict=True))
     return (r, g, b), view.light._replace(sky=ConstantSky(select(known, NOTHING, sky)))
@@ -153,38 +139,24 @@ def _or_sky(hit: Hit, colour: Vec, light: Lighting) -> Vec:
     return r, g, b
 
 
-class Moments(NamedTuple):
-    """Of some batches' means: the `count` of samples, and for each number of the colours its mean and sum of squares
-    about it, weighed by the batches' samples."""
-
-    count: Any
-    mean: tuple[Any, ...]
-    scatter: tuple[Any, ...]
-
-    def with_batch(self, means: Sequence[Any], count: Any) -> "Moments":
-        """Chan, Golub and LeVeque's update: no difference of large numbers."""
-        after = self.count + count
-        steps = [m - x for m, x in zip(means, self.mean, strict=True)]
-        mean = (x + s * (count / after) for x, s in zip(self.mean, steps, strict=True))
-        scatter = (x + s * s * (count * self.count / after) for x, s in zip(self.scatter, steps, strict=True))
-        return Moments(after, tuple(mean), tuple(scatter))
-
-
 def _sampled(
     view: EyeScene, scene: Scene, integrand: Integrand, start: list[np.ndarray], side: float, samples: int, seed: int
 ) -> list[Image]:
     """The mean of each of the integrand's colours, and that mean's variance; `start` is where no object is seen."""
-    how, batches = view.engine, min(BATCHES, samples)
+    batches = min(BATCHES, samples)
     number, size, more, key = (
-        constant(how, n) for n in (batches, samples // batches, samples % batches, seed & 0xFFFFFFFF)
+        constant(view.engine, n) for n in (batches, samples // batches, samples % batches, seed & 0xFFFFFFFF)
     )
-    variances = [np.zeros_like(mean) for mean in start]
     boxes = area_boxes(scene)
     if side and scene.environment:  # which differs within a pixel: all of them are sampled
         boxes[:] = (0, 0, *scene.camera.image_size)
-    queued = [(out, canvas(how, out)) for out in (*start, *variances)]
+    variances = [np.zeros_like(mean) for mean in start]
+    canvas = Canvas(view.engine, [*start, *variances])
 
-    def moments(u: Any, v: Any, pixel: Any, world: World) -> Moments:
+    def moments(u: Any, v: Any, world: FastWorld) -> tuple[Any, ...]:
+        """For each number of the colours the mean, and the batches' sum of squares about it, by their samples."""
+        pixel = floor(v) * scene.camera.width + floor(u)
+
         def place_at(u: Any, v: Any) -> Callable[[Draw], Sequence[Vec]]:
             return integrand(world, first_hit(world, EYE, view.ray(u, v)))
 
@@ -197,23 +169,25 @@ def _sampled(
                 here = place_at(u + side * (a - 0.5), v + side * (b - 0.5))
             return plus(sums, sum(here(numbers), ()))
 
-        def with_batch(batch: Any, *state: Any) -> Moments:
-            count = size + select(batch < more, 1, 0)
-            totals = repeat(count, partial(sample, batch), zero)
-            return Moments(*state).with_batch([total / count for total in totals], count)
+        def with_batch(batch: Any, count: Any, mean: Any, scatter: Any) -> tuple[Any, ...]:
+            # Chan, Golub and LeVeque's update: no difference of large numbers.
+            added = size + select(batch < more, 1, 0)
+            after = count + added
+            steps = [x / added - m for x, m in zip(repeat(added, partial(sample, batch), zero), mean, strict=True)]
+            mean = plus(mean, tuple(s * (added / after) for s in steps))
+            return after, mean, plus(scatter, tuple(s * s * (added * count / after) for s in steps))
 
         zero = (0 * u,) * (3 * len(start))
-        return Moments(*repeat(number, with_batch, (0 * u, zero, zero)))
+        return repeat(number, with_batch, (0 * u, zero, zero))[1:]
 
     with np.errstate(all="ignore"):
         for u, v, place, world in pieces(view, boxes):
             u, v = (u + 0 * v, v + 0 * u)
-            _, mean, scatter = moments(u, v, pixel_numbers(how, place, scene.camera.width), world)
+            mean, scatter = moments(u, v, world)
             scale = 1 / (samples * max(batches - 1, 1))
-            colours = (*mean, *(x * scale for x in scatter))
-            for i, (_, targets) in enumerate(queued):
-                store(how, targets, place, colours[3 * i : 3 * i + 3], u == u)
-    flush(how, queued)
+            numbers = *mean, *(x * scale for x in scatter)
+            canvas.store(place, [numbers[i : i + 3] for i in range(0, len(numbers), 3)], u == u)
+    canvas.flush()
     found = zip(start, variances, strict=True)
     return [Image(mean, variance if batches > 1 else None, samples, batches=batches) for mean, variance in found]
 

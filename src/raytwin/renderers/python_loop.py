@@ -10,7 +10,7 @@ from math import inf, pi, sqrt
 import numpy as np
 
 from raytwin.fast import TRIMS, background
-from raytwin.fast.newton_steps import newton_steps
+from raytwin.fast.frame import newton_steps
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Shape, Sphere, Vector
 from raytwin.scene.lens import without_ray

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from math import pi
 from typing import Any
 
-from raytwin.tracer.arrays import Vec, cos, cosine, dot, repeat, select, sin, sqrt, unit_again
+from raytwin.tracer.arrays import Vec, cos, cosine, dot, plus, repeat, select, sin, sqrt, unit_again
 from raytwin.tracer.hit import Hit, Specular, World
 from raytwin.tracer.lights import Lighting
 from raytwin.tracer.shading import reflectance
@@ -28,15 +28,22 @@ def radiance_along_path(hit: Hit, light: Lighting, world: World, draw: Draw, dep
 
     `depth` counts as Mitsuba's does: 2 is light, surface, eye.
     """
+    zero = 0 * hit.point[0]
+    r, g, b = sum_along_path(hit, light, world, draw, depth, (zero, zero, zero), lambda k, total, L: plus(total, L))
+    return r, g, b
+
+
+def sum_along_path(
+    hit: Hit, light: Lighting, world: World, draw: Draw, depth: Any, total: Any, add: Callable[[Any, Any, Vec], Any]
+) -> Any:
+    """total = add(k, total, the direct light that the k-th surface after `hit` sends on to the eye)."""
 
     def step(k: Any, *state: Any) -> tuple[Any, ...]:
-        direct, there, onto = bounce(k, unpacked(state[:-3]), light, world, draw)
-        return (*packed(there, onto), *(total + L for total, L in zip(state[-3:], direct, strict=True)))
+        here, total = carried(state[:-1]), state[-1]
+        direct, there, onto = bounce(k, here, light, world, draw)
+        return *carry(there, onto), add(k, total, direct)
 
-    zero = 0 * hit.point[0]
-    start = *packed(hit, (1.0, 1.0, 1.0)), zero, zero, zero
-    r, g, b = repeat(depth - 1, step, start, lambda *state: state[6] >= 0)[-3:]
-    return r, g, b
+    return repeat(depth - 1, step, (*carry(hit, (1.0, 1.0, 1.0)), total), lambda ids, *_: ids >= 0)[-1]
 
 
 def bounce(k: Any, here: Hit, light: Lighting, world: World, draw: Draw) -> tuple[Vec, Hit, Vec]:
@@ -52,21 +59,20 @@ def bounce(k: Any, here: Hit, light: Lighting, world: World, draw: Draw) -> tupl
     return direct, there, onto
 
 
-def packed(hit: Hit, onto: Vec) -> tuple[Any, ...]:
-    """What a path carries from one surface to the next: the colours times `onto`, what the surfaces before send on."""
+def carry(hit: Hit, onto: Vec) -> tuple[Any, ...]:
+    """What a path takes along from a surface: its colours times `onto`, what the surfaces before send on."""
 
     def times(colour: Vec) -> tuple[Any, ...]:
         return tuple(select(hit.ids >= 0, o * c, 0.0) for o, c in zip(onto, colour, strict=True))
 
-    lambertian = (*hit.point, *hit.normal, hit.ids, hit.inside, *times(hit.albedo))
-    if hit.specular is None:
-        return lambertian
-    return (*lambertian, *hit.d, *times(hit.specular.share), hit.specular.exponent)
+    highlight = () if hit.specular is None else (times(hit.specular.share), hit.specular.exponent)
+    return hit.ids, hit.point, hit.normal, times(hit.albedo), hit.inside, hit.d, *highlight
 
 
-def unpacked(state: tuple[Any, ...]) -> Hit:
-    specular = Specular(state[14:17], state[17]) if len(state) > 11 else None
-    return Hit(0.0, state[6], state[:3], state[3:6], state[8:11], state[7], state[11:14], specular)
+def carried(state: tuple[Any, ...]) -> Hit:
+    """The surface that `carry` took along."""
+    ids, point, normal, albedo, inside, d, *highlight = state
+    return Hit(0.0, ids, point, normal, albedo, inside, d, Specular(*highlight) if highlight else None)
 
 
 def sunlight(hit: Hit, light: Lighting, world: World) -> Vec:

@@ -36,12 +36,8 @@ class PlainWorld(NamedTuple):
         return found
 
     def facts(self, ids: Any) -> Facts:
-        table = [facts_of(thing) for thing in self.objects]
-        rows = [np.hstack([*facts[:4], *(facts.specular or NO_SPECULAR)]) for facts in table] or [np.zeros(14)]
-        columns = np.array(rows).T[:, ids]
-        glossy = any(facts.specular for facts in table)
-        specular = Specular(tuple(columns[10:13]), columns[13]) if glossy else None
-        return Facts(tuple(columns[:3]), tuple(columns[3:6]), columns[6], tuple(columns[7:10]), specular)
+        rows = np.array([facts_row(thing) for thing in self.objects] or [(0.0,) * 14])
+        return facts_in(tuple(rows.T[:, ids]), any(isinstance(thing.material, Phong) for thing in self.objects))
 
 
 def intersect(origin: Vec, d: Vec, thing: Shape, stages: Stages) -> Any:
@@ -88,13 +84,18 @@ def next_hit(world: World, start: Hit, d: Vec) -> Hit:
     return surface_at(world, start.point, d, *world.closest_hit(start.point, d, start))
 
 
-def facts_of(thing: Shape) -> Facts:
-    return Facts(thing.center, *thing.facing, thing.material.albedo, specular_of(thing))
-
-
-def specular_of(thing: Shape) -> Specular | None:
+def facts_row(thing: Shape) -> tuple[float, ...]:
+    """What an object says of its surface, in 14 numbers; `facts_in` has their order."""
+    flat, curvature = thing.facing
     material = thing.material
-    return Specular(material.specular, material.exponent) if isinstance(material, Phong) else None
+    share, exponent = (material.specular, material.exponent) if isinstance(material, Phong) else NO_SPECULAR
+    return (*thing.center, *flat, curvature, *material.albedo, *share, exponent)
+
+
+def facts_in(row: Sequence[Any], glossy: bool) -> Facts:
+    """The facts that the 14 numbers tell, or arrays of them; the highlight's where any object is `glossy`."""
+    center, flat, albedo, share = ((row[i], row[i + 1], row[i + 2]) for i in (0, 3, 7, 10))
+    return Facts(center, flat, row[6], albedo, Specular(share, row[13]) if glossy else None)
 
 
 def normal(point: Vec, facts: Facts) -> Vec:

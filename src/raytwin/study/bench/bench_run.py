@@ -48,6 +48,10 @@ Picture = Callable[[str, Image], None]
 """Takes the name and the first image of a method, or of a reference."""
 
 
+def no_picture(name: str, image: Image) -> None:
+    """Images are not kept."""
+
+
 def bench(
     path: str | Path | Scene,
     *,
@@ -57,6 +61,7 @@ def bench(
     repeats: int = 15,
     truth_samples: int = 4096,
     progress: Progress = silent,
+    picture: Picture = no_picture,
 ) -> Bench:
     """Measure each method's time and error on a scene (`path`: its folder, name, or a Scene), at each of `sizes`
     (megapixels), and judge its picture beside the twin's.
@@ -65,31 +70,8 @@ def bench(
     scene, and what `method` returns. `budget`: seconds for all, preparing and references too; methods that do not fit
     are named in `left_out`, and InputError says so if none does. `repeats`: most timed calls of each. `truth_samples`:
     most samples per pixel of each reference. `table()` of what is returned has a row per method and size: seconds,
-    errors, verdict, and whether it is on the frontier. `progress(stage, done, total)` is called as work goes on.
-    """
-    (found,) = bench_scenes(
-        (path,), methods=methods, sizes=sizes, budget=budget, repeats=repeats, truth_samples=truth_samples,
-        progress=progress,
-    )  # fmt: skip
-    return found
-
-
-def bench_scenes(
-    paths: Sequence[str | Path | Scene],
-    *,
-    methods: Sequence[str | Renderer | Callable[..., Any]] = ("*",),
-    sizes: Sequence[float] = (0.2,),
-    budget: float = 300.0,
-    repeats: int = 15,
-    truth_samples: int = 4096,
-    progress: Progress = silent,
-    picture: Picture = lambda name, image: None,
-) -> tuple[Bench, ...]:
-    """Measure on each scene, in turn: see `bench`. `budget`: seconds for all scenes, each of which has an equal share.
-
-    `picture(name, image)` is called with the images of the first scene at the first size.
-
-    Raises InputError for a scene or a method that cannot be, before anything is measured.
+    errors, verdict, and whether it is on the frontier. `progress(stage, done, total)` is called as work goes on,
+    `picture(name, image)` with the images at the first size.
     """
     for where, numbers, most in (
         ("--budget", (budget,), math.inf), ("--sizes", sizes or (0,), 1000),
@@ -97,33 +79,47 @@ def bench_scenes(
     ):  # fmt: skip
         check_numbers(where, numbers, most)
     chosen, subjects = chosen_methods(methods)
-    check_names("SCENE", [scene_and_photos(path)[0].name for path in paths])
-    start = clock()
     twin.activate()
-    made = []
-    for number, path in enumerate(paths):
-        began = clock()
-        deadline = portion(start + budget, len(paths) - number)
-        scene = find_camera(path, progress=progress)[0]
-        rows: list[Measurement] = []
-        errors: list[Measurement] = []
-        left: dict[str, str] = {}
-        cameras = [sized(scene.camera, megapixels) for megapixels in sizes]
-        for i, camera in enumerate(cameras):
-            own, whole, missing = measure_size(
-                scene.with_camera(camera), scene.tolerance, chosen, subjects, portion(deadline, len(sizes) - i),
-                repeats, truth_samples, progress, picture if number == i == 0 else lambda name, image: None,
-            )  # fmt: skip
-            rows, errors, left = rows + own, errors + whole, missing | left
-        made.append(
-            Bench(
-                scene=scene.name, machine=machine(), versions=twin.versions(), budget=deadline - began,
-                seconds=clock() - began, sizes=tuple(camera.image_size for camera in cameras), rows=tuple(rows),
-                errors=tuple(errors), left_out=left, subjects=subjects,
-            )
+    start = clock()
+    scene = find_camera(path, progress=progress)[0]
+    rows: list[Measurement] = []
+    errors: list[Measurement] = []
+    left: dict[str, str] = {}
+    cameras = [sized(scene.camera, megapixels) for megapixels in sizes]
+    for i, camera in enumerate(cameras):
+        own, whole, missing = measure_size(
+            scene.with_camera(camera), scene.tolerance, chosen, subjects, portion(start + budget, len(sizes) - i),
+            repeats, truth_samples, progress, no_picture if i else picture,
         )  # fmt: skip
-    if not any(one.rows for one in made):
-        raise _nothing(made[0].left_out, subjects, budget, clock() - start)
+        rows, errors, left = rows + own, errors + whole, missing | left
+    if not rows:
+        raise _nothing(left, subjects, budget, clock() - start)
+    return Bench(
+        scene=scene.name, machine=machine(), versions=twin.versions(), budget=budget, seconds=clock() - start,
+        sizes=tuple(camera.image_size for camera in cameras), rows=tuple(rows), errors=tuple(errors), left_out=left,
+        subjects=subjects,
+    )  # fmt: skip
+
+
+def bench_scenes(
+    paths: Sequence[str | Path | Scene],
+    *,
+    methods: Sequence[str | Renderer | Callable[..., Any]] = ("*",),
+    budget: float = 300.0,
+    picture: Picture = no_picture,
+    **options: Any,
+) -> tuple[Bench, ...]:
+    """Measure on each scene, in turn: see `bench`. `budget`: seconds for all scenes, each of which has an equal share;
+    `picture`: of the first.
+
+    Raises InputError for a scene or a method that cannot be, before anything is measured.
+    """
+    chosen_methods(methods)
+    check_names("SCENE", [scene_and_photos(path)[0].name for path in paths])
+    until, made = clock() + budget, list[Bench]()
+    for i, path in enumerate(paths):
+        share, of_scene = portion(until, len(paths) - i) - clock(), no_picture if i else picture
+        made.append(bench(path, methods=methods, budget=share, picture=of_scene, **options))
     return tuple(made)
 
 
@@ -165,13 +161,12 @@ def portion(until: float, parts: int) -> float:
 
 def _nothing(left: dict[str, str], subjects: Collection[str], budget: float, spent: float) -> InputError:
     """Why nothing was measured, and what to give."""
-    late = [name for name, why in left.items() if why.startswith(OUT_OF_TIME)]
-    if not late:
-        name, why = next(iter(left.items()))
-        where = "--subject" if name in subjects else "--methods"
-        return InputError(where, "one that this scene and this machine can have", f"{name}: {why}")
-    want = f"more seconds, or fewer --methods: none of {len(late)} could be prepared and timed"
-    return InputError("--budget", want, f"{budget:g}; preparing and references took {spent:.2g} s")
+    if late := [name for name, why in left.items() if why.startswith(OUT_OF_TIME)]:
+        want = f"more seconds, or fewer --methods: none of {len(late)} could be prepared and timed"
+        return InputError("--budget", want, f"{budget:.3g}; preparing and references took {spent:.2g} s")
+    name, why = next(iter(left.items()))
+    where = "--subject" if name in subjects else "--methods"
+    return InputError(where, "one that this scene and this machine can have", f"{name}: {why}")
 
 
 # ------------------------------------------------------------------------------------------ one size

@@ -11,7 +11,7 @@ the point, add up. A rectangle above the horizon, or two spheres that overlap, h
 A point inside a sphere, h < 1, sees no sky, whatever else there is.
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from math import pi
 from typing import Any, Protocol, runtime_checkable
 
@@ -39,42 +39,32 @@ class Place(Protocol):
     def inside(self) -> Any: ...
 
 
-Fold = Callable[[Any, Callable[[Any, Any, Shape], Any]], Any]
-"""(state, body) -> state = body(state, id, object) for each object of the scene in turn."""
-
-
 def sphere_share(h: Any, c: Any) -> Any:
     """F of a sphere whose centre is h radii away, c: see above."""
     q, w = sqrt(maximum((h - 1) * (h + 1), 0.0)), sqrt(maximum((1 - h * c) * (1 + h * c), 0.0))
     return ((c * arctan2(w, -c * q) - w * q) / (h * h) + arctan2(w, q)) / pi
 
 
-def sky_visibility(hit: Place, fold: Fold) -> tuple[Any, Any]:
+def sky_visibility(hit: Place, objects: Sequence[Shape]) -> tuple[Any, Any]:
     """Return the share of a constant sky that the other objects leave to each point, and where that is known."""
-
-    def take_away(state: Any, index: Any, thing: Shape) -> Any:
-        left, known, enclosed = state
+    left, known, enclosed = 0 * hit.point[0] + 1, hit.ids >= 0, hit.inside
+    for index, thing in enumerate(objects):
         other = hit.ids != index
         if isinstance(thing, Rectangle):
-            return left, known & ~(other & _rises(thing, hit)), enclosed
+            known = known & ~(other & _rises(thing, hit))
+            continue
         toward, sine, cosine = _seen(thing, hit)
         hides = other & (cosine + sine > 0)
-
-        def beside(apart: Any, second: Any, that: Shape) -> Any:
+        for second, that in enumerate(objects[index + 1 :], index + 1):
             if isinstance(that, Rectangle):
-                return (apart[0],)
+                continue
             to, wide, level = _seen(that, hit)
-            below = (level + wide <= 0) | (second <= index) | (hit.ids == second)
             # the angle between them is at least the sum of both half angles, a and b: cos(a + b) from their sines
             both = sqrt(maximum((1 - sine * sine) * (1 - wide * wide), 0.0)) - sine * wide
-            return (apart[0] & (below | (dot(toward, to) <= both)),)
-
-        apart = fold((hides == hides,), beside)[0]
+            apart = (level + wide <= 0) | (hit.ids == second) | (dot(toward, to) <= both)
+            known = known & (~hides | apart)
         left = left - select(hides, sphere_share(1 / sine, cosine), 0.0)
-        return left, known & (~hides | apart), enclosed | (other & (sine > 1 + ABOVE))
-
-    start = 0 * hit.point[0] + 1, hit.ids >= 0, hit.inside
-    left, known, enclosed = fold(start, take_away)
+        enclosed = enclosed | (other & (sine > 1 + ABOVE))
     return select(enclosed, 0.0, maximum(left, 0.0)), known | enclosed
 
 
