@@ -68,6 +68,7 @@ def test_what_no_mistake_predicts_has_its_numbers_instead_of_a_name():
     for wrong, said in (
         (skewed, "chi-square p "), (too_large, "the pdf integrates to 1.1"),
         (lambda u: PLAIN["sample_cosine"](u[:, [0, 0]]), "no single common mistake fits"),
+        (lambda u: (-PLAIN["sample_cosine"](u)[0], u[:, 0], u[:, 1]), "the pdf integrates to nan"),
         (lambda u: tuple(np.nan * a for a in PLAIN["sample_cosine"](u)), "no single common mistake fits"),
         (lambda u: PLAIN["sample_cosine"](u)[0], "it returned an array"),
     ):  # fmt: skip
