@@ -80,6 +80,15 @@ def test_what_no_mistake_predicts_has_its_numbers_instead_of_a_name():
     )
 
 
+def test_a_pdf_is_named_whichever_pdf_the_weight_is_of():
+    def flat(u):
+        directions, _, weight = PLAIN["sample_cosine"](u)
+        return directions, np.full(len(u), 1 / np.pi), weight
+
+    found = judge_function(LESSONS["sample_cosine"], flat)
+    assert (found.causes, found.sureness) == (("cosine missing in the pdf",), "proved")
+
+
 def test_the_numbers_that_are_told_are_the_known_ones():
     """The weight is 2 cos θ, of variance 4 / 3 - 1: 16384 draws are within 0.02. Twice the pdf integrates to 2."""
     (case, _) = LESSONS["sample_hemisphere"].cases(0)
