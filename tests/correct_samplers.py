@@ -31,7 +31,7 @@ def polar(u):
 
 def rejection(u):
     """Points of the square until one is in the disk, of numbers that u seeds."""
-    rng = np.random.default_rng(u.view(np.uint64).ravel())
+    rng = np.random.default_rng(np.ascontiguousarray(u[:2]).view(np.uint64).ravel())
     x, y = rng.uniform(-1, 1, (2, 2 * len(u)))
     inside = x * x + y * y < 1
     x, y = x[inside][: len(u)], y[inside][: len(u)]

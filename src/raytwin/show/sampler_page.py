@@ -20,8 +20,6 @@ PIXELS = 48
 """Pixels across the disk of directions."""
 CALLS = 16
 """Calls of the function for each of its cases: 262144 directions in a picture."""
-FINER = 8
-"""Points along each side of a pixel that the density that is asked for is taken of."""
 
 
 def write_sampler(name: str, function: Callable[..., Any], path: Path) -> None:
@@ -48,21 +46,21 @@ def write_sampler(name: str, function: Callable[..., Any], path: Path) -> None:
 
 
 def _maps(drawn: Drawn, case: Case) -> dict[str, Image]:
-    """The densities per steradian over the directions, seen along z: equal areas are equal solid angles."""
+    """The densities per steradian of the directions, seen along z: equal areas are equal solid angles."""
     edge = np.sqrt(1 - drawn.lowest)
     side = np.linspace(-edge, edge, PIXELS + 1)
     x, y, z = drawn.directions.T
     scale = np.sqrt(np.maximum(1 + z, 1e-12))
     across = partial(np.histogram2d, y / scale, x / scale, [side, side])
     counts = across()[0]
-    steradians = 2 * (side[1] - side[0]) ** 2
-    fine = (np.arange(PIXELS * FINER) + 0.5) / (PIXELS * FINER) * 2 * edge - edge
-    heights = 1 - fine[:, None] ** 2 - fine**2
-    inside = heights >= drawn.lowest
-    asked = np.where(inside, drawn.at("pdf", z=np.maximum(heights, drawn.lowest)), 0)
-    covered, asked = (a.reshape(PIXELS, FINER, PIXELS, FINER).mean(axis=(1, 3)) for a in (inside, asked))
-    maps = {"drawn": counts / (len(z) * steradians), "asked for": asked}
+    middle = (side[1:] + side[:-1]) / 2
+    height = 1 - middle[:, None] ** 2 - middle**2
+    maps = {"drawn": counts / (len(z) * 2 * (side[1] - side[0]) ** 2)}
     if drawn.claims:
-        total = across(weights=drawn.claims[0])[0]
-        maps = {"drawn": maps["drawn"], "claimed": covered * total / np.maximum(counts, 1), "asked for": asked}
-    return {f"{case.shows}: {key}": Image(np.repeat(a[..., None], 3, 2).astype(np.float32)) for key, a in maps.items()}
+        maps["claimed"] = across(weights=drawn.claims[0])[0] / np.maximum(counts, 1)
+    maps["asked for"] = drawn.at("pdf", z=height)
+    whole = np.hypot(*np.meshgrid(*2 * [np.abs(middle) + side[1] - middle[0]])) < edge  # the rim's pixels are cut
+    return {
+        f"{case.shows}: {key}": Image(np.repeat(np.where(whole, density, 0)[..., None], 3, 2).astype(np.float32))
+        for key, density in maps.items()
+    }

@@ -68,6 +68,7 @@ def test_what_no_mistake_predicts_has_its_numbers_instead_of_a_name():
     for wrong, said in (
         (skewed, "chi-square p "), (too_large, "the pdf integrates to 1.1"),
         (lambda u: PLAIN["sample_cosine"](u[:, [0, 0]]), "no single common mistake fits"),
+        (lambda u: (-PLAIN["sample_cosine"](u)[0], u[:, 0], u[:, 1]), "the pdf integrates to nan"),
         (lambda u: tuple(np.nan * a for a in PLAIN["sample_cosine"](u)), "no single common mistake fits"),
         (lambda u: PLAIN["sample_cosine"](u)[0], "it returned an array"),
     ):  # fmt: skip
@@ -77,6 +78,15 @@ def test_what_no_mistake_predicts_has_its_numbers_instead_of_a_name():
     assert (
         "not unit" in judge_function(LESSONS["sample_cosine"], lambda u: (2 * u[:, [0, 0, 1]], u[:, 0], u[:, 1])).causes
     )
+
+
+def test_a_pdf_is_named_whichever_pdf_the_weight_is_of():
+    def flat(u):
+        directions, _, weight = PLAIN["sample_cosine"](u)
+        return directions, np.full(len(u), 1 / np.pi), weight
+
+    found = judge_function(LESSONS["sample_cosine"], flat)
+    assert (found.causes, found.sureness) == (("cosine missing in the pdf",), "proved")
 
 
 def test_the_numbers_that_are_told_are_the_known_ones():

@@ -1,5 +1,8 @@
-"""Pictures at sampled light levels: judged by the sequential verdict, called until it is certain."""
+"""Samplers in a rubric, and pictures at sampled light levels: by the sequential verdict, until it is certain."""
 
+import inspect
+
+import correct_samplers
 import numpy as np
 
 from raytwin.images.image import Image
@@ -86,3 +89,16 @@ def test_calls_end_when_the_verdict_is_certain_and_at_the_latest_after_a_stated_
     count, _, verdict = calls(lambda: rng.normal(0.5, 40.0, (24, 32, 3)))
     assert (count, verdict.verdict) == (MOST_RENDERS, "undecided")
     assert calls(lambda: np.zeros((2, 2, 3)))[2] is None
+
+
+def test_a_sampler_is_graded_by_what_it_draws(tmp_path):
+    (tmp_path / "r.toml").write_text(
+        'title = "t"\nhints = 0\n[[exercises]]\nstage = "sample_cosine"\npoints = 4\n'
+        '[[exercises]]\nstage = "sample_hemisphere"\npoints = 6\n'
+    )
+    alias = "\nsample_cosine = concentric\nsample_hemisphere = concentric\n"
+    (tmp_path / "a.py").write_text(inspect.getsource(correct_samplers) + alias)
+    (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
+    assert [e.points for e in result.exercises] == [4, 0]
+    assert result.exercises[1].causes == ("Lambert's density",)
+    assert "chi-square p" in result.exercises[1].got

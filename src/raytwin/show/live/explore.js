@@ -492,7 +492,7 @@ $("viewer").addEventListener("touchstart", (event) => {
 }, { passive: false, capture: true });
 $("viewer").addEventListener("pointerdown", (event) => {
   const pixel = event.button ? null : pixel_of(event), index = pixel ? sphere_at(pixel) : -1;
-  if (!pixel || event.pointerType === "touch" && (index < 0 || !event.isPrimary)) return;
+  if (!pixel || viewer.state.area || event.pointerType === "touch" && (index < 0 || !event.isPrimary)) return;
   if (index < 0) {
     // Beside the objects the camera turns, where the whole picture is seen: else the viewer pans.
     if (viewer.state.mode !== "wipe" && viewer.view.span >= about.width) held = { orbit: [event.clientX, event.clientY], moved: false };

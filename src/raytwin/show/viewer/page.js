@@ -83,6 +83,7 @@ class Viewer extends View {
     const [left, top, right, bottom] = this.area, found = this.means(this.area), size = `${right - left + 1} × ${bottom - top + 1} pixels`;
     this.at = null;
     this.show();
+    if (!this.values.r && !this.values.t) return;
     if (!found) return this.say(`${size}: of each block this page holds one pixel, and no mean`);
     const row = (name, of, sign = false) => this.cells[name]?.list.forEach((cell, c) => { cell.textContent = c < 3 ? digits(of(found[c]), 0, { sign, most: 4 }) : "–"; });
     row("test", (c) => c.test);

@@ -173,8 +173,10 @@ class Drawn:
         return np.ones_like(off)
 
     def integral(self) -> float:
-        """The integral of the claimed pdf over the domain, the pdf being one of cos θ."""
+        """The integral of the claimed pdf over the domain, the pdf being one of cos θ; NaN where none is in it."""
         inside = self.z >= self.lowest
+        if not inside.any():
+            return np.nan
         z, pdf = self.z[inside], self.claims[0][inside]
         order = np.argsort(z)
         z, pdf = np.concatenate([[self.lowest], z[order], [1.0]]), pdf[order[[0, *range(len(z)), -1]]]
@@ -255,9 +257,10 @@ def _told(stage: str, cases: Sequence[Case], got: Sequence[Arrays]) -> str:
         return f"the largest error of a direction's length is {max(one.off.max() for one in drawn):.2g}"
     said = [f"chi-square p {', '.join(f'{one.p_value(one.sampler):.2g}' for one in drawn)}"]
     if drawn[0].claims:
-        said.append(f"the pdf integrates to {', '.join(f'{one.integral():.4g}' for one in drawn)}")
+        integrals = dict.fromkeys(f"{one.integral():.4g}" for one in drawn)
+        said.append(f"the pdf integrates to {', '.join(integrals)}")
         least = "0 by the density cos θ / π" if stage == "sample_hemisphere" else "best known: 0"
-        said.append(f"the weight's relative variance is {max(one.variance() for one in drawn):.2g} ({least})")
+        said.append(f"the weight's relative variance is {round(max(one.variance() for one in drawn), 6):.2g} ({least})")
     return "; ".join(said)
 
 
@@ -294,5 +297,5 @@ STAGES = (
     _stage(sample_cosine, *EVEN),
     _stage(sample_hemisphere, *EVEN),
     _stage(sample_cone, ("a wide cone", (0.3,)), ("a narrow cone", (0.98,))),
-    _stage(sample_phong, ("a wide lobe", (3.0,)), ("a narrow lobe", (20.0,))),
+    _stage(sample_phong, ("a wide lobe", (3.0,)), ("a narrow lobe", (10.0,))),
 )
