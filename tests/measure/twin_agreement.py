@@ -8,6 +8,7 @@ files with one of another seed: alarms by noise alone.
 
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
@@ -18,7 +19,7 @@ from measure.random_scenes import KINDS, random_scene
 from scene_of import scene_of
 
 from raytwin import fast, twin
-from raytwin.compare import compare
+from raytwin.compare import Comparison, compare
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.scene.mitsuba_file import read_mitsuba, with_film
@@ -30,6 +31,7 @@ SHIPPED = "ball", "distorted", "eclipse", "gloss", "grazing", "overlap", "single
 SIZES = (160, 120), (320, 240), (640, 480)
 SAMPLES = 16
 RADII = 300, 10_000
+COLUMNS = "pixels", "another object", "shadow off", "compared", "fail", "undecided", "single precision said"
 
 
 def shipped(seeds: int) -> Iterator[tuple[str, Scene, int]]:
@@ -67,21 +69,17 @@ def far(seeds: int) -> Iterator[tuple[str, Scene, int]]:
 BEDS = {"shipped": shipped, "random": drawn, "far": far}
 
 
-def verdicts(scene: Scene, seeds: int) -> Iterator[tuple[str, str]]:
-    """The level and the first reason behind each verdict that is no pass, empty behind a pass."""
+def verdicts(scene: Scene, seeds: int) -> Iterator[tuple[str, Comparison]]:
+    """The comparison with the tracer at each level."""
     for rung, seed in product(RUNGS, range(seeds)):
-        if not RUNGS[rung].noisy and seed:
-            continue
         if RUNGS[rung].noisy:
             mine = fast.walk(scene, rung, "drjit64", samples=SAMPLES, seed=seed, sampling="center")
-        else:
+        elif seed == 0:
             mine = trace(scene, rung)
+        else:
+            continue
         other = twin.render(scene, rung, samples=SAMPLES, seed=seed + 1000, cache=False)
-        found = compare_with_twin(mine, other, scene)
-        text = "" if found.verdict == "pass" else f"{found.verdict}: {found.reasons[0]}"
-        yield rung, text
-        if "single precision" in " ".join(found.reasons):
-            yield rung, "said"
+        yield rung, compare_with_twin(mine, other, scene)
 
 
 def alarms(seeds: int) -> Iterator[tuple[str, int, int]]:
@@ -106,34 +104,22 @@ def main() -> None:
     command = f"python -m measure.twin_agreement {' '.join(record.arguments())}"
     if name == "files":
         return record.table("twin", name, ["file", "compared", "fail"], alarms(seeds), command)
-    rows: dict[str, list[int]] = {}
+    rows: dict[str, Counter[str]] = {}
     for label, scene, own in BEDS[name](seeds):
         exact, image = fast.trace(scene, "shadow", "numpy64"), twin.render(scene, "shadow", cache=False)
-        row = rows.setdefault(label, [0] * 7)
-        scale = float(np.quantile(exact.mean[exact.mean > 0], 0.99)) if (exact.mean > 0).any() else 1.0
-        row[0] += exact.mean[..., 0].size
-        row[1] += int(np.count_nonzero(exact.surface.ids != image.surface.ids))
-        row[2] += int(np.count_nonzero((abs(exact.mean - image.mean) > 1e-4 * scale).any(axis=-1)))
-        for rung, text in verdicts(scene, own):
-            if text == "said":
-                row[6] += 1
-                continue
-            row[3] += 1
-            row[4] += text.startswith("fail")
-            row[5] += text.startswith("undecided")
-            if text.startswith("fail"):
-                print(label, scene.camera.image_size, rung, text, file=sys.stderr, flush=True)
-    columns = [
-        "scene",
-        "pixels",
-        "another object",
-        "shadow off",
-        "compared",
-        "fail",
-        "undecided",
-        "single precision said",
-    ]
-    return record.table("twin", name, columns, [[label, *row] for label, row in rows.items()], command)
+        row, lit = rows.setdefault(label, Counter()), exact.mean[exact.mean > 0]
+        off = abs(exact.mean - image.mean) > 1e-4 * (float(np.quantile(lit, 0.99)) if lit.size else 1.0)
+        row["pixels"] += exact.surface.ids.size
+        row["another object"] += int(np.count_nonzero(exact.surface.ids != image.surface.ids))
+        row["shadow off"] += int(np.count_nonzero(off.any(axis=-1)))
+        for rung, found in verdicts(scene, own):
+            row["compared"] += 1
+            row[found.verdict] += 1
+            row["single precision said"] += "single precision" in " ".join(found.reasons)
+            if found.verdict == "fail":
+                print(label, scene.camera.image_size, rung, found.reasons[0], file=sys.stderr, flush=True)
+    table = [[label, *(row[column] for column in COLUMNS)] for label, row in rows.items()]
+    return record.table("twin", name, ["scene", *COLUMNS], table, command)
 
 
 if __name__ == "__main__":
