@@ -86,19 +86,6 @@ def test_every_file_that_the_guide_names_is_there():
     assert [name for name in named if not any((ROOT / part / name).is_file() for part in (".", "src/raytwin"))] == []
 
 
-def test_the_tracer_is_numpy_and_records_and_nothing_else():
-    ours = {m for m in loaded_by("import raytwin.tracer") if m.startswith("raytwin.")}
-    assert {m for m in ours if not m.startswith(("raytwin.tracer", "raytwin.scene."))} == {
-        "raytwin.errors",
-        "raytwin.images",
-        "raytwin.images.image",
-        "raytwin.notebook",
-        "raytwin.rungs",
-        "raytwin.scene",
-        "raytwin.array_types",
-    }
-
-
 # ------------------------------------------------------------------------------------------ the public API
 
 

@@ -42,14 +42,11 @@ def noisy(right: np.ndarray, seed: int) -> np.ndarray:
     return right + np.random.default_rng(seed).normal(0, 0.02, right.shape).astype(np.float32)
 
 
-# Names of what can be compared -> from a right array (H, W, 3); each passes, and 1.2 times it fails.
+# Names of what can be compared -> from a correct array (H, W, 3); each passes, and 1.2 times it fails.
 KINDS = {
     "array": lambda x, folder: x,
-    "Image": lambda x, folder: raytwin.Image.from_array(x),
-    "array of renders": lambda x, folder: np.array([noisy(x, i) for i in range(4)]),
-    "function of a seed": lambda x, folder: lambda seed: noisy(x, seed),
     "path": lambda x, folder: written(folder / "a.exr", x),
-    "Bitmap": lambda x, folder: mitsuba().Bitmap(x),
+    "function of a seed": lambda x, folder: lambda seed: noisy(x, seed),
     "sRGB Bitmap": lambda x, folder: mitsuba().Bitmap(x).convert(srgb_gamma=True),
     "TensorXf": lambda x, folder: mitsuba().TensorXf(x),
 }
@@ -118,11 +115,11 @@ def test_a_notebook_keeps_pictures_and_shows_the_viewer_where_it_can(known, righ
     assert list(image._repr_mimebundle_()) == ["image/png", "application/vnd.jupyter.widget-view+json"]
 
 
-@pytest.mark.parametrize("name", ["distorted", "gloss", "studio"])
-def test_a_scene_made_in_python_is_the_one_that_was_read(name):
-    read = raytwin.read_scene(name)
-    made = raytwin.Scene(name, read.camera, read.spheres, read.planes, read.sun, read.sky, read.tolerance)
-    assert raytwin.read_scene(made) == read == read.scene
+def test_a_scene_made_in_python_is_the_one_that_was_read():
+    for name in ("distorted", "gloss", "studio"):
+        read = raytwin.read_scene(name)
+        made = raytwin.Scene(name, read.camera, read.spheres, read.planes, read.sun, read.sky, read.tolerance)
+        assert raytwin.read_scene(made) == read == read.scene
 
 
 def test_a_scene_changes_by_with():

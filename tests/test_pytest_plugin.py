@@ -235,11 +235,8 @@ def test_what_is_wrong_is_said_in_a_line(checked):
         "*no such reference*nosuch/surface.exr*",
     ):
         result.stdout.fnmatch_lines([line])
-
-
-def test_no_traceback_of_ours_is_shown(checked):
     for line in ("*pytest_plugin.py:*", "*During handling*", "*INTERNALERROR*"):
-        checked[1].stdout.no_fnmatch_line(line)
+        result.stdout.no_fnmatch_line(line)
 
 
 # ------------------------------------------------------------------------------------------ missing, stale, updated

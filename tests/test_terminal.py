@@ -116,38 +116,3 @@ def test_ctrl_c_during_the_first_imports_ends_in_one_line(tmp_path):
     (tmp_path / "typer.py").write_text("raise KeyboardInterrupt\n")
     run = raytwin_alone("--help", PYTHONPATH=str(tmp_path))
     assert (run.returncode, run.stdout, run.stderr) == (130, "", "raytwin: interrupted\n")
-
-
-MISWRITTEN = {
-    "a thousand with a comma or a space": r"\d,\d{3}\b|\b\d{1,3} \d{3}\b",
-    "an exponent of one digit": r"\de[+-]?\d\b",
-    "a plural of one": r"(?<![\d.])1 (?!times\b|ms\b|pixels? of\b)[a-z]+s\b",
-    "no plural of several": r"(?<![\d.])(?:[02-9]|[1-9]\d+) (?:photo|pixel|sample|measurement|sphere|tag|experiment)\b",
-    "`a` in place of `per`": r"\b(?:samples?|rays?|seconds|bits|bytes|values) an? (?:pixel|frame|picture|channel)",
-}
-"""How no number is written on a terminal -> what finds it."""
-
-
-@pytest.mark.nightly
-def test_commands_write_numbers_in_one_form(scenes, tmp_path):
-    photos = sorted((scenes / "desk" / "photos").glob("*.jpg"))[:4]
-    board = scenes / "desk" / "board.toml"
-    commands = (
-        ("compare", "single", "--size", "48x36", "-o", "exact"),
-        ("compare", "overlap", "--rung", "path", "--samples", "4", "--size", "48x36", "-o", "noisy"),
-        ("diff", "exact/tracer.exr", "noisy/tracer.exr", "-o", "diff"),
-        ("ladder", "single", "--size", "40x30", "--samples", "4", "-o", "ladder"),
-        ("needs", "single", "--size", "40x30", "--tolerance", "0.1"),
-        ("stability", "sphere-far", "-o", "atlas"),
-        ("bench", "single", "--methods", "numpy32-shadow-conic", "--sizes", "0.001", "--repeats", "2",
-         "--truth-samples", "16", "-o", "bench"),
-        ("calibrate", *photos, "--board", board, "-o", "camera.toml"),
-        ("board", "-o", "board.pdf"),
-        ("reference", "show", "single"),
-        ("scenes",),
-        ("doctor",),
-    )  # fmt: skip
-    said = [(command[0], raytwin(*command, cwd=tmp_path)) for command in commands]
-    lines = [f"{name}: {line}" for name, run in said for line in (run.stdout + run.stderr).splitlines()]
-    assert len(lines) > 50
-    assert [(what, line) for what, found in MISWRITTEN.items() for line in lines if re.search(found, line)] == []

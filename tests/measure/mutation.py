@@ -4,7 +4,7 @@
 
 A room is a folder of src/raytwin, or `.` for the files beside them. Run it in a clone of its own: the source is changed
 in place, and put back. Each change is a line of JSON: whether `default` tests noticed it, `nightly` ones, or `nothing`.
-Tests of files that name the changed function or its module come first, then the room's, then others that name them.
+The room's test files run, those that name the changed function or its module first.
 Each file runs unchanged first: one that fails is left out.
 """
 
@@ -129,20 +129,14 @@ def applied(text: str, change: Change) -> str:
 
 
 def tests_of(change: Change) -> list[list[Path]]:
-    """Return the test files in the order in which they are run: closest, the room's, others that use the code."""
+    """Return the room's test files: those that name the function or its module most often, then the others."""
     room = change.path.parent.relative_to(SOURCE).parts
     room = room if TESTS.joinpath(*room).is_dir() else room[:1]
-    every = [p for p in sorted(TESTS.rglob("test_*.py")) if "measure" not in p.parts]
-    near = [p for p in every if TESTS.joinpath(*room) in p.parents and room]
-    near = near or [p for p in every if p.parent == TESTS]
-    of_module = re.compile(
-        rf"raytwin\.{'.'.join((*room, '.*'))}\b{change.path.stem}\b|\b{change.function}\b|{change.path.stem}"
-    )
-    count = {p: len(of_module.findall(p.name + p.read_text(encoding="utf-8"))) for p in every}
+    near = sorted(TESTS.joinpath(*room).glob("**/test_*.py" if room else "test_*.py"))
+    named = re.compile(rf"\b{change.function}\b|{change.path.stem}")
+    count = {p: len(named.findall(p.name + p.read_text(encoding="utf-8"))) for p in near}
     close = sorted((p for p in near if count[p]), key=lambda p: -count[p])[:3]
-    of_room = re.compile(rf"raytwin\.{'.'.join(room)}\b" if room else r"\braytwin\b")
-    outside = [p for p in every if p not in near and count[p] and of_room.search(p.read_text(encoding="utf-8"))]
-    return [close, [p for p in near if p not in close], sorted(outside, key=lambda p: -count[p])[:6]]
+    return [close, [p for p in near if p not in close]]
 
 
 @functools.cache

@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import pytest
-from program import raytwin, refused
+from program import raytwin
 from starter_submissions import PLAIN
 
 from raytwin.teach.contract.stage_table import CONTRACT
@@ -24,12 +24,6 @@ def test_the_starter_has_every_function_of_the_contract_with_its_docstring(tmp_p
         with pytest.raises(NotImplementedError):
             made[name](*stage.cases(0)[0].args)
     assert max(map(len, path.read_text().splitlines())) <= 120
-
-
-def test_a_students_work_is_not_written_over(tmp_path):
-    (tmp_path / "mine.py").write_text("weeks of work")
-    refused(raytwin("grade", "starter", "-o", tmp_path / "mine.py"), "--force")
-    assert (tmp_path / "mine.py").read_text() == "weeks of work"
 
 
 def test_the_worked_example_is_right(tmp_path):
