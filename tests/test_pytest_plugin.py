@@ -1,7 +1,5 @@
 """The pytest plugin as its users meet it: small test files, run by a pytest of their own."""
 
-import json
-import os
 import re
 import subprocess
 import sys
@@ -20,41 +18,6 @@ pytest_plugins = ["pytester"]
 SHIPPED = references.SHIPPED
 
 
-# A process that has imported all that a run needs, and is forked for each: importing costs a second.
-WARM = """
-import json, os, sys
-import numpy, pytest, raytwin.explain.diagnosis, raytwin.renderers.references, raytwin.show.check_page, raytwin.fast
-told = os.dup(1)
-os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-pytest.main(["--version", "-W", "ignore:Module already imported"])  # loads the environment's plugins
-for line in sys.stdin:
-    environment, folder, out, words = json.loads(line)
-    child = os.fork()
-    if not child:
-        os.environ.clear()
-        os.environ.update(environment)
-        os.chdir(folder)
-        file = os.open(out, os.O_WRONLY | os.O_CREAT)
-        os.dup2(file, 1)
-        os.dup2(file, 2)
-        code = pytest.main(words)
-        sys.stdout.flush()
-        os._exit(code)
-    os.write(told, b"%d\\n" % os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
-"""
-
-
-@pytest.fixture(scope="module")
-def warm(tmp_path_factory):
-    empty = tmp_path_factory.mktemp("warm")
-    with subprocess.Popen(
-        [sys.executable, "-c", WARM], cwd=empty, stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    ) as child:
-        yield child
-        child.stdin.close()
-        assert child.wait(60) == 0
-
-
 # To look for causes takes longest: one test reads them.
 HEAD = """
 import numpy as np
@@ -67,19 +30,14 @@ def few_causes(request, monkeypatch):
 """
 
 
-def run(warm, folder, *options: str, **sources: str) -> pytest.RunResult:
+def run(folder, *options: str, **sources: str) -> pytest.RunResult:
     """Write test files into `folder` by name, and run pytest there."""
     for name, source in sources.items():
         (folder / f"{name}.py").write_text(HEAD + source)
-    out = folder.with_suffix(".told")
-    out.unlink(missing_ok=True)
-    warnings = "-W", "error", "-W", "ignore:Module already imported"
-    known = *warnings, "--strict-markers", "--continue-on-collection-errors"
-    asked = dict(os.environ), str(folder), str(out), [*known, *options]
-    warm.stdin.write(json.dumps(asked).encode() + b"\n")
-    warm.stdin.flush()
-    code = int(warm.stdout.readline())
-    return pytest.RunResult(code, out.read_text().splitlines(), [], 0.0)
+    known = "-W", "error", "--strict-markers", "--continue-on-collection-errors"
+    command = [sys.executable, "-m", "pytest", *known, *options]
+    done = subprocess.run(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    return pytest.RunResult(done.returncode, done.stdout.splitlines(), [], 0.0)
 
 
 def failures(result: pytest.RunResult) -> dict[str, str]:
@@ -197,11 +155,11 @@ def test_it(raytwin_case):
 
 
 @pytest.fixture(scope="module")
-def checked(warm, tmp_path_factory):
+def checked(tmp_path_factory):
     """One run of many tests that are not of one's own references."""
     folder = tmp_path_factory.mktemp("checked")
     sources = {"agree": AGREE, "no_image": NO_IMAGE, "all": ALL, "wrong_marker": WRONG_MARKER}
-    return folder, run(warm, folder, **{f"test_{name}": source for name, source in sources.items()})
+    return folder, run(folder, **{f"test_{name}": source for name, source in sources.items()})
 
 
 def test_arrays_files_renders_and_functions_pass_where_they_agree_and_fail_where_not(checked):
@@ -284,7 +242,7 @@ def test_shipped(raytwin_reference, name, rung):
 NEVER = {"test_broken", "test_mistyped", "test_shipped[single-shadow]", "test_shipped[glass-path]"}
 
 
-def test_update_makes_what_is_missing_or_stale_of_ones_own_and_nothing_else(warm, tmp_path, monkeypatch):
+def test_update_makes_what_is_missing_or_stale_of_ones_own_and_nothing_else(tmp_path, monkeypatch):
     (tmp_path / "pytest.ini").write_text("[pytest]\nraytwin_references = my/images\nraytwin_scenes = my/scenes\n")
     for name in ("ball", "overlap"):
         (tmp_path / "my/scenes" / name).mkdir(parents=True)
@@ -293,7 +251,7 @@ def test_update_makes_what_is_missing_or_stale_of_ones_own_and_nothing_else(warm
     before = {f: f.stat().st_mtime_ns for f in SHIPPED.glob("*/*.exr")}
 
     def failed(*options: str, **sources: str) -> tuple[pytest.RunResult, set[str]]:
-        result = run(warm, tmp_path, *options, **sources)
+        result = run(tmp_path, *options, **sources)
         return result, failures(result).keys() - NEVER if failures(result).keys() >= NEVER else {"none of NEVER"}
 
     mine, traced = {"test_image"}, {"test_traced[ball]", "test_traced[overlap]"}
@@ -343,9 +301,9 @@ def test_itself(raytwin_reference):
 """
 
 
-def test_an_update_fails_two_other_images_of_one_name_and_names_both_tests(warm, tmp_path):
+def test_an_update_fails_two_other_images_of_one_name_and_names_both_tests(tmp_path):
     for _ in range(2):  # without a reference, then with one
-        result = run(warm, tmp_path, "--raytwin-update", "-n", "2", test_two=TWO_NAMED_ALIKE)
+        result = run(tmp_path, "--raytwin-update", "-n", "2", test_two=TWO_NAMED_ALIKE)
         result.assert_outcomes(passed=3, failed=2)
         failed = failures(result).keys() - {"test_itself"}
         (loser,) = failed
@@ -362,13 +320,13 @@ def test_an_update_fails_two_other_images_of_one_name_and_names_both_tests(warm,
 # ------------------------------------------------------------------------------------------ many at once
 
 
-def test_report_lists_every_comparison_once_failures_first(warm, tmp_path):
+def test_report_lists_every_comparison_once_failures_first(tmp_path):
     """By two workers, of which neither may clear or write what the other has."""
     out = tmp_path / "out"
     out.mkdir()
     (out / "check-of-an-earlier-run.json").write_text("{}")
     (out / "notes.txt").write_text("not ours")
-    result = run(warm, tmp_path, "--raytwin-report", "out", "-n", "2", test_many=MANY)
+    result = run(tmp_path, "--raytwin-report", "out", "-n", "2", test_many=MANY)
     result.assert_outcomes(passed=2, failed=5)
     result.stdout.fnmatch_lines([f"raytwin: 8 comparisons, 5 failed: {out}/index.html"])
     index = (out / "index.html").read_text()
@@ -458,24 +416,24 @@ def test_crash(raytwin_reference):
 """
 
 
-def test_a_report_that_cannot_be_written_is_a_wrong_option(warm, tmp_path):
+def test_a_report_that_cannot_be_written_is_a_wrong_option(tmp_path):
     (tmp_path / "file").touch()
     for place in ("file", "file/below"):
-        result = run(warm, tmp_path, "--raytwin-report", place, test_all=ALL)
+        result = run(tmp_path, "--raytwin-report", place, test_all=ALL)
         assert result.ret == pytest.ExitCode.USAGE_ERROR
         (line,) = filter(None, result.outlines)
         assert re.match(rf"ERROR: --raytwin-report: {tmp_path}/{place}: expected a folder to write, got ", line)
 
 
-def test_a_report_that_is_lost_during_the_run_is_said_in_a_line(warm, tmp_path):
-    result = run(warm, tmp_path, "--raytwin-report", "out", "-n", "2", "--dist=loadfile", test_lost=SPOILS)
+def test_a_report_that_is_lost_during_the_run_is_said_in_a_line(tmp_path):
+    result = run(tmp_path, "--raytwin-report", "out", "-n", "2", "--dist=loadfile", test_lost=SPOILS)
     result.assert_outcomes(passed=1, failed=2)
     assert failures(result)["test_afterwards"].startswith("Failed: overlap/shadow: pass, but")
     result.stdout.fnmatch_lines(["*pass, but its page cannot be written: */out/*"])
     result.stdout.fnmatch_lines(["*the report lacks this test: */out/check-*", f"raytwin: no report: {tmp_path}/out*"])
     result.stdout.no_fnmatch_line("*INTERNALERROR*")
     (tmp_path / "out").unlink()
-    result = run(warm, tmp_path, "--raytwin-report", "out", "-n", "2", "-k", "test_spoils")
+    result = run(tmp_path, "--raytwin-report", "out", "-n", "2", "-k", "test_spoils")
     assert result.ret == pytest.ExitCode.USAGE_ERROR  # nothing failed, but what was asked for is not there
 
 

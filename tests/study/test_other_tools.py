@@ -1,6 +1,5 @@
 """Other tools' tests against closed forms."""
 
-
 import numpy as np
 import pytest
 from measure.other_tools import (

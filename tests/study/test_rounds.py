@@ -27,10 +27,10 @@ def render(scene, samples=16, seed=0):
 """
 
 
-@pytest.mark.parametrize("text", ["", "0", "-3", "1.5", "ten", "30 parsecs", "0s", "nan", "1e3"])
-def test_a_budget_is_samples_or_a_time(text):
-    with pytest.raises(InputError, match="--budget: expected samples per pixel, as 256, or a time, as 30s"):
-        parse_budget(text)
+def test_a_budget_is_samples_or_a_time():
+    for text in ("", "0", "-3", "1.5", "ten", "30 parsecs", "0s", "nan", "1e3"):
+        with pytest.raises(InputError, match="--budget: expected samples per pixel, as 256, or a time, as 30s"):
+            parse_budget(text)
     assert parse_budget(" 2min ").seconds == 120
     assert parse_budget("256") == Budget(samples=256)
 

@@ -132,17 +132,14 @@ def test_a_bug_that_one_sphere_shows_ends_with_that_sphere(scenes):
     assert len(found.after.scene.objects) == 1
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
+def test_nothing_can_be_cut_down_where_nothing_fails(scenes):
+    for options, said in (
         ({"subject": Planted("shadow", "no distortion")}, "a renderer that fails on this scene"),
         ({"subject": None}, "--subject is missing"),
         ({"subject": Planted("shadow", "gamma"), "time_limit": 0}, "--time-limit"),
-    ],
-)
-def test_nothing_can_be_cut_down_where_nothing_fails(scenes, options, said):
-    with pytest.raises(InputError, match=said):
-        shrink(scenes / "single", size=(40, 30), **options)
+    ):
+        with pytest.raises(InputError, match=said):
+            shrink(scenes / "single", size=(40, 30), **options)
 
 
 def test_the_command_writes_a_scene_its_story_and_the_numbers(tmp_path, monkeypatch):
