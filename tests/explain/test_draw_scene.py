@@ -33,7 +33,7 @@ def test_nothing_touches_in_a_drawn_scene(monkeypatch):
 def test_every_arrangement_shows_every_fault(monkeypatch):
     for number, arrangement in enumerate(ARRANGEMENTS):
         monkeypatch.setattr(module, "ARRANGEMENTS", (arrangement,))
-        thin = predictor(draw_scene(0), every=7)
+        thin = predictor(draw_scene(0), every=5)
         correct = thin.radiance()
         seen = {
             f.name for f in FAULTS
