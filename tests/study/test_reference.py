@@ -234,7 +234,7 @@ def test_an_interrupted_render_goes_on_where_it_stopped(overlap, folder, monkeyp
     uninterrupted = make(overlap, "path", folder).new.image
     monkeypatch.setenv("RAYTWIN_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr("raytwin.twin.render_cache.WORTH_KEEPING", 0.0)
-    sampled, rendered = render_module._sampled, []
+    sampled, rendered = render_module._rendered, []
 
     def break_off(*arguments):
         if len(rendered) == 3:
@@ -244,12 +244,12 @@ def test_an_interrupted_render_goes_on_where_it_stopped(overlap, folder, monkeyp
 
     fresh = tmp_path / "fresh"
     with monkeypatch.context() as patch:
-        patch.setattr(render_module, "_sampled", break_off)
+        patch.setattr(render_module, "_rendered", break_off)
         with pytest.raises(KeyboardInterrupt):
             make(overlap, "path", fresh)
         assert not list(tmp_path.glob("fresh/**/*.*"))
         rendered = [1] * -5
-        patch.setattr(render_module, "_sampled", lambda *a: (rendered.append(1), sampled(*a))[1])
+        patch.setattr(render_module, "_rendered", lambda *a: (rendered.append(1), sampled(*a))[1])
         resumed = make(overlap, "path", fresh).new.image
     assert len(rendered) == 8 - 3
     assert np.array_equal(resumed.mean, uninterrupted.mean)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from measure.twin_agreement import far
 from scene_of import scene_of
 
 from raytwin import fast
@@ -104,40 +105,6 @@ def test_a_floor_of_any_size_does_not_shade_itself(half):
     np.testing.assert_allclose(found.surface.depth, exact.surface.depth, rtol=1e-5)
 
 
-def test_a_large_table_does_not_shade_itself():
-    """Thirty random cameras near a table of 3 m: with and without shadows the images are the same to the last bit."""
-    rng = np.random.default_rng(5)
-    table = Rectangle((0.076, 0.114, -0.002), (1.5, 0.0, 0.0), (0.0, 1.5, 0.0), Lambert((0.36, 0.25, 0.17)))
-    K = ((150.0, 0.0, 100.0), (0.0, 150.0, 75.0), (0.0, 0.0, 1.0))
-    for _ in range(30):
-        q, r = np.linalg.qr(rng.normal(size=(3, 3)))
-        R = q * np.sign(np.diag(r))
-        R = R if np.linalg.det(R) > 0 else -R
-        if R[2, 2] > 0:  # look down
-            R = np.diag([1.0, -1.0, -1.0]) @ R
-        eye = np.array([*rng.uniform(-0.3, 0.5, 2), rng.uniform(0.05, 0.6)])
-        camera = Camera((200, 150), K, tuple(map(tuple, R.tolist())), tuple((-R @ eye).tolist()))
-        sun = Sun((*rng.normal(0, 0.5, 2), 1.0))
-        scene = scene_of("table", camera, (table,), (sun, Sky((0.1, 0.1, 0.1))))
-        plain = render(scene, "lambert", cache=False)
-        assert np.array_equal(render(scene, "shadow", cache=False).mean, plain.mean)
-
-
-def test_no_sun_comes_through_a_gap_of_a_hundredth_of_a_millimetre_between_a_floor_and_a_sheet():
-    """Seen from within. Mitsuba's own rays start 9e-5 m off, beyond the sheet, so that all of the gap is lit."""
-    gap, side = 1e-5, 48
-    grey, looking = Lambert((0.5, 0.5, 0.5)), ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
-    floor, sheet = (Rectangle((0.0, 0.0, z), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), grey) for z in (0.0, gap))
-    f, c = side / 0.6, (side - 1) / 2
-    eye = (0.0, 0.0, gap / 2)
-    camera = Camera((side, side), ((f, 0.0, c), (0.0, f, c), (0.0, 0.0, 1.0)), looking, (0.0, eye[2], 0.0))
-    scene = scene_of("gap", camera, (floor, sheet), (Sun((0.3, 0.4, 0.8)),))
-    for image in (render(scene, "shadow", cache=False), fast.trace(scene, "shadow", "numpy64")):
-        on_floor = image.surface.ids == 0
-        assert on_floor.sum() > 0.3 * side * side
-        assert (image.mean[on_floor] == 0).all()
-
-
 def test_light_is_followed_from_far_spheres_as_from_near_ones():
     """As the tracer follows it: |z| of each channel's mean below 4.5, by chance in 1 of 24 000 runs."""
     found = []
@@ -179,6 +146,17 @@ def test_a_kilometre_of_ground_passes_and_is_said():
     test, granted, said = settle(exact, found, scene)
     assert compare(test, found, half_steps=(granted, None)).verdict == "pass"
     assert "object 0" in said[-1]
+
+
+def test_far_balls_beside_a_near_one_pass_though_single_pixels_see_another_object():
+    """No origin serves both: float32 errs at 300 radii."""
+    differ = 0
+    for scene in (scene for label, scene, _ in far(2) if label == "300 radii, another near"):
+        ids, _, exact, found = errors(scene)
+        test, granted, said = settle(exact, found, scene)
+        assert compare(test, found, half_steps=(granted, None)).verdict == "pass", said
+        differ += ids
+    assert differ > 0
 
 
 def flipped(image: Image, places: list[tuple[int, int]], scene: Scene) -> Image:

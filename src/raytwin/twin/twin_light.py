@@ -152,8 +152,9 @@ class TwinLight:
             colour += self.bounced(seen, sampler) if self.path else 0
             dr.eval(colour)  # all channels in one kernel: block_sum would run it once for each
             each = plan.samples // plan.batches
-            means = np.stack([dr.block_sum(self.double(c), each).numpy() / each for c in colour], axis=-1)
-            found[:, a:b] = moments(means.reshape(b - a, plan.batches, 3))
+            for channel, c in enumerate(colour):
+                moment = moments(dr.block_sum(self.double(c), each) / each, plan.batches)
+                found[:, a:b, channel] = [part.numpy() for part in moment]
             progress("twin", round(100 * b / n), 100)
         bounced, variance, third = found.reshape(3, *shape)
         return Image(
@@ -162,15 +163,17 @@ class TwinLight:
         )  # fmt: skip
 
 
-def moments(means: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The mean of the batches' means (n, batches, 3), that mean's variance and its third central moment (n, 3).
+def moments(means: Any, batches: int) -> tuple[Any, Any, Any]:
+    """The mean of each pixel's batches, given their means, that mean's variance and its third central moment.
 
-    Both are unbiased; 0 from fewer than 2 and 3 batches. See ImagePool for the third moment.
+    `means`: float64 of Dr.Jit, pixel by pixel. Unbiased; 0 from fewer than 2 and 3 batches. See ImagePool.
     """
-    b, mean = means.shape[1], means.mean(axis=1)
-    step = means - mean[:, None]
-    square = step * step
-    return mean, square.sum(axis=1) / max(1, b * (b - 1)), (square * step).sum(axis=1) / max(1, b * (b - 1) * (b - 2))
+    mean = dr.block_sum(means, batches) / batches
+    dr.eval(mean)
+    step = means - dr.repeat(mean, batches)
+    square, pairs = dr.square(step), max(1, batches * (batches - 1))
+    third = dr.block_sum(square * step, batches) / (pairs * max(1, batches - 2))
+    return mean, dr.block_sum(square, batches) / pairs, third
 
 
 def open_sky(sky: Any) -> Callable[[Any], Any]:
