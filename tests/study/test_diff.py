@@ -79,7 +79,7 @@ def test_json_junit_report_and_heat_map_are_written(folder):
     assert case.find("failure").get("message") == numbers["reasons"][0]
     assert {p.name for p in (folder / "out").iterdir()} == {"report.html", "heatmap.png", "comparison.json"}
     for name, value in numbers["metrics"].items():
-        assert f"  {name:<10} {value:.6g}" in run.stdout
+        assert f"  {name:<14} {value:.6g}" in run.stdout
 
 
 def test_every_kind_of_image_can_be_one_of_the_two(folder):
