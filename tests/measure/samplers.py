@@ -1,6 +1,7 @@
 """Samplers: alarms on correct ones, and at how many draws wrong ones are seen, under which name.
 
-`python -m measure.samplers [COUNT]` prints the tables of docs/measured.md: COUNT seeds of each correct sampler (1000).
+`python -m measure.samplers [alarms|wrong] [COUNT]` prints the tables of docs/measured.md: COUNT seeds of each correct
+sampler (1000).
 Each seed draws 16384 directions of one of the two cases. Wrong ones take the two numbers the other way round.
 """
 
@@ -17,8 +18,6 @@ from raytwin.teach.contract.stage import Case
 from raytwin.teach.contract.stage_table import LESSONS
 from raytwin.teach.contract.stages.samplers import DRAWS, FALSE_ALARMS, SAMPLERS, TOLERANCE, Drawn, faults
 
-FEWEST = 64
-"""Draws that are tried first."""
 SEEDS = 20
 """Sets of numbers for each number of draws."""
 OFTEN = 0.9
@@ -80,27 +79,25 @@ def alarms(count: int) -> list[list[str]]:
 
 def seen_at(stage: str, function: Wrong) -> str:
     """The fewest draws, of powers of two, with which a case fails in most sets of numbers."""
-    draws = FEWEST
-    while draws <= 1 << 20:
-        failed = [
-            any((one.errors() > TOLERANCE).any() for one in drawn_by(stage, function, draws, s)) for s in range(SEEDS)
-        ]
+    for draws in (1 << k for k in range(21)):
+        failed = [any((one.errors() > TOLERANCE).any() for one in drawn_by(stage, function, draws, seed))
+                  for seed in range(SEEDS)]  # fmt: skip
         if np.mean(failed) >= OFTEN:
-            density = any(one.p_value(one.sampler) < FALSE_ALARMS for one in drawn_by(stage, function, draws, 0))
-            return "the first" if not density else f"≤ {draws}" if draws == FEWEST else str(draws)
-        draws *= 2
-    return "not by 2²⁰"
+            return str(draws)
+    return "not by 1048576"
 
 
-def main(count: str = "1000") -> None:
-    columns = ["correct sampler", "function", f"alarms at {FALSE_ALARMS:g}", "chi-square p below 0.01"]
-    record.table("teach", "samplers-alarms", columns, alarms(int(count)), f"python -m measure.samplers {count}")
-    rows = []
-    for stage, wrong, function in WRONG:
-        named = judge_function(LESSONS[stage], function, 3).causes
-        rows.append([stage, wrong, seen_at(stage, function), " or ".join(named) or "no name"])
-    columns = ["function", "what is wrong", "draws until it is seen", "name it gets"]
-    record.table("teach", "samplers-wrong", columns, rows, "python -m measure.samplers")
+def main(part: str = "", count: str = "1000") -> None:
+    if part != "wrong":
+        columns = ["correct sampler", "function", f"alarms at {FALSE_ALARMS:g}", "chi-square p below 0.01"]
+        record.table("teach", "samplers-alarms", columns, alarms(int(count)), "python -m measure.samplers alarms")
+    if part != "alarms":
+        rows = []
+        for stage, wrong, function in WRONG:
+            named = judge_function(LESSONS[stage], function, 3).causes
+            rows.append([stage, wrong, seen_at(stage, function), " or ".join(named) or "no name"])
+        columns = ["function", "what is wrong", "draws until it is seen", "name it gets"]
+        record.table("teach", "samplers-wrong", columns, rows, "python -m measure.samplers wrong")
 
 
 if __name__ == "__main__":

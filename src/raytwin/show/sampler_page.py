@@ -39,13 +39,13 @@ def write_sampler(name: str, function: Callable[..., Any], path: Path) -> None:
             if isinstance(answer, str) or [array.shape for array in answer] != shapes:
                 raise InputError(name, f"arrays {', '.join(map(str, shapes))}", result.sentence)
         together = [np.concatenate(arrays) for arrays in zip(*answers, strict=True)]
-        images |= _maps(Drawn(SAMPLERS[name], case, tuple(together)), case)
+        images |= density_maps(Drawn(SAMPLERS[name], case, tuple(together)), case)
     drawn, beside, *_ = images
     data = picture_pair(images, (drawn, beside), like=drawn.replace("drawn", "asked for"))
     write_page(path, "sampler.html.j2", STYLES, SCRIPTS, result=result, **data)
 
 
-def _maps(drawn: Drawn, case: Case) -> dict[str, Image]:
+def density_maps(drawn: Drawn, case: Case) -> dict[str, Image]:
     """The densities per steradian of the directions, seen along z: equal areas are equal solid angles."""
     edge = np.sqrt(1 - drawn.lowest)
     side = np.linspace(-edge, edge, PIXELS + 1)

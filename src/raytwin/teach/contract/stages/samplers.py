@@ -14,6 +14,7 @@ import numpy as np
 from scipy.integrate import trapezoid
 from scipy.stats import chi2
 
+from raytwin.teach.contract.loading import arrays_of
 from raytwin.teach.contract.stage import Arrays, Case, Stage, Variant, instead
 
 DRAWS = 16384
@@ -78,56 +79,47 @@ SAMPLERS = {
 
 
 def hemisphere(a: Any, b: Any) -> Any:
-    """Unit directions (N, 3) about the normal (0, 0, 1), with density cos θ / π.
+    """Unit directions (N, 3) about the normal (0, 0, 1), with density cos θ / π; a, b: (N,), numbers in [0, 1).
 
     A point of the unit disk, even over its area, raised to the hemisphere (Malley): at the radius √a and the angle
     2πb, so that z = cos θ = √(1 - a).
-
-    a, b: (N,), numbers in [0, 1).
     """
     return COSINE(np.stack([a, b], axis=-1))[0]
 
 
 def sample_cosine(u: Any) -> Any:
-    """Directions (N, 3), pdf (N,), weight (N,): a bounce off a white Lambertian surface with the normal (0, 0, 1).
+    """Unit directions (N, 3) about the normal (0, 0, 1), pdf (N,), weight (N,); u: (N, 2), numbers in [0, 1).
 
-    Unit directions are drawn with the density cos θ / π per steradian, which is their pdf. What is sampled is the
+    They are drawn with the density cos θ / π per steradian, which is their pdf. What is sampled is a white Lambertian
     BRDF times the cosine, cos θ / π. The weight is that divided by the pdf.
-
-    u: (N, 2), numbers in [0, 1).
     """
     return COSINE(u)
 
 
 def sample_hemisphere(u: Any) -> Any:
-    """Directions (N, 3), pdf (N,), weight (N,): the same bounce, by directions that are even over the hemisphere.
+    """Unit directions (N, 3) about the normal (0, 0, 1), pdf (N,), weight (N,); u: (N, 2), numbers in [0, 1).
 
-    Unit directions about (0, 0, 1) are drawn with the density 1 / 2π per steradian, which is their pdf. What is
-    sampled is cos θ / π. The weight is that divided by the pdf.
-
-    u: (N, 2), numbers in [0, 1).
+    They are even over the hemisphere: their pdf is 1 / 2π per steradian. What is sampled is a white Lambertian BRDF
+    times the cosine, cos θ / π. The weight is that divided by the pdf.
     """
     return SAMPLERS["sample_hemisphere"](u)
 
 
 def sample_cone(u: Any, cos_max: float) -> Any:
-    """Directions (N, 3), pdf (N,), weight (N,) to a sphere light of radiance 1, whose centre is seen along (0, 0, 1).
+    """Unit directions (N, 3) to a sphere light, pdf (N,), weight (N,); u: (N, 2), numbers in [0, 1).
 
-    The light fills the cone cos θ ≥ cos_max. Unit directions are even over its solid angle, 2π (1 - cos_max): their
-    pdf is 1 divided by that. What is sampled is the radiance. The weight is that divided by the pdf.
-
-    u: (N, 2), numbers in [0, 1). cos_max: a number below 1.
+    The light fills the cone cos θ ≥ cos_max about (0, 0, 1), where directions are even over its 2π (1 - cos_max)
+    steradians: their pdf is 1 divided by that. What is sampled is the light's radiance, 1. The weight is that divided
+    by the pdf.
     """
     return SAMPLERS["sample_cone"](u, cos_max)
 
 
 def sample_phong(u: Any, exponent: float) -> Any:
-    """Directions (N, 3), pdf (N,), weight (N,) of a Phong lobe about the mirror's direction, (0, 0, 1).
+    """Unit directions (N, 3) about the mirror's, (0, 0, 1), pdf (N,), weight (N,); u: (N, 2), numbers in [0, 1).
 
-    Unit directions are drawn with the density (n + 1) / 2π cosⁿ α per steradian, which is their pdf, n being the
-    exponent. What is sampled is the lobe, (n + 2) / 2π cosⁿ α. The weight is that divided by the pdf.
-
-    u: (N, 2), numbers in [0, 1). exponent: a number of 0 or more.
+    They are drawn with the density (n + 1) / 2π cosⁿ α per steradian, which is their pdf, n being the exponent. What
+    is sampled is Phong's lobe, (n + 2) / 2π cosⁿ α. The weight is that divided by the pdf.
     """
     return SAMPLERS["sample_phong"](u, exponent)
 
@@ -184,8 +176,7 @@ class Drawn:
 
     def variance(self) -> float:
         """The weight's variance by the square of its mean."""
-        weight = self.claims[1]
-        return float(weight.var() / max(weight.mean() ** 2, 1e-300))
+        return float(self.claims[1].var() / max(self.claims[1].mean() ** 2, 1e-300))
 
     def fits(self, wrong: Sampler) -> bool:
         """Whether a mistake predicts what was drawn and claimed; the weight may be of the correct pdf, too."""
@@ -273,13 +264,9 @@ def _stage(reference: Callable[..., Any], *shown: tuple[str, tuple[float, ...]])
 
     def cases(seed: int) -> list[Case]:
         rng = np.random.default_rng(seed)
-        made = []
-        for words, parameters in shown:
-            u = rng.uniform(size=(DRAWS, 2))
-            args = (*u.T,) if reference is hemisphere else (u, *parameters)
-            expected = reference(*args)
-            made.append(Case(words, args, expected if isinstance(expected, tuple) else (expected,)))
-        return made
+        numbers = ((words, rng.uniform(size=(DRAWS, 2)), parameters) for words, parameters in shown)
+        asked = [(words, (*u.T,) if reference is hemisphere else (u, *more)) for words, u, more in numbers]
+        return [Case(words, args, arrays_of(reference(*args))) for words, args in asked]
 
     def errors(case: Case, got: Arrays) -> np.ndarray:
         return Drawn(SAMPLERS[name], case, got).errors()
