@@ -137,6 +137,7 @@ ACCIDENTS = (
 """A function's text, and lines that it would have without an accident of copying, moving, hiding or forgetting."""
 
 
+@pytest.mark.nightly
 def test_accidents_of_writing_are_undone():
     for text, lines in ACCIDENTS:
         texts = changed(text)
