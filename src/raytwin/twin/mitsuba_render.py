@@ -145,5 +145,6 @@ def _surface(loaded: Any) -> Surface:
 
 def _refused(scene: MitsubaScene, error: Exception) -> InputError:
     """Mitsuba's complaint in one line."""
-    text = re.sub(r"^\[parser\.cpp:\d+\] |(?:At|While loading|Error while loading) string ", "", str(error).strip())
+    before = rf"^\[parser\.cpp:\d+\] |(?:At|While loading|Error while loading) {re.escape(scene.file)} "
+    text = re.sub(before, "", str(error).strip())
     return InputError(scene.file, "a scene that Mitsuba renders", " ".join(text.split()) or type(error).__name__)
