@@ -1,8 +1,8 @@
 """Laws without a reference: which correct renderers break one, and which faults are seen and named by them alone.
 
-`python -m measure.laws correct [RUNS] [FILE ...]`: the shipped renderers and the given correct tracers, once where they
-have no noise, with RUNS (200) seeds each where they have. `python -m measure.laws faults`: every fault of
-`planted_renderers`, with the word that its cause must have, and how many mistakes of students are seen.
+`python -m measure.laws correct [FILE ...]`: the shipped renderers without noise, and the given correct tracers.
+`python -m measure.laws noisy RUNS`: path tracers with so many seeds each. `python -m measure.laws faults`: every
+fault of `planted_renderers`, with the word that its cause must have, and how many mistakes of students are seen.
 """
 
 import sys
@@ -24,11 +24,10 @@ from raytwin.teach.contract.subject import find_subject, method
 
 EXACT = (
     "numpy64-lambert-conic", "numpy64-shadow-conic", "numpy32-shadow-conic", "drjit32-shadow-conic", "twin-llvm-shadow",
-    "loop-shadow-conic",
 )  # fmt: skip
 NOISY = "drjit32-sky-16", "drjit32-path-16", "twin-llvm-path-16"
 SIZE = 72, 54
-"""Pixels of correct renderers' pictures: six tiles, and many runs."""
+"""Pixels of noisy pictures: six tiles, and many runs."""
 
 NAMED = {
     "small spheres": "radius", "large spheres": "radius", "spheres too high": "offset", "planes too low": "offset",
@@ -81,12 +80,16 @@ def student(text: str) -> Renderer:
     return method(render, rung="shadow")
 
 
-def runs(count: int, files: list[str]) -> Iterator[tuple[str, Callable[[], Laws]]]:
-    """(what is tried, how) of every correct renderer and seed."""
+def exact(files: list[str]) -> Iterator[tuple[str, Callable[[], Laws]]]:
+    """(what is tried, how) of every correct renderer without noise."""
     for name in (*EXACT, *files):
-        yield name.rpartition("students/")[2], lambda name=name: laws(find_subject(name, "shadow"), size=SIZE)
+        yield name.rpartition("students/")[2], lambda name=name: laws(find_subject(name, "shadow"))
     for number, how in enumerate(CORRECT):
-        yield f"student's text {number}", lambda how=how: laws(student(mistaken(*how)), size=SIZE)
+        yield f"student's text {number}", lambda how=how: laws(student(mistaken(*how)))
+
+
+def reseeded(count: int) -> Iterator[tuple[str, Callable[[], Laws]]]:
+    """(what is tried, how) of path tracers with other seeds."""
     for seed in range(count):
         for name in NOISY:
             inner = find_subject(name, "path")
@@ -94,21 +97,18 @@ def runs(count: int, files: list[str]) -> Iterator[tuple[str, Callable[[], Laws]
             yield name, lambda renderer=renderer: laws(renderer, size=SIZE)
 
 
-def correct(count: int = 200, *files: str) -> None:
-    command = f"python -m measure.laws correct {count} CORRECT..."
+def tell(table: str, command: str, runs: Iterator[tuple[str, Callable[[], Laws]]]) -> None:
     found: dict[str, list[Laws]] = {}
-    for name, judged in runs(count, list(files)):
+    for name, judged in runs:
         found.setdefault(name, []).append(judged())
-        print(len(found), name, file=sys.stderr, flush=True)
-        if found[name][-1].verdict != "pass":
-            print(name, found[name][-1].verdict, [row.law for row in found[name][-1].broken], flush=True)
+        print(name, found[name][-1].verdict, [row.law for row in found[name][-1].broken], file=sys.stderr, flush=True)
     rows = []
     for name, all_ in found.items():
         broken = sorted({row.law for one in all_ for row in one.broken})
         undecided = sum(one.verdict == "undecided" for one in all_)
         rows.append((name, len(all_), sum(bool(one.broken) for one in all_), ", ".join(broken), undecided))
     columns = ("renderer", "runs", "with a broken law", "which", "undecided")
-    record.table("laws", "correct", columns, rows, command)
+    record.table("laws", table, columns, rows, command)
 
 
 def faults() -> None:
@@ -132,4 +132,9 @@ def faults() -> None:
 
 if __name__ == "__main__":
     kind, *words = record.arguments()
-    correct(*map(int, words[:1]), *words[1:]) if kind == "correct" else faults()
+    if kind == "faults":
+        faults()
+    elif kind == "correct":
+        tell(kind, "python -m measure.laws correct FILE...", exact(words))
+    else:
+        tell(kind, f"python -m measure.laws noisy {words[0]}", reseeded(int(words[0])))

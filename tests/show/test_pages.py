@@ -31,7 +31,7 @@ from raytwin.photos.lighting import light_models
 from raytwin.photos.lighting.estimate_light import LightEstimate
 from raytwin.photos.lighting.linear_photo import LinearPhoto
 from raytwin.scene import Camera
-from raytwin.show import atlas_page, check_page, class_page, light_page, sampler_page, viewer
+from raytwin.show import atlas_page, check_page, class_page, laws_page, light_page, merged_page, sampler_page, viewer
 from raytwin.show.bench_page import write_bench_page
 from raytwin.show.calibration_page import write_calibration
 from raytwin.show.compare_page import write_report
@@ -41,6 +41,7 @@ from raytwin.show.view import view_of
 from raytwin.study.atlas import Atlas
 from raytwin.study.atlas.experiment import Curve, Found
 from raytwin.study.diff_files import compare as compare_files
+from raytwin.study.laws import LawRow, Laws, builtin_scene
 from raytwin.study.levels import Levels, Row, Table
 from raytwin.study.levels import Part as LightPart
 from raytwin.teach.contract.stage_table import LESSONS
@@ -96,6 +97,22 @@ def test_run(folder: Path, make_result, scenes) -> list[Path]:
     check_page.write_crash(folder, f"test_it.py::crash[{EVIL}]", 0, EVIL, f"ValueError: {EVIL}")
     assert check_page.write_index(folder) == (3, 2)
     return sorted(folder.glob("*.html"))
+
+
+def merged(folder: Path, make_result, scenes) -> list[Path]:
+    machines = [folder / name for name in ("linux", "mac", "windows")]
+    for machine in machines:
+        test_run(machine, make_result, scenes)
+    next(machines[1].glob("check-*[0-9a-f].json")).unlink()
+    merged_page.write_merged(merged_page.merge(machines), machines, folder / "all")
+    return [folder / "all" / "index.html"]
+
+
+def laws(folder: Path, make_result, scenes) -> list[Path]:
+    rows = tuple(LawRow(f"{verdict} {EVIL}", EVIL, verdict, (EVIL,), EVIL) for verdict in laws_page.SIGN)
+    pictures = {rows[0].law: (Image(noise()), Image(noise(seed=2)))}
+    laws_page.write_laws(Laws(EVIL, builtin_scene(), "shadow", rows, pictures), folder)
+    return [folder / "laws.html"]
 
 
 def bench(folder: Path, make_result, scenes) -> list[Path]:
@@ -189,6 +206,8 @@ KINDS: dict[str, Write] = {
     "compare, fail": partial(comparison, spoiled=True),
     "diff of two sizes": two_sizes,
     "pytest": test_run,
+    "merged": merged,
+    "laws": laws,
     "bench": bench,
     "stability": atlas,
     "levels": levels,

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import quote
 
 from raytwin.errors import InputError
 from raytwin.safe_write import write_text
@@ -67,7 +68,7 @@ def sentences(rows: Sequence[MergedRow], names: Sequence[str]) -> list[str]:
 def write_merged(rows: Sequence[MergedRow], folders: Sequence[Path], folder: Path) -> None:
     """Write index.html and summary.md; their pictures and pages stay where the reports are."""
     folder.mkdir(parents=True, exist_ok=True)
-    names, places = machines(folders), [os.path.relpath(path, folder) for path in folders]
+    names, places = machines(folders), [quote(os.path.relpath(path, folder)) for path in folders]
     said = sentences(rows, names)
     lines = [
         f"**{' '.join(said)}**",

@@ -36,6 +36,8 @@ ENLARGED = 50.0
 """The built-in scene is the shipped `overlap` this many times as large: at 1/50, epsilons meet the size they know."""
 REFERENCE_SEEDS = 1_000_000
 """Seeds from here on render the scene itself, those from 0 on the changed ones."""
+EDGES = 1e-3
+"""Share of the pixels that rounding may move across an outline or a shadow's edge."""
 PICTURE = "picture"
 """The row of the scene's own picture. Where it cannot be judged, no law is tried."""
 
@@ -145,6 +147,8 @@ def _checked(subject: Renderer, scene: Scene, size: tuple[int, int] | None) -> S
     if not scene.objects:
         raise InputError(f"scene {scene.name}", "objects", "none")
     width, height = scene.image_size
+    edges = max(EDGES, scene.tolerance.outlier_fraction)
+    scene = scene.with_(tolerance=scene.tolerance.with_(outlier_fraction=edges))
     return scene.with_(size=size or (WIDTH, max(3, 3 * round(WIDTH * height / width / 3))))
 
 
