@@ -6,16 +6,11 @@ from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, 
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypeVar
-
-import msgspec
+from typing import Any, NamedTuple, TypeVar
 
 from raytwin.errors import InputError, MachineError
-from raytwin.safe_write import replacing
 
 T = TypeVar("T")
-R = TypeVar("R")
 
 TRIES = 3
 """A thing is given up once its process has been killed this many times."""
@@ -62,55 +57,6 @@ def map_parallel(function: Callable[[T], Any], things: Sequence[T], workers: Wor
         yield from (_here(function, thing) for thing in things)
     else:
         yield from _in_processes(function, things, workers.jobs)
-
-
-@dataclass(frozen=True)
-class Stored(Generic[R]):
-    """Results as `folder`/KEY.json, written atomically, so that a run that was interrupted goes on."""
-
-    folder: Path
-    kind: type[R]
-
-    def read(self, key: str) -> R | None:
-        """The result, whoever made it; None where there is none that can be read."""
-        try:
-            return msgspec.json.decode((self.folder / f"{key}.json").read_bytes(), type=self.kind)
-        except (OSError, msgspec.DecodeError):
-            return None
-
-    def write(self, key: str, made: bytes) -> None:
-        with replacing(self.folder / f"{key}.json") as temporary:
-            temporary.write_bytes(made)
-
-    def run(
-        self,
-        function: Callable[[Any], R],
-        jobs: Sequence[Any],
-        workers: Workers,
-        *,
-        failed: Callable[[Any, Exception], R],
-        redo: Callable[[R], bool] = lambda result: False,
-        again: bool = False,
-        each: Callable[[R], None] | None = None,
-        progress: Callable[[str, int, int], None] = lambda stage, done, total: None,
-        stage: str = "jobs",
-    ) -> list[R]:
-        """Return the results in the jobs' order: those that are there, unless `again` or to `redo`.
-
-        `failed` is what becomes of an error; `each` is called with every new result as it comes, once it is written.
-        """
-        found = {} if again else {job.key: self.read(job.key) for job in jobs}
-        done = {key: result for key, result in found.items() if result is not None and not redo(result)}
-        todo = [job for job in jobs if job.key not in done]
-        progress(stage, len(done), len(jobs))
-        for one in map_parallel(function, todo, workers):
-            result = one.result if one.error is None else failed(one.thing, one.error)
-            self.write(one.thing.key, msgspec.json.encode(result))
-            done[one.thing.key] = result
-            if each is not None:
-                each(result)
-            progress(stage, len(done), len(jobs))
-        return [done[job.key] for job in jobs]
 
 
 def _here(function: Callable[[T], Any], thing: T) -> Done:

@@ -91,7 +91,7 @@ def test_an_edge_is_predicted_where_the_law_crosses_the_bound():
 
 @pytest.fixture(scope="module")
 def two() -> stability.Atlas:
-    return stability.atlas(("sphere-far", "sphere-picture"))
+    return stability.atlas(("sphere-far", "sphere-ground"))
 
 
 def test_the_json_has_the_keys_that_it_is_known_by(two, tmp_path):

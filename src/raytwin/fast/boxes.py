@@ -80,7 +80,7 @@ def _extents(things: Sequence[Shape], camera: Camera) -> tuple[np.ndarray, np.nd
     low, high = np.full((2, len(things), 2), [[[np.inf]], [[-np.inf]]])
     balls = np.array([isinstance(thing, Sphere) for thing in things], bool)
     x, y, z = _in_camera(np.array([thing.center for thing in things]).reshape(-1, 3)[balls], camera)
-    radius = np.array([thing.radius for thing in things if isinstance(thing, Sphere)])
+    radius = np.array([thing.sizes[0] for thing in things])[balls]
     for k, along in enumerate((x, y)):
         low[balls, k], high[balls, k] = _tangents(along, z, radius)
     for i in np.flatnonzero(~balls).tolist():

@@ -5,12 +5,10 @@ for Ray Tracing", JGT 3(2), 1998): a loop without a stack, within Dr.Jit's kerne
 the other: a tree there saved a quarter.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-MAX_OBJECTS_WITHOUT_TREE = 16
-"""Objects of a scene up to which a tree is not faster than one after the other."""
 BOX_MARGIN = 2e-6
 """How much larger a box is than its contents, as a share of the scene's extent: more than float32's rounding."""
 
@@ -18,12 +16,12 @@ BOX_MARGIN = 2e-6
 class Nodes(NamedTuple):
     """The 2n - 1 nodes of a binary tree over n objects, depth first. `low`, `high` (2n - 1, 3): the box. `thing`: the
     object of a leaf, -1 for others. `onward`: the node that follows when the box is missed; when it is met, the next
-    one does."""
+    one does. Arrays of NumPy, or columns in the engine's numbers."""
 
-    low: np.ndarray
-    high: np.ndarray
-    thing: np.ndarray
-    onward: np.ndarray
+    low: Any
+    high: Any
+    thing: Any
+    onward: Any
 
 
 def grow(center: np.ndarray, extent: np.ndarray) -> Nodes:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytwin.fast.bvh import grow
+from raytwin.fast.bvh import Nodes, grow
 from raytwin.fast.engine import Engine, from_numpy, gather, to_engine
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
 from raytwin.tracer.arrays import INFINITY, Vec, integers, maximum, minimum, select
@@ -31,14 +31,10 @@ Body = Callable[..., Any]
 
 
 class Tree(NamedTuple):
-    """Objects of one `kind` in the nodes of `fast.bvh`: boxes from `low` to `high`, `onward`, and each leaf's object:
-    its `ids` in the scene, -1 for other nodes, and the numbers of its `shape`."""
+    """Objects of one `kind` in the `nodes` of `fast.bvh`, and for each leaf the numbers of its object's `shape`."""
 
     kind: type
-    ids: Any
-    low: tuple[Any, ...]
-    high: tuple[Any, ...]
-    onward: Any
+    nodes: Nodes
     shape: tuple[Any, ...]
 
     def fold(self, origin: Vec, d: Vec, state: tuple[Any, ...], body: Body, reach: Callable[..., Any]) -> Any:
@@ -48,17 +44,16 @@ class Tree(NamedTuple):
         inverse = tuple(1 / select(abs(c) > FLAT, c, FLAT) for c in d)
 
         def step(place: Any, *state: Any) -> Any:
-            low, high = gather(self.low, place), gather(self.high, place)
-            near, far = through(low, high, origin, inverse)
-            met, index = (near <= far) & (near < reach(*state)), gather(self.ids, place)
+            near, far = through(gather(self.nodes.low, place), gather(self.nodes.high, place), origin, inverse)
+            met, index = (near <= far) & (near < reach(*state)), gather(self.nodes.thing, place)
 
             def test(*state: Any) -> Any:
                 return body(state, index, self.kind(*gather(self.shape, place)))
 
             state = drjit.if_stmt(state, met & (index >= 0), test, lambda *same: same)
-            return (select(met, place + 1, gather(self.onward, place)), *state)
+            return (select(met, place + 1, gather(self.nodes.onward, place)), *state)
 
-        end = gather(self.onward, 0)
+        end = gather(self.nodes.onward, 0)
         looped = drjit.while_loop((drjit.zeros(type(end)), *state), lambda place, *_: place < end, step)
         return tuple(looped[1:])
 
@@ -70,8 +65,9 @@ def grow_tree(kind: type, ids: Sequence[int], objects: Sequence[Shape], engine: 
     low, high = (np.full_like(c, s * INFINITY) if every else c for s, c in ((-1, nodes.low), (1, nodes.high)))
     shape = [np.array([getattr(t, field) for t in things])[nodes.thing] for field in SHAPES[kind]]
     index = np.where(nodes.thing >= 0, np.array(ids)[nodes.thing], -1)
-    found = [columns(engine, values) for values in (index, low, high, nodes.onward, shape)]
-    return Tree(kind, *found)
+    return Tree(
+        kind, Nodes(*(columns(engine, part) for part in (low, high, index, nodes.onward))), columns(engine, shape)
+    )
 
 
 def columns(engine: Engine, values: Any) -> Any:

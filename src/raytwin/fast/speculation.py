@@ -43,14 +43,15 @@ def speculate(
     view = EyeScene(scene, ENGINES[engine])
     boxes = trim_boxes(scene.objects, scene.camera.grid(size=(columns * n, rows * n)))
     across, down = (a.ravel() for a in np.meshgrid(np.arange(columns) * n, np.arange(rows) * n))
-    colour, ids, _, normal = trace_points(view, boxes, across, down, rung, 4)
-    light = (normal @ scene.sun.to_light > 0).astype(int)
-    if way == "careful" and RUNGS[rung].shadows:
+    careful = way == "careful"
+    colour, ids, *surface = trace_points(view, boxes, across, down, rung, 4 if careful else 2)
+    light = (surface[1] @ scene.sun.to_light > 0).astype(int) if careful else 0 * ids
+    if careful and RUNGS[rung].shadows:
         light += light * (colour == trace_points(view, boxes, across, down, "lambert")[0]).all(axis=-1)
     bare = (ids == BACKGROUND) | has_no_ray(scene.camera, across, down)
     colour[bare], ids[bare] = out[np.minimum(down[bare], h - 1), np.minimum(across[bare], w - 1)], BACKGROUND
     colour, ids, light = (a.reshape(rows, columns, *a.shape[1:]) for a in (colour, ids, light))
-    whole = doubtful(colour, ids, light, tolerance) & (way == "careful")
+    whole = doubtful(colour, ids, light, tolerance) & careful
     _interpolate(out, colour, ~whole & (corners(ids) != BACKGROUND).any(axis=0), n)
     y, x = np.nonzero(whole)
     inner = np.arange(n)

@@ -11,7 +11,6 @@ from raytwin.images.photo_files import srgb_decode
 from raytwin.scene.toml_json import write_json
 from raytwin.show.charts.chart import Chart, Line, Point, chart_html, log_range, write_charts
 from raytwin.show.charts.svg import INK, Range
-from raytwin.show.data_urls import png_url
 from raytwin.show.numbers import short, shown
 from raytwin.show.page import write_page
 from raytwin.study.atlas import EXPERIMENTS, Atlas, Experiment, Found, digits
@@ -58,7 +57,6 @@ def write_atlas(found: Atlas, folder: str | os.PathLike[str]) -> None:
                 f,
                 [(name, name in e.ours, cells(f, name)) for name in f.methods],
                 chart_html(c),
-                [(caption, png_url(pixels)) for caption, pixels in (e.pictures() if e.pictures else ())],
             )
             for (e, f), c in zip(rows, charts, strict=True)
         ],

@@ -28,7 +28,7 @@ class Experiment:
     magnitude; where it crosses the `bound` is the predicted edge. `ours`: the methods that are the product's own;
     `limit`: the value up to which these must hold the bound (None: to the last). `slack`: the factor within which a
     predicted edge must be found. `why`: two sentences. `trials` of each
-    value. `pictures`: (caption, sRGB uint8 (H, W, 3)) of what the failure looks like.
+    value.
     """
 
     name: str
@@ -45,7 +45,6 @@ class Experiment:
     limit: float | None = None
     slack: float = 8.0
     trials: int = 32
-    pictures: Callable[[], list[tuple[str, np.ndarray]]] | None = None
 
 
 class Curve(Record, frozen=True):

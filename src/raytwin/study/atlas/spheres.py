@@ -92,49 +92,6 @@ def level(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
     return errors(rays, SOLVERS)
 
 
-def picture_errors(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
-    """The share of the pixels round a far sphere that see it wrongly: see `picture`."""
-    kinds = np.float32, np.float64
-    return {f"{s}, {np.dtype(k)}": seen_wrongly(x, s, k) for k in kinds for s in ("textbook", "robust")}
-
-
-GEMS = (100.0, 2000.0, 4100.0, 8000.0)
-"""The distances, in radii, of the published pictures."""
-
-
-def picture(distance: float, solver: str, kind: type = np.float32, side: int = 64) -> np.ndarray:
-    """(side, side): n · (1, 1, 1)/√3 on a unit sphere that fills eight tenths of the frame's side; NaN where it is
-    missed, or where what is met lies nowhere near its surface."""
-    at = np.linspace(-1.25, 1.25, side)
-    x, y = (a.ravel() / distance for a in np.meshgrid(at, at))
-    d = np.stack([x, y, np.ones(x.size)]) / np.sqrt(x * x + y * y + 1)
-    center: np.ndarray = np.array([[0], [0], [distance]], kind)
-    with np.errstate(all="ignore"):
-        t = intersect_sphere((kind(0),) * 3, tuple(d.astype(kind)), Sphere(tuple(center), kind(1)), solver)
-        n = np.asarray(np.where(np.isfinite(t), t, np.nan), float) * d - center.astype(float)
-        length = np.linalg.norm(n, axis=0)
-        shade = -n.sum(axis=0) / (sqrt(3) * length)
-    return np.where(np.abs(length - 1) < 0.5, shade, np.nan).reshape(side, side)
-
-
-def pictures() -> list[tuple[str, np.ndarray]]:
-    """The published scenes in float32: a miss is blue."""
-    made = []
-    for solver in ("textbook", "robust"):
-        for distance in GEMS:
-            shade = picture(distance, solver, side=128)
-            grey = np.nan_to_num(np.clip(0.15 + 0.85 * shade, 0, 1) ** (1 / 2.2) * 255)
-            missed = np.isnan(shade)[..., None]
-            pixels = np.where(missed, (38, 70, 130), grey[..., None]).astype(np.uint8)
-            made.append((f"{solver}, {distance:.0f} radii away", pixels))
-    return made
-
-
-def seen_wrongly(distance: float, solver: str, kind: type) -> float:
-    found, truth = (picture(distance, *how) for how in ((solver, kind), ("robust", np.float64)))
-    return float((~(np.abs(found - truth) < 0.05) & ~(np.isnan(found) & np.isnan(truth))).mean())
-
-
 OURS = ("robust, float64",)
 HALF_LEAST = 2.0**-150
 """Half of the least number that float32 holds: what is smaller is rounded to 0."""
@@ -170,14 +127,6 @@ EXPERIMENTS = (
         "where that reaches r², at 2^12 radii in float32 and 2^26.5 in float64, nothing of the sphere is left. The "
         "perpendicular distance from ray to centre loses u D only, which is what rounding the ray itself costs.",
         HAINES, laws(lambda u, x: 2 * u * x * x, lambda u, x: 2 * u * x, lambda u, x: u * x, ("textbook", "stable")),
-    ),
-    Experiment(
-        "sphere-picture", "A far sphere as a picture", "distance / radius", "share of pixels seen wrongly", 0.01,
-        (100.0, 300.0, 1000.0, 2000.0, 4100.0, 8000.0, 3e4, 1e5), picture_errors, ("robust, float32", *OURS),
-        "The same loss of digits as one sees it: with the textbook's discriminant a sphere of constant size in the "
-        "picture turns to steps, to rings and to nothing as camera and zoom draw back. Distances 100, 2000, 4100 and "
-        "8000 are those of the published pictures.",
-        HAINES, {"textbook, float32": lambda x: min(1.0, 2 * U32 * x * x)}, trials=1, pictures=pictures,
     ),
     Experiment(
         "sphere-ground", "A ground that is a large sphere", "radius / height of the eye",

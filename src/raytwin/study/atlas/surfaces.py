@@ -9,7 +9,8 @@ from raytwin.study.atlas.experiment import U32, U64, Error, Experiment, spaced
 from raytwin.study.atlas.spheres import seen_at
 from raytwin.tracer import STAGES, PlainWorld, intersect_rectangle, intersect_sphere, surface_at
 from raytwin.tracer.arrays import dot, unit
-from raytwin.tracer.world import facts_in, facts_row, normal
+from raytwin.tracer.hit import Facts
+from raytwin.tracer.world import normal
 
 GAMMA5 = 5 * U32 / (1 - 5 * U32)
 """pbrt's bound of what a point put back onto its sphere is off by, in radii."""
@@ -27,7 +28,7 @@ def off_surface(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
         c: np.ndarray = np.asarray(rays.center, kind).T
         ball = Sphere((c[0], c[1], c[2]), kind(1))
         p = intersect_sphere((kind(0),) * 3, (d[0], d[1], d[2]), ball) * d
-        back = unit(normal((p[0], p[1], p[2]), facts_in(facts_row(ball), glossy=False)))
+        back = unit(normal((p[0], p[1], p[2]), Facts(ball.center, *ball.facing, ball.albedo)))
         for name, point in (("o + t d", p.astype(float) - c.astype(float)), ("put back onto the sphere", back)):
             off = np.linalg.norm(np.stack(point).astype(float), axis=0) - 1
             found[f"{name}, {np.dtype(kind)}"] = float(np.abs(off).max())

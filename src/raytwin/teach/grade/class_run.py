@@ -14,8 +14,9 @@ import msgspec
 
 from raytwin.errors import InputError
 from raytwin.images.image_input import ENDINGS
-from raytwin.parallel import Stored, Workers
+from raytwin.parallel import Workers, map_parallel
 from raytwin.progress import Progress, silent
+from raytwin.safe_write import replacing
 from raytwin.teach.grade.grade_submission import grade_submission
 from raytwin.teach.grade.job import Job, job_of
 from raytwin.teach.grade.points import marked_by
@@ -88,11 +89,27 @@ def run(
     """
     sweep()
     said = _marked_by_rubric_of(jobs)
-    made = Stored(out / RESULTS, Result).run(
-        grade_submission, jobs, workers, failed=_fault, redo=lambda result: result.grader_fault, again=again,
-        each=each and (lambda result: each(said(result))), progress=progress, stage="grade",
-    )  # fmt: skip
-    return [said(result) for result in made]
+    found = {} if again else {job.key: stored(out, job.key) for job in jobs}
+    done = {key: result for key, result in found.items() if result is not None and not result.grader_fault}
+    todo = [job for job in jobs if job.key not in done]
+    progress("grade", len(done), len(jobs))
+    for one in map_parallel(grade_submission, todo, workers):
+        result = one.result if one.error is None else _fault(one.thing, one.error)
+        with replacing(out / RESULTS / f"{one.thing.key}.json") as temporary:
+            temporary.write_bytes(msgspec.json.encode(result))
+        done[one.thing.key] = result
+        if each is not None:
+            each(said(result))
+        progress("grade", len(done), len(jobs))
+    return [said(done[job.key]) for job in jobs]
+
+
+def stored(out: Path, key: str) -> Result | None:
+    """The result in `out`/results/KEY.json; None where there is none that can be read."""
+    try:
+        return msgspec.json.decode((out / RESULTS / f"{key}.json").read_bytes(), type=Result)
+    except (OSError, msgspec.DecodeError):
+        return None
 
 
 class _Listed(msgspec.Struct):
@@ -111,7 +128,7 @@ def with_class(results: Sequence[Result], out: Path, rubric: Rubric) -> list[Res
 
     Raises InputError where the class is there and cannot be read whole: nobody may vanish from it.
     """
-    listed, stored = out / "results.json", Stored(out / RESULTS, Result)
+    listed = out / "results.json"
     if len(results) != 1 or not listed.exists():
         return list(results)
     try:
@@ -121,7 +138,7 @@ def with_class(results: Sequence[Result], out: Path, rubric: Rubric) -> list[Res
     found = {results[0].student: results[0]}
     for student, key in keys:
         if student not in found:
-            if (other := stored.read(key)) is None:
+            if (other := stored(out, key)) is None:
                 raise InputError(
                     out / RESULTS / f"{key}.json", f"the stored result of {student}", "none that can be read"
                 )
