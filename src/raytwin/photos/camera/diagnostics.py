@@ -79,10 +79,10 @@ def warnings_for(
     if behind:
         order = "down" if grid is None or grid.order == "up" else "up"
         advice = "swap the sign of x" if grid is None else f'write order = "{order}" into its [grid]'
-        text = (
-            f"the board is seen from behind in {behind} of {len(views)} views: its description is mirrored ({advice})"
+        of = f"{behind} of {len(views)} views"
+        said.append(
+            ("mirrored-board", f"the board is seen from behind in {of}: its description is mirrored ({advice})")
         )
-        said.append(("mirrored-board", text))
     said += [("odd-photo", text) for text in odd_photos(found, [*views])]
     known = undone(made.K, made.dist, made.image_size)
     if known.fault:
@@ -105,13 +105,12 @@ def _left_out(wrong: Mapping[str, str]) -> Iterator[str]:
 def degenerate(made: Calibration, found: Fit) -> list[str]:
     """In which way the views do not determine the camera; none of sound ones."""
     ((fx, _, cx), (_, fy, cy), _), sd, (width, height) = made.K, made.sigma, made.image_size
-    off_x, off_y = abs(cx - (width - 1) / 2), abs(cy - (height - 1) / 2)
+    aspect, off_x, off_y = fx / fy, abs(cx - (width - 1) / 2), abs(cy - (height - 1) / 2)
     spread, covered, off = normal_spread([*found.R]), made.basis.coverage, misfit(found)
     doubts = {
         f"fx = {fx:.0f} ± {sd['fx']:.0f} px": sd["fx"] > FOCAL_SD * fx,
         f"fy = {fy:.0f} ± {sd['fy']:.0f} px": sd["fy"] > FOCAL_SD * fy,
-        f"fx / fy = {fx / fy:.3f}, where cameras have 1: is the board's pitch alike both ways?": abs(fx / fy - 1)
-        > ASPECT,
+        f"fx / fy = {aspect:.3f}, not 1: is the board's pitch alike both ways?": abs(aspect - 1) > ASPECT,
         f"cx is known to ± {sd['cx']:.0f} px only": sd["cx"] > CENTER_SD * width,
         f"cy is known to ± {sd['cy']:.0f} px only": sd["cy"] > CENTER_SD * height,
         f"cx = {cx:.0f} lies {off_x:.0f} px from the image's middle": off_x > CENTER_OFFSET * width,

@@ -173,9 +173,7 @@ class Fit:
         return np.array(moves), np.array([self.error_px(i, move) for i, move in enumerate(moves)])
 
 
-def fit(
-    views: Views, image_size: tuple[int, int], board: Board, form: ModelSpec, start: Fit | None = None
-) -> Fit:  # fmt: skip
+def fit(views: Views, image_size: tuple[int, int], board: Board, form: ModelSpec, start: Fit | None = None) -> Fit:
     """The camera, poses and offsets of least cost: from `start`, a fit of as many views, where given."""
     if start is not None and len(start.R) == len(views):
         lens, R, t, noise = start.shared[:LENS], start.R, start.t, start.variance**0.5
