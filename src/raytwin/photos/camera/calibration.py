@@ -159,9 +159,7 @@ def _kept(
     return kept
 
 
-def _calibration(
-    views: Views, image_size: tuple[int, int], board: Board, result: Fit, gap: np.ndarray
-) -> Calibration:  # fmt: skip
+def _calibration(views: Views, image_size: tuple[int, int], board: Board, result: Fit, gap: np.ndarray) -> Calibration:
     """Without warnings; its evidence without the models' errors and what was detected."""
     names, there, shaped = result.form.names, result.observations.seen, result.shaped(board)
     moves, _ = result.leave_one_out()

@@ -12,7 +12,7 @@ from scipy.spatial.distance import pdist
 from raytwin.photos.boards import Board
 from raytwin.photos.camera import pose
 from raytwin.photos.camera.calibration_result import Calibration, CalibrationWarning
-from raytwin.photos.camera.fit import Fit, Views, solve_scaled
+from raytwin.photos.camera.fit import Fit, Views
 from raytwin.scene.lens import SIDE, undone
 
 FEW_VIEWS = 8
@@ -32,10 +32,10 @@ ODD_RMS, ODD_PX, LEAST_FOR_ODD = 2.5, 0.2, 5
 """A photo is odd if its rms in the camera of the others is this many times the median, and this many pixels; of fewer
 photos, none is. (Sound sets: at most 2.4 times. Small tags and slanting ones are read no better.)"""
 
-BETTER_WITHOUT, FAR_RMS, SIGMA_WITHOUT = 0.97, 10.0, 2.0
-"""A photo is odd only if the camera without it sees the others with less than this share of their error (with less at
-all, if its own is FAR_RMS times the median), and if leaving it out multiplies no standard deviation of K by
-SIGMA_WITHOUT: the only near or slanted view disagrees with the rest because it carries the information."""
+BETTER_WITHOUT, FAR_RMS = 0.97, 10.0
+"""A photo is odd only if the camera without it sees the others with less than this share of their error; with less at
+all, if its own is FAR_RMS times the median. The only near or slanted view disagrees with the rest because it carries
+the information."""
 
 
 def coverage(pixels: np.ndarray, image_size: tuple[int, int]) -> float:
@@ -79,10 +79,10 @@ def warnings_for(
     if behind:
         order = "down" if grid is None or grid.order == "up" else "up"
         advice = "swap the sign of x" if grid is None else f'write order = "{order}" into its [grid]'
-        text = (
-            f"the board is seen from behind in {behind} of {len(views)} views: its description is mirrored ({advice})"
+        of = f"{behind} of {len(views)} views"
+        said.append(
+            ("mirrored-board", f"the board is seen from behind in {of}: its description is mirrored ({advice})")
         )
-        said.append(("mirrored-board", text))
     said += [("odd-photo", text) for text in odd_photos(found, [*views])]
     known = undone(made.K, made.dist, made.image_size)
     if known.fault:
@@ -105,13 +105,12 @@ def _left_out(wrong: Mapping[str, str]) -> Iterator[str]:
 def degenerate(made: Calibration, found: Fit) -> list[str]:
     """In which way the views do not determine the camera; none of sound ones."""
     ((fx, _, cx), (_, fy, cy), _), sd, (width, height) = made.K, made.sigma, made.image_size
-    off_x, off_y = abs(cx - (width - 1) / 2), abs(cy - (height - 1) / 2)
+    aspect, off_x, off_y = fx / fy, abs(cx - (width - 1) / 2), abs(cy - (height - 1) / 2)
     spread, covered, off = normal_spread([*found.R]), made.basis.coverage, misfit(found)
     doubts = {
         f"fx = {fx:.0f} ± {sd['fx']:.0f} px": sd["fx"] > FOCAL_SD * fx,
         f"fy = {fy:.0f} ± {sd['fy']:.0f} px": sd["fy"] > FOCAL_SD * fy,
-        f"fx / fy = {fx / fy:.3f}, where cameras have 1: is the board's pitch alike both ways?": abs(fx / fy - 1)
-        > ASPECT,
+        f"fx / fy = {aspect:.3f}, not 1: is the board's pitch alike both ways?": abs(aspect - 1) > ASPECT,
         f"cx is known to ± {sd['cx']:.0f} px only": sd["cx"] > CENTER_SD * width,
         f"cy is known to ± {sd['cy']:.0f} px only": sd["cy"] > CENTER_SD * height,
         f"cx = {cx:.0f} lies {off_x:.0f} px from the image's middle": off_x > CENTER_OFFSET * width,
@@ -128,7 +127,7 @@ def odd_photos(found: Fit, names: Sequence[str]) -> Iterator[str]:
     others look so."""
     out: list[int] = []
     while len(names) - len(out) >= LEAST_FOR_ODD:
-        errors = {i: found.error_px(i, found.without([i, *out])[1]) for i in range(len(names)) if i not in out}
+        errors = {i: found.error_px(i, found.without([i, *out])) for i in range(len(names)) if i not in out}
         usual = float(np.median([*errors.values()]))
         beyond = [i for i, error in errors.items() if error > max(ODD_PX, ODD_RMS * usual)]
         share = {i: 1.0 if errors[i] > FAR_RMS * usual else BETTER_WITHOUT for i in beyond}
@@ -143,19 +142,10 @@ def odd_photos(found: Fit, names: Sequence[str]) -> Iterator[str]:
 
 
 def _error_without(found: Fit, photo: int, errors: Mapping[int, float], out: Sequence[int]) -> float:
-    """The others' error in the camera without `photo` and `out`, as a share of that without `out` (`errors`); infinite
-    where that camera is not known as well."""
-    with_it, without = (_variances(found.without(left)[0]) for left in (out, [photo, *out]))
-    if (without > SIGMA_WITHOUT**2 * with_it).any():
-        return math.inf
-    after = {i: found.error_px(i, found.without([photo, i, *out])[1]) for i in errors if i != photo}
+    """The others' error in the camera without `photo` and `out`, as a share of that without `out` (`errors`)."""
+    after = {i: found.error_px(i, found.without([photo, i, *out])) for i in errors if i != photo}
     # A geometric mean: another odd photo counts no more than a sound one.
     return math.exp(np.mean([math.log(after[i] / errors[i]) for i in after]))
-
-
-def _variances(H: np.ndarray) -> np.ndarray:
-    """(4,): those of fx, fy, cx, cy, in units of a coordinate's."""
-    return np.diag(solve_scaled(H, np.eye(len(H))))[:4]
 
 
 def _ambiguous(made: Calibration, views: Views) -> Iterator[str]:

@@ -156,11 +156,10 @@ class Fit:
         t = (turn @ self.t[..., None])[..., 0] + poses[:, 3:]
         return _at(self.form, self.observations, self.shared + by, turn @ self.R, t)
 
-    def without(self, photos: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-        """Without these photos: H (m, m), and how the shared numbers move (m,)."""
+    def without(self, photos: Sequence[int]) -> np.ndarray:
+        """(m,): how the shared numbers move without these photos."""
         A = self.A[photos].reshape(-1, len(self.shared))
-        H = self.total - A.T @ A
-        return H, solve_scaled(H, A.T @ self.r[photos].ravel())
+        return solve_scaled(self.total - A.T @ A, A.T @ self.r[photos].ravel())
 
     def error_px(self, photo: int, move: np.ndarray) -> float:
         """The rms distance of a photo's tags, pixels, with the shared numbers moved by (m,); its pose follows."""
@@ -169,13 +168,11 @@ class Fit:
 
     def leave_one_out(self) -> tuple[np.ndarray, np.ndarray]:
         """By photo: how the shared numbers move without it (n, m), and its `error_px` then (n,)."""
-        moves = [self.without([i])[1] for i in range(len(self.R))]
+        moves = [self.without([i]) for i in range(len(self.R))]
         return np.array(moves), np.array([self.error_px(i, move) for i, move in enumerate(moves)])
 
 
-def fit(
-    views: Views, image_size: tuple[int, int], board: Board, form: ModelSpec, start: Fit | None = None
-) -> Fit:  # fmt: skip
+def fit(views: Views, image_size: tuple[int, int], board: Board, form: ModelSpec, start: Fit | None = None) -> Fit:
     """The camera, poses and offsets of least cost: from `start`, a fit of as many views, where given."""
     if start is not None and len(start.R) == len(views):
         lens, R, t, noise = start.shared[:LENS], start.R, start.t, start.variance**0.5
