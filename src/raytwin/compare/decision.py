@@ -466,28 +466,32 @@ def _with_rare_events(sums: Sums, known: Known) -> tuple[Sums, Float[np.ndarray,
 # ------------------------------------------------------------------------------------------------ tiles and the image
 
 
-class Tested(NamedTuple):
+Tests = Float[np.ndarray, "*n"]
+"""A value for each of several tests."""
+
+
+class Deviations(NamedTuple):
     """|mean error| beyond the allowance, in standard deviations, for sums (..., 3), and what it was computed from.
 
     `always`: granted whatever the level; `event`: by how much one event that all samples missed would have changed it.
     """
 
-    z: Means
-    sd: Means
-    dof: Means
-    granted: Means
-    radiance: Means
-    error: Means
-    always: Means
-    event: Means
-    skewness: Means
+    z: Tests
+    sd: Tests
+    dof: Tests
+    granted: Tests
+    radiance: Tests
+    error: Tests
+    always: Tests
+    event: Tests
+    skewness: Tests
 
-    def least(self, level: float) -> Means:
+    def least(self, level: float) -> Tests:
         """The standard deviations beyond the allowance from which on each fails."""
         return as_skewed(quantile(level, self.dof), self.skewness)
 
 
-def _tested(sums: Sums, known: Known, shared: float, level: float) -> Tested:
+def _deviations(sums: Sums, known: Known, shared: float, level: float) -> Deviations:
     """`shared`: the inflation of a sum's variance; its third moment has its square."""
     n, bound = sums.pixels, known.bound
     own, variance = sums.variances.sum(axis=0), larger_variance(sums.variances[0], sums.variances[1], known.ratio)
@@ -508,7 +512,7 @@ def _tested(sums: Sums, known: Known, shared: float, level: float) -> Tested:
     z = less_skewed(np.nan_to_num(beyond / sd, nan=np.inf, posinf=np.inf), np.where(error < 0, *skewness))
     z = np.nan_to_num(z, nan=np.inf, posinf=np.inf)
     always = always + missed.max(axis=0)
-    return Tested(z, sd, dof, always + missing, radiance, error, always, event, skewness.max(axis=0))
+    return Deviations(z, sd, dof, always + missing, radiance, error, always, event, skewness.max(axis=0))
 
 
 def _tiles(sums: Sums, known: Known, shared: float) -> Family:
@@ -526,7 +530,7 @@ def _tiles(sums: Sums, known: Known, shared: float) -> Family:
     worst, failed, sure, detectable = Worst(width=SIDE, height=SIDE), 0, 0, math.nan
     found: list[Place] = []
     for k, (side, step, here) in enumerate(scales):
-        t = _tested(here, known, shared, level)
+        t = _deviations(here, known, shared, level)
         # Student's tails are wider than the Gaussian's: only what a Gaussian would doubt needs them.
         unsure = t.z >= min(doubtful, float(t.z.max()))
         p = np.ones_like(t.z)
@@ -555,7 +559,7 @@ def _holds(outer: Place, inner: Place) -> bool:
     return across and outer.y <= inner.y and inner.y + inner.height <= outer.y + outer.height
 
 
-def _seen_somewhere(t: Tested, level: float) -> float:
+def _seen_somewhere(t: Deviations, level: float) -> float:
     """Return the relative error of the mean of a random tile that is found with probability POWER."""
     from scipy.optimize import brentq
     from scipy.special import ndtr
@@ -563,7 +567,7 @@ def _seen_somewhere(t: Tested, level: float) -> float:
     lit = t.radiance > 0
     if not lit.any():
         return math.nan
-    some = Tested(*(x[lit][:: max(1, int(lit.sum()) // 3000)] for x in t))
+    some = Deviations(*(x[lit][:: max(1, int(lit.sum()) // 3000)] for x in t))
     least = some.least(level)
 
     def lacks(log_bias: float) -> float:
@@ -578,7 +582,7 @@ def _image(sums: Sums, known: Known, shared: float) -> Family:
     from scipy.special import ndtri
 
     level, (height, width) = sidak(known.share, 3), known.images[0].shape[:2]
-    t = _tested(sums.each(lambda x: x.sum(axis=(-3, -2))), known, shared, level)
+    t = _deviations(sums.each(lambda x: x.sum(axis=(-3, -2))), known, shared, level)
     p = two_sided(t.z, t.dof)
     c = int(t.z.argmax())
     worst = Worst(float(t.z[c]), float(p[c]), 0, 0, width, height, c, float(t.error[c]))
@@ -589,7 +593,7 @@ def _image(sums: Sums, known: Known, shared: float) -> Family:
     return Family(worst, level, int(failed.sum()), 3, detectable, excluded=excluded, sure=sure)
 
 
-def excluded_bias(t: Tested) -> Means:
+def excluded_bias(t: Deviations) -> Means:
     """Return the smallest bias b of means that the data rule out by a likelihood ratio of 1 / (1 - POWER).
 
     The likelihood ratio of b, of which M events hide M t.event, and of none is exp(-M - (b' |e| - b'² / 2) / sd²) with
