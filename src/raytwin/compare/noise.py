@@ -179,7 +179,8 @@ def inflation(test: Pixels, reference: Pixels, blocks: Float32[np.ndarray, "by b
     A reconstruction filter wider than the pixel gives neighbours the same samples. Its correlation ρ is read off the
     variogram of e = (t - r) / sd, γ(h) = <(e(x) - e(x + h))²> / <e(x)² + e(x + h)²> = 1 - ρ(h), in which whatever is
     alike over some pixels (a wrong brightness) cancels, and so does noise that is less towards the image's edges.
-    It is the median of all rows, or columns, which no wrong corner rules. Filters are separable.
+    Filters are separable: rows and columns are measured apart, and ρ is what both all of them and their median show. No
+    wrong corner rules the median, and rows that hardly scatter rule it alone.
     """
     e = standardised(test, reference, blocks)
     square = e * e
@@ -190,21 +191,22 @@ def inflation(test: Pixels, reference: Pixels, blocks: Float32[np.ndarray, "by b
 
 
 def _along(e: Float32[np.ndarray, "n lines 3"], values: float) -> float:
-    """1 + 2 Σ ρ(h) along the first axis, up to the first lag whose median is no more than chance."""
+    """1 + 2 Σ ρ(h) along the first axis, up to the first lag at which it is no more than chance."""
     if len(e) < 2 * FAR_LAGS[-1]:
         return 1.0
     square = np.einsum("ijk,ijk->ij", e, e)
-    noisy = square.any(axis=0)
 
-    def gamma(h: int) -> Float[np.ndarray, " noisy"]:
+    def gamma(h: int) -> Float[np.ndarray, " lines_and_all"]:
         step = e[h:] - e[:-h]
-        both = (square[h:] + square[:-h]).sum(axis=0)[noisy]
-        return np.asarray(np.einsum("ijk,ijk->j", step, step)[noisy] / np.maximum(both, TINY))
+        parts = np.einsum("ijk,ijk->j", step, step), (square[h:] + square[:-h]).sum(axis=0)
+        apart, both = (np.append(x, x.sum(dtype=float)) for x in parts)
+        return apart[both > 0] / both[both > 0]
 
     far = np.maximum(sum(gamma(h) for h in FAR_LAGS) / len(FAR_LAGS), TINY)
     total = 1.0
     for h in range(1, LAGS + 1):
-        rho = 1 - float(np.median(gamma(h) / far)) if noisy.any() else 0.0
+        alike = 1 - gamma(h) / far if square.any() else np.zeros(1)
+        rho = min(float(np.median(alike)), float(alike[-1]))
         if rho < CHANCE / math.sqrt(values):
             break
         total += 2 * rho
