@@ -166,11 +166,10 @@ def noise_table(count: int = 500, shape: tuple[int, int] = (48, 64), rate: float
     rows: list[dict[str, Any]] = []
     for name, make in KINDS.items():
         rng = np.random.default_rng([20_000, *name.encode()])
-        made = {fault: (make(rng, truth, fault) for _ in range(n)) for fault, n in _pairs(count)}
-        found = {
-            fault: [compare(*pair, false_alarm_rate=rate, half_steps=half_steps(name, *pair)) for pair in pairs]
-            for fault, pairs in made.items()
-        }
+        found = {}
+        for fault, pairs in ((1.0, count), (1.01, max(count // 10, 1)), (1.03, max(count // 10, 1))):
+            made = [make(rng, truth, fault) for _ in range(pairs)]
+            found[fault] = [compare(*p, false_alarm_rate=rate, half_steps=half_steps(name, *p)) for p in made]
         verdicts = {fault: [c.verdict for c in comparisons] for fault, comparisons in found.items()}
         biases = [b for c in found[1.0] if (b := c.statistics.minimum_detectable_bias) is not None]
         rows.append(
@@ -184,12 +183,6 @@ def noise_table(count: int = 500, shape: tuple[int, int] = (48, 64), rate: float
             }
         )
     return rows
-
-
-def _pairs(count: int) -> tuple[tuple[float, int], ...]:
-    """How many times too bright, and how many pairs of it."""
-    few = max(count // 10, 1)
-    return (1.0, count), (1.01, few), (1.03, few)
 
 
 def by_fault(rows: list[dict[str, Any]], samples: list[int]) -> list[list[str]]:

@@ -1,23 +1,23 @@
-"""Is t - r more than noise? Three passes, of which each sees what the others miss.
+"""Is t - r more than noise? Two passes, of which each sees what the other misses.
 
-    values                  z = (|t - r| - granted) / sqrt(va + vb)                  of every value
-    sums                    z = (|Σ(t - r)| / n - granted) n / sqrt(Σva + Σvb)       of tiles, and of the image
-    sums without fireflies  the same over the values that no firefly carries
+    values    z = (|t - r| - granted) / sqrt(va + vb)               every value: a wrong pixel
+    sums      z = (|Σ(t - r)| / n - granted) n / sqrt(Σva + Σvb)    tiles: a wrong corner; the image: its brightness
 
-Values see a wrong pixel, tiles of 8 x 8, 16 x 16, ... pixels a wrong corner, the image a wrong brightness, and the
-shift between the two (shift.py) a wrong camera. Each of these four gets the rate 1 - (1 - rate)^(1/4), and shares it
-among its own tests by Sidak's formula. Tiles from 16 pixels on overlap by half: any square of 24 holds one of 16.
+With the shift between the two (shift.py), which sees a wrong camera, these are four tests. Each gets the rate
+1 - (1 - rate)^(1/4), and shares it among its own values by Sidak's formula. Tiles are of 8 x 8, 16 x 16, ... pixels;
+from 16 on they overlap by half: any square of 24 pixels holds a whole one of 16.
 
-What holds the rate where a variance comes from few samples, each with the noise that fails correct renders without it:
+What holds the rate, and how many correct renders of which noise (tests/measure) fail without it:
 
-- Student's t: a value has the batches' degrees of freedom, a sum (Σv)² / Σ(v² / ν) - 1 (four batches).
-- A value's variance is at least its block's mean: batches that agree by chance look too sure (exponential).
-- A sum's z is that of its third moment, too (significance.less_skewed): skewed noise looks too sure (lognormal).
-- A variance is at least what the other image's says, by the ratio of samples (fireflies that the test hardly catches).
-- A sum that expects few events may have missed their light, as its neighbours tell (rare events in 10 x 14 pixels).
-- Samples that all agree may have missed an event of the size of the scale (one sample in 200 shaded).
-- Beside an exact image few samples leave an error undecided that events 600 times as bright explain (.0003 x 300).
-- The variance of sums is inflated where neighbours share samples (a filter wider than the pixel).
+- Student's t: a value has the batches' degrees of freedom, a sum (Σv)² / Σ(v² / ν) - 1: 3 of 20, four batches.
+- A value's variance is at least its block's mean, where batches agree by chance: 4 of 20, exponential.
+- A sum's z is that of its third moment, too (significance.less_skewed): 3 of 120 for 0, lognormal 1.5 at a rate of 1 %.
+- A variance is at least what the other image's says, by the ratio of their samples: 8 of 30, fireflies that the test
+  hardly catches. So is a third moment, which finds faults sooner.
+- Few events may be missed, as neighbours tell, in sums: 2 of 20, in 10 x 14 pixels; in values: 14 of 60, in a stripe.
+- Samples that all agree may have missed an event as bright as the scale: 18 of 20, one sample in 200 shaded.
+- Beside an exact image few samples leave an error undecided that brighter events explain: 17 of 20, few fireflies.
+- Sums are inflated where neighbours share samples, as under a filter wider than the pixel: 20 of 20, of 1 pixel.
 
 A standard deviation below a tenth of the tolerance is no noise: such values are compared exactly.
 An event that nobody sampled cannot be distinguished from a bias.

@@ -200,7 +200,7 @@ def _along(e: Float32[np.ndarray, "n lines 3"], values: float) -> float:
         step = e[h:] - e[:-h]
         parts = np.einsum("ijk,ijk->j", step, step), (square[h:] + square[:-h]).sum(axis=0)
         apart, both = (np.append(x, x.sum(dtype=float)) for x in parts)
-        return apart[both > 0] / both[both > 0]
+        return np.asarray(apart[both > 0] / both[both > 0])
 
     far = np.maximum(sum(gamma(h) for h in FAR_LAGS) / len(FAR_LAGS), TINY)
     total = 1.0
