@@ -571,7 +571,8 @@ def _seen_somewhere(t: Deviations, level: float) -> float:
     least = some.least(level)
 
     def lacks(log_bias: float) -> float:
-        return POWER - float(ndtr((math.exp(log_bias) * some.radiance - some.granted) / some.sd - least).mean())
+        beyond = (math.exp(log_bias) * some.radiance - some.granted) / some.sd - least
+        return POWER - float(ndtr(np.nan_to_num(beyond, nan=-np.inf)).mean())
 
     low, high = math.log(1e-9), math.log(1e9)
     return math.inf if lacks(high) > 0 else math.exp(brentq(lacks, low, high, xtol=1e-3))

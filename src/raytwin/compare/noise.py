@@ -202,10 +202,12 @@ def _along(e: Float32[np.ndarray, "n lines 3"], values: float) -> float:
         apart, both = (np.append(x, x.sum(dtype=float)) for x in parts)
         return np.asarray(apart[both > 0] / both[both > 0])
 
-    far = np.maximum(sum(gamma(h) for h in FAR_LAGS) / len(FAR_LAGS), TINY)
+    far = np.asarray(sum(gamma(h) for h in FAR_LAGS) / len(FAR_LAGS))
     total = 1.0
+    if not far.size or not far[-1] > 0:  # nothing scatters
+        return total
     for h in range(1, LAGS + 1):
-        alike = 1 - gamma(h) / far if square.any() else np.zeros(1)
+        alike = 1 - np.divide(gamma(h), far, out=np.ones_like(far), where=far > 0)
         rho = min(float(np.median(alike)), float(alike[-1]))
         if rho < CHANCE / math.sqrt(values):
             break
