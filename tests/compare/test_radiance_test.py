@@ -1,4 +1,4 @@
-"""What is told of the noise, what is estimated, what is not believed, and what stays undecided."""
+"""What is told of the noise, what is not believed, and what stays undecided."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -32,50 +32,40 @@ def said(comparison, words):
 # --------------------------------------------------------------------------------------------- claims of variance
 
 
-def test_one_pixel_of_huge_variance_hides_no_wrong_brightness():
+def test_a_variance_that_is_claimed_hides_nothing_unless_it_is_four_times_the_noise():
+    """A grey image that errs by as much as it claims is undecided: so would noise that all pixels share."""
     a = render(np.random.default_rng(2), TRUTH * 1.3)
     a.variance[10, 20] = 1e8
     c = compare(a, REFERENCE)
     assert c.verdict == "fail"
     assert c.reasons[0].startswith("the whole image is 30 % too bright")
-
-
-@pytest.mark.parametrize(("claim", "verdict"), [(1e-3, "fail"), (1.0, "undecided"), (1e4, "fail"), (1e12, "fail")])
-@pytest.mark.parametrize("grey", [0.2, 2.0])
-def test_a_grey_image_passes_whatever_variance_it_claims_never(grey, claim, verdict):
-    """Undecided where it errs by as much as it claims: so would noise that all pixels share."""
-    c = compare(claiming(np.full(TRUTH.shape, grey), np.full(TRUTH.shape, claim)), exact(TRUTH))
-    assert c.verdict == verdict
-
-
-def test_a_claim_that_is_four_times_too_large_still_leaves_room_for_correct_images():
+    for claim, verdict in ((1e-3, "fail"), (1.0, "undecided"), (1e4, "fail"), (1e12, "fail")):
+        for grey in (0.2, 2.0):
+            c = compare(claiming(np.full(TRUTH.shape, grey), np.full(TRUTH.shape, claim)), exact(TRUTH))
+            assert c.verdict == verdict, (claim, grey)
     rng = np.random.default_rng(3)
-    for _ in range(20):
+    for _ in range(10):
         a = render(rng, TRUTH)
         assert compare(replace(a, variance=4 * a.variance), REFERENCE).passed
 
 
 @pytest.mark.foreign
-def test_noise_of_the_reference_alone_believes_no_claim():
+def test_noise_of_the_reference_alone_believes_no_claim_and_none_takes_all_for_exact():
     a = render(np.random.default_rng(4), TRUTH, samples=1024)
     wrong = replace(a, mean=a.mean * np.float32(1.02), variance=a.variance * np.float32(3))
     assert compare(a, REFERENCE, noise="reference").passed
     assert compare(wrong, REFERENCE, noise="reference").verdict == "fail"
-    free = compare(Image(TRUTH.astype(np.float32), a.variance), REFERENCE, noise="reference")
-    assert free == msgspec.structs.replace(compare(Image(TRUTH.astype(np.float32)), REFERENCE), seconds=free.seconds)
-    with pytest.raises(InputError, match="both, reference or none"):
-        compare(a, REFERENCE, noise="mine")
-
-
-def test_where_neither_may_have_noise_what_scatters_is_an_error_and_what_rounds_is_none():
-    right = Image(TRUTH.astype(np.float32))
-    noisy = render(np.random.default_rng(4), TRUTH, samples=64)
-    for claim in (noisy.variance, None):
-        assert compare(replace(noisy, variance=claim), right, noise="none").verdict == "fail"
-    rounded = Image((np.round(right.mean * 256) / 256).astype(np.float32))
+    exactly, right = TRUTH.astype(np.float32), Image(TRUTH.astype(np.float32))
+    free = compare(Image(exactly, a.variance), REFERENCE, noise="reference")
+    assert free == msgspec.structs.replace(compare(Image(exactly), REFERENCE), seconds=free.seconds)
+    for claim in (a.variance, None):
+        assert compare(replace(a, variance=claim), right, noise="none").verdict == "fail"
+    rounded = Image((np.round(exactly * 256) / 256).astype(np.float32))
     assert compare(rounded, right, noise="none").verdict == "fail"
     half = np.full(TRUTH.shape, 1 / 512, np.float32)
     assert compare(rounded, right, noise="none", half_steps=(half, None)).passed
+    with pytest.raises(InputError, match="both, reference or none"):
+        compare(a, REFERENCE, noise="mine")
 
 
 def test_what_is_too_noisy_to_see_a_tenth_of_the_mean_is_undecided():
@@ -83,8 +73,7 @@ def test_what_is_too_noisy_to_see_a_tenth_of_the_mean_is_undecided():
     rare = {"p": 2e-4, "size": 1000.0, "proportional": True}
     a, truth = render(rng, TRUTH, **rare), exact(TRUTH, **rare)
     c = compare(a, truth)
-    assert c.verdict == "undecided"
-    assert c.exit_code == 2
+    assert (c.verdict, c.exit_code) == ("undecided", 2)
     assert said(c, "take more samples")
     seen = c.statistics.minimum_detectable_bias
     assert seen > 0.1
@@ -93,29 +82,19 @@ def test_what_is_too_noisy_to_see_a_tenth_of_the_mean_is_undecided():
 
 
 def test_equal_random_numbers_in_every_pixel_are_named():
+    """An error of 1 that a claim from 1/16 to 50 of it allows, where pixels scatter by less than a quarter."""
     rng = np.random.default_rng(6)
     found = [compare(*KINDS["the same numbers in every pixel"](rng, TRUTH)) for _ in range(12)]
     assert sum(said(c, "equal random numbers in every pixel") for c in found) >= 4
     assert sum(c.verdict == "fail" for c in found) <= 1
-
-
-@pytest.mark.parametrize(
-    ("claimed", "scatter", "shared"),
-    [
-        (1.0, 0.24, True),
-        (1.0, 0.26, False),
-        (0.063, 0.1, True),
-        (0.062, 0.1, False),
-        (49.9, 0.1, True),
-        (50.1, 0.1, False),
-    ],
-)
-def test_pixels_share_their_noise_where_all_err_alike_and_by_what_they_claim(claimed, scatter, shared):
-    """An error of 1: a claim from 1/16 to 50 of it allows that, but pixels would scatter by more than a quarter."""
     blank, shape = np.zeros((16, 16, 3), np.float32), (2, 2, 3)
-    asked = SimpleNamespace(test=claiming(blank + 1, blank + claimed), reference=Image(blank))
-    shown = Residual(np.full(shape, scatter), np.full(shape, 20.0), np.full(shape, 64.0))
-    assert RadianceTest._shares_noise(asked, shown) == shared
+    for claimed, scatter, shared in (
+        (1.0, 0.24, True), (1.0, 0.26, False), (0.063, 0.1, True), (0.062, 0.1, False), (49.9, 0.1, True),
+        (50.1, 0.1, False),
+    ):  # fmt: skip
+        asked = SimpleNamespace(test=claiming(blank + 1, blank + claimed), reference=Image(blank))
+        shown = Residual(np.full(shape, scatter), np.full(shape, 20.0), np.full(shape, 64.0))
+        assert RadianceTest._shares_noise(asked, shown) == shared, (claimed, scatter)
 
 
 def blocks(few: float, many: float, count: int) -> np.ndarray:
@@ -123,32 +102,29 @@ def blocks(few: float, many: float, count: int) -> np.ndarray:
     return np.where(np.arange(25) < count, float(many), few).reshape(5, 5, 1).repeat(3, axis=2)
 
 
-@pytest.mark.parametrize(
-    ("square", "carrying", "pixels", "noise"),
-    [
+def test_scatter_may_be_noise_where_it_is_dense_wherever_it_is():
+    """Beyond what is known, 0.1, by half; in four of five blocks of 16 pixels or more."""
+    for square, carrying, pixels, noise in (
         (blocks(1, 1, 0), blocks(16, 16, 0), 16, True),
         (blocks(1, 1, 0), blocks(15, 15, 0), 15, False),  # too few pixels to tell
         (blocks(0, 1, 10), blocks(0, 64 / 5.9, 10), 64, True),  # here and there: a sixth of the values must carry it
         (blocks(0, 1, 10), blocks(0, 64 / 6.1, 10), 64, False),
         (blocks(0, 1, 13), blocks(0, 64 / 23.9, 13), 64, True),  # over most of the picture: a twenty-fourth
         (blocks(0, 1, 13), blocks(0, 64 / 24.1, 13), 64, False),
-        (blocks(1, 1, 0), blocks(0, 64, 20), 64, True),  # in four of five blocks
+        (blocks(1, 1, 0), blocks(0, 64, 20), 64, True),
         (blocks(1, 1, 0), blocks(0, 64, 19), 64, False),
-        (blocks(0, 0.1504, 25), blocks(64, 64, 0), 64, True),  # by more than half beyond what is known, 0.1
+        (blocks(0, 0.1504, 25), blocks(64, 64, 0), 64, True),
         (blocks(0, 0.1496, 25), blocks(64, 64, 0), 64, False),
-    ],
-)
-def test_scatter_may_be_noise_where_it_is_dense_wherever_it_is(square, carrying, pixels, noise):
-    known = np.full((5, 5, 3), 0.1)
-    shown = Residual(square, carrying, np.full((5, 5, 3), float(pixels)))
-    assert dense(shown, known, least=0.01) == noise
+    ):
+        shown = Residual(square, carrying, np.full((5, 5, 3), float(pixels)))
+        assert dense(shown, np.full((5, 5, 3), 0.1), least=0.01) == noise, (square, carrying)
 
 
-@pytest.mark.parametrize(("count", "factor", "beyond"), [(13, 1.21, True), (13, 1.19, False), (12, 9.0, False)])
-def test_scatter_is_unexplained_where_most_blocks_have_a_fifth_more_than_is_known(count, factor, beyond):
-    shown = Residual(blocks(0.1, 0.1 * factor, count), blocks(64, 64, 0), np.full((5, 5, 3), 64.0))
-    assert unexplained(shown, np.full((5, 5, 3), 0.1)) == beyond
-    assert not unexplained(shown, np.zeros((5, 5, 3)))
+def test_scatter_is_unexplained_where_most_blocks_have_a_fifth_more_than_is_known():
+    for count, factor, beyond in ((13, 1.21, True), (13, 1.19, False), (12, 9.0, False)):
+        shown = Residual(blocks(0.1, 0.1 * factor, count), blocks(64, 64, 0), np.full((5, 5, 3), 64.0))
+        assert unexplained(shown, np.full((5, 5, 3), 0.1)) == beyond
+        assert not unexplained(shown, np.zeros((5, 5, 3)))
 
 
 # ------------------------------------------------------------------------------------------- what nobody tells
@@ -156,93 +132,48 @@ def test_scatter_is_unexplained_where_most_blocks_have_a_fifth_more_than_is_know
 
 @pytest.mark.parametrize("side", ["test", "reference"])
 def test_a_variance_follows_from_the_others_samples(side):
-    """3 % of two seeds of 64 samples are seen, and 20 correct pairs pass: as with both variances."""
+    """3 % of two seeds of 64 samples are seen, and 10 correct pairs pass: as with both variances."""
     rng = np.random.default_rng(7)
 
-    def pair(factor=1.0):
+    def judged(factor=1.0, told=False):
         a, b = render(rng, TRUTH * factor, samples=64), render(rng, TRUTH, samples=256)
-        return (untold(a, 64), b) if side == "test" else (a, untold(b, 256))
+        return compare(*((a, b) if told else (untold(a, 64), b) if side == "test" else (a, untold(b, 256))))
 
-    found = [compare(*pair()) for _ in range(20)]
-    assert sum(c.passed for c in found) >= 19
+    found = [judged() for _ in range(10)]
+    assert all(c.passed for c in found)
     assert not any(said(c, "has no variance") for c in found)
-    assert compare(*pair(1.03)).verdict == "fail"
-    told = compare(render(rng, TRUTH, samples=64), render(rng, TRUTH, samples=256))
-    seen = found[0].statistics.minimum_detectable_bias
-    assert seen == pytest.approx(told.statistics.minimum_detectable_bias, rel=0.1)
+    assert judged(1.03).verdict == "fail"
+    seen = [c.statistics.minimum_detectable_bias for c in (found[0], judged(told=True))]
+    assert seen[0] == pytest.approx(seen[1], rel=0.1)
 
 
-@pytest.mark.parametrize("untold_sides", ["test", "reference", "both"])
-def test_noise_that_nobody_tells_is_judged_by_the_scatter(untold_sides):
-    rng = np.random.default_rng(8)
-
-    def pair(factor=1.0):
-        a, b = render(rng, TRUTH * factor, samples=64), render(rng, TRUTH, samples=64)
-        a, b = (untold(i) if untold_sides in (s, "both") else i for i, s in ((a, "test"), (b, "reference")))
-        return a, b
-
-    found = [compare(*pair()) for _ in range(20)]
-    assert sum(c.passed for c in found) >= 19
-    who = {"test": "the test has", "reference": "the reference has", "both": "the test and the reference have"}
-    assert sum(said(c, f"{who[untold_sides]} no variance: noise was estimated") for c in found) >= 15
-    assert compare(*pair(1.03)).verdict == "fail"
-
-
-def test_what_is_untold_and_too_noisy_is_undecided_with_advice():
-    rng = np.random.default_rng(9)
-    a, b = (untold(render(rng, picture(24, 24), samples=2, batches=2, kind="exp", sd=1.0)) for _ in range(2))
-    c = compare(a, b)
-    assert c.verdict == "undecided"
-    assert said(c, "the samples per pixel (--samples-a) or several renders")
-
-
-@pytest.fixture(scope="module")
-def frames(scenes):
+def test_the_faults_of_an_image_without_noise_are_not_taken_for_noise_that_nobody_tells(scenes):
     scene = read_scene(scenes / "overlap")
     scene = scene.with_camera(scene.camera.resized(168, 126))
-    return {rung: trace(scene, rung).mean.astype(np.float32) for rung in ("lambert", "shadow")}
-
-
-def faulty(name, r, other):
-    rng = np.random.default_rng(10)
-    x = np.arange(r.shape[1])
-    spots = {"sparse acne": rng.random(r.shape[:2]) < 0.002, "dense acne": rng.random(r.shape[:2]) < 0.3}
-    if name in spots:
-        t = r.copy()
-        t[spots[name]] *= np.float32(0.9)
-        return t
-    return {
-        "a ten-thousandth too bright": r * np.float32(1.0001),
-        "the shadows missing": other,
+    lit, r = (trace(scene, rung).mean.astype(np.float32) for rung in ("lambert", "shadow"))
+    acne = np.random.default_rng(10).random(r.shape[:2])[..., None]
+    for name, wrong in {
+        "a ten-thousandth too bright": r * 1.0001,
+        "the shadows missing": lit,
         "a tenth of a pixel off": 0.9 * r + 0.1 * np.roll(r, 1, axis=1),
-        "a slope": r * (1 + 1e-3 * x / r.shape[1])[..., None],
-    }[name].astype(np.float32)
-
-
-@pytest.mark.parametrize(
-    "name",
-    ["a ten-thousandth too bright", "the shadows missing", "a tenth of a pixel off", "a slope", "sparse acne",
-     "dense acne"],
-)  # fmt: skip
-def test_the_faults_of_an_image_without_noise_are_not_taken_for_noise_that_nobody_tells(frames, name):
-    wrong = faulty(name, frames["shadow"], frames["lambert"])
-    told, silent = (compare(Image(wrong, samples=n), Image(frames["shadow"])) for n in (1, 0))
-    assert told.verdict == silent.verdict == "fail"
-    assert silent.reasons == told.reasons
-
-
-# ----------------------------------------------------------------------------------------------------- and beyond
+        "a slope": r * (1 + 1e-3 * np.arange(r.shape[1]) / r.shape[1])[..., None],
+        "sparse acne": np.where(acne < 0.002, 0.9 * r, r),
+        "dense acne": np.where(acne < 0.3, 0.9 * r, r),
+    }.items():
+        told, silent = (compare(Image(wrong.astype(np.float32), samples=n), Image(r)) for n in (1, 0))
+        assert told.verdict == silent.verdict == "fail", name
+        assert silent.reasons == told.reasons, name
 
 
 def test_the_claim_holds_for_24_pixels_at_random_places():
-    """An error of the claimed size in 24 x 24 pixels anywhere is seen in 9 of 10 pairs: 40 of 60 is 1 in a million."""
+    """An error of the claimed size in 24 x 24 pixels anywhere is seen in 9 of 10 pairs: 18 of 30 is 1 in 40 000."""
     rng = np.random.default_rng(12)
     text = compare(render(rng, TRUTH, samples=64), REFERENCE).reasons[0]
     size = float(text.split(", or of ")[1].split(" %")[0]) / 100
     seen = 0
-    for _ in range(60):
+    for _ in range(30):
         y, x = int(rng.integers(48 - 24)), int(rng.integers(64 - 24))
         truth = TRUTH.copy()
         truth[y : y + 24, x : x + 24] *= 1 + size
         seen += compare(render(rng, truth, samples=64), REFERENCE).verdict == "fail"
-    assert seen >= 41
+    assert seen >= 19

@@ -23,11 +23,6 @@ def picture(height: int = 40, width: int = 56) -> np.ndarray:
     return (0.3 + 0.5 * disc + 0.2 * y / height)[..., None] * np.array([1, 0.8, 0.6])
 
 
-def lognormal(height: int = 40, width: int = 56) -> np.ndarray:
-    """A picture whose brightness spans decades from one pixel to the next, always the same."""
-    return np.exp(np.random.default_rng(0).normal(0, 1.5, (height, width, 1))) * np.array([1, 0.8, 0.6])
-
-
 def render(
     rng: np.random.Generator,
     truth: np.ndarray,
@@ -167,13 +162,6 @@ def events(p: float, size: float, samples: int, **more) -> Maker:
     )
 
 
-def films(name: str) -> Maker:
-    def make(rng, truth, fault=1.0):
-        return filtered(rng, truth * fault, name), filtered(rng, truth, name, samples=64)
-
-    return make
-
-
 def changed(make: Maker, test: Callable[[Image], Image], reference: Callable[[Image], Image] = lambda i: i) -> Maker:
     def remade(rng, truth, fault=1.0):
         a, b = make(rng, truth, fault)
@@ -237,8 +225,5 @@ KINDS: dict[str, Maker] = {
     "8 bits of 1024 samples": changed(pair({"samples": 1024}, {"samples": 4096}), quantised),
     "a ten-thousandth of the radiance": changed(_USUAL, lambda i: times(i, 1e-4), lambda i: times(i, 1e-4)),
     "a sun of 1e5": changed(_USUAL, lambda i: times(i, 1e5), lambda i: times(i, 1e5)),
-    "tent filter": films("tent"),
-    "Mitsuba's default film": films("Mitsuba's Gaussian"),
-    "Gaussian filter, 1 pixel": films("Gaussian, 1 pixel"),
     "the same numbers in every pixel": same_numbers,
 }

@@ -1,6 +1,6 @@
 """What a verdict sees: faults put into correct renders and how often each tool finds them; alarms where there is none.
 
-`python -m measure.power [faults noise samples] [COUNT]` prints the tables of docs/measured.md; COUNT pairs of
+`python -m measure.power [faults noise] [COUNT]` prints the tables of docs/measured.md; COUNT pairs of
 each kind of noise (500). The tools, each at a setting its users take:
 
 - raytwin: `compare` at a false-alarm rate of 1e-3;
@@ -17,11 +17,12 @@ from typing import Any
 import msgspec
 import numpy as np
 from measure import record
-from measure.noise_models import KINDS, UNSEEN, Maker, half_steps, lognormal, pair, picture
+from measure.noise_models import KINDS, UNSEEN, half_steps, picture
 from measure.other_tools import ON_IMAGES, sees_welch_of_images
+from measure.sequences import interval
 from scene_of import changed
 
-from raytwin.compare import Comparison, compare
+from raytwin.compare import compare
 from raytwin.compare.messages import percent
 from raytwin.images.image import Image
 from raytwin.rungs import RUNGS
@@ -155,69 +156,33 @@ def power_table(
     return rows
 
 
-def noise_table(count: int = 500, shape: tuple[int, int] = (48, 64), rate: float = 1e-3) -> list[dict[str, object]]:
+def noise_table(count: int = 500, shape: tuple[int, int] = (48, 64), rate: float = 1e-3) -> list[dict[str, Any]]:
     """Made-up noise of every kind: how many of `count` correct pairs alarm or stay undecided, and what faults are seen.
 
-    Rows {"what", "comparisons", "alarms", "low", "high", "undecided", "detectable", "seen": {1.01: share, 1.03: ...}};
+    Rows {"what", "comparisons", "alarms", "undecided", "detectable", "seen": {1.01: share, 1.03: ...}};
     `detectable` is the median of the stated minimum detectable bias, `seen` of a tenth as many pairs each.
     """
     truth = picture(*shape)
-    rows: list[dict[str, object]] = []
+    rows: list[dict[str, Any]] = []
     for name, make in KINDS.items():
         rng = np.random.default_rng([20_000, *name.encode()])
-
-        def judged(fault: float, name: str = name, make: Maker = make, rng: np.random.Generator = rng) -> Comparison:
-            pair = make(rng, truth, fault)
-            return compare(*pair, false_alarm_rate=rate, half_steps=half_steps(name, *pair))
-
-        found = [judged(1.0) for _ in range(count)]
-        biases = [b for c in found if (b := c.statistics.minimum_detectable_bias) is not None]
-        few = max(count // 10, 1)
-        seen = {f: sum(judged(f).verdict == "fail" for _ in range(few)) / few for f in (1.01, 1.03)}
-        row = _counted(name, count, sum(c.verdict == "fail" for c in found))
-        undecided = sum(c.verdict == "undecided" for c in found)
-        rows.append(row | {"undecided": undecided, "detectable": float(np.median(biases or [np.nan])), "seen": seen})
+        found = {}
+        for fault, pairs in ((1.0, count), (1.01, max(count // 10, 1)), (1.03, max(count // 10, 1))):
+            made = [make(rng, truth, fault) for _ in range(pairs)]
+            found[fault] = [compare(*p, false_alarm_rate=rate, half_steps=half_steps(name, *p)) for p in made]
+        verdicts = {fault: [c.verdict for c in comparisons] for fault, comparisons in found.items()}
+        biases = [b for c in found[1.0] if (b := c.statistics.minimum_detectable_bias) is not None]
+        rows.append(
+            {
+                "what": name,
+                "comparisons": count,
+                "alarms": verdicts[1.0].count("fail"),
+                "undecided": verdicts[1.0].count("undecided"),
+                "detectable": float(np.median(biases or [np.nan])),
+                "seen": {f: verdicts[f].count("fail") / len(verdicts[f]) for f in (1.01, 1.03)},
+            }
+        )
     return rows
-
-
-SAMPLED: dict[str, tuple[dict[str, Any], Callable[..., np.ndarray]]] = {
-    "Gaussian": ({}, picture),
-    "exponential": ({"kind": "exp", "sd": 1.0}, picture),
-    "exponential, in a log-normal picture": ({"kind": "exp", "sd": 1.0}, lognormal),
-    "many fireflies": ({"p": 1e-3, "size": 30.0}, picture),
-    "rare events": ({"p": 1e-4, "size": 1000.0, "proportional": True}, picture),
-}
-"""Kinds of noise whose power is told by samples: what every render of them has, and of which picture."""
-
-
-def samples_table(
-    samples=(16, 64, 256, 1024, 4096), count: int = 30, shape: tuple[int, int] = (48, 64), reference: int = 16384
-) -> list[list[str]]:
-    """Return a row per kind of noise: in how many per cent of `count` renders an error of 0, 1 and 3 % is caught.
-
-    `-` where most are undecided.
-    """
-    rows = []
-    for name, (both, drawn) in SAMPLED.items():
-        truth, cells = drawn(*shape), []
-        for fault in (1.0, 1.01, 1.03):
-            shares = []
-            for n in samples:
-                rng = np.random.default_rng([30_000, n, *name.encode()])
-                make = pair({"samples": n}, {"samples": reference}, both)
-                found = [compare(*make(rng, truth, fault)).verdict for _ in range(count)]
-                undecided = found.count("undecided") > count / 2
-                shares.append("-" if undecided else f"{100 * found.count('fail') / count:.0f}")
-            cells.append(" / ".join(shares))
-        rows.append([name, *cells])
-    return rows
-
-
-def _counted(what: str, n: int, k: int) -> dict[str, object]:
-    from scipy.stats import binomtest
-
-    interval = binomtest(k, n).proportion_ci()
-    return {"what": what, "comparisons": n, "alarms": k, "low": float(interval.low), "high": float(interval.high)}
 
 
 def by_fault(rows: list[dict[str, Any]], samples: list[int]) -> list[list[str]]:
@@ -228,10 +193,6 @@ def by_fault(rows: list[dict[str, Any]], samples: list[int]) -> list[list[str]]:
         shares = ([mine[n][tool] for n in samples] for tool in TOOLS)
         lines.append([fault, *(" / ".join("-" if s is None else f"{100 * s:.0f}" for s in row) for row in shares)])
     return lines
-
-
-def alarm_cells(row: dict[str, Any]) -> list[str]:
-    return [row["what"], f"{row['alarms']} of {row['comparisons']}", f"{row['low']:.1e} to {row['high']:.1e}"]
 
 
 def noise_cells(row: dict[str, Any]) -> list[str]:
@@ -247,7 +208,7 @@ def main(*parts: str, scenes: str = str(Path(__file__).resolve().parents[2] / "s
         record.table("verdict", name, columns, rows, f"python -m measure.power {part}{counted}")
 
     count = next((int(part) for part in parts if part.isdecimal()), 500)
-    chosen = [part for part in parts if not part.isdecimal()] or ["faults", "noise", "samples"]
+    chosen = [part for part in parts if not part.isdecimal()] or ["faults", "noise"]
     if "faults" in chosen:
         overlap = read_scene(f"{scenes}/overlap")
         overlap, counts = overlap.with_camera(overlap.camera.resized(160, 120)), [16, 64, 256, 1024, 4096]
@@ -258,10 +219,9 @@ def main(*parts: str, scenes: str = str(Path(__file__).resolve().parents[2] / "s
         columns = ["noise", "alarms", "undecided", "detectable", "1 % caught", "3 % caught"]
         table("noise", columns, [noise_cells(row) for row in rows])
         counted = [row for row in rows if row["what"] not in EXPLAINED]
-        total = _counted("all but the three", *(sum(row[key] for row in counted) for key in ("comparisons", "alarms")))
-        table("noise-total", ["kinds of noise", "alarms", "95 % interval of the rate"], [alarm_cells(total)])
-    if "samples" in chosen:
-        table("samples", ["noise", "nothing wrong", "1 % too bright", "3 % too bright"], samples_table())
+        alarms, pairs = (sum(row[key] for row in counted) for key in ("alarms", "comparisons"))
+        total = ["all but the three", f"{alarms} of {pairs}", interval(alarms, pairs)]
+        table("noise-total", ["kinds of noise", "alarms", "95 % interval of the rate"], [total])
 
 
 if __name__ == "__main__":

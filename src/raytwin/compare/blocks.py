@@ -63,7 +63,7 @@ def to_pixels(blocks: Float[np.ndarray, "by bx c"], height: int, width: int) -> 
     return np.asarray(np.repeat(np.repeat(blocks, SIDE, axis=0)[:height], SIDE, axis=1)[:, :width])
 
 
-def slide(x: Float64[np.ndarray, "by bx c"]) -> Float64[np.ndarray, "ty tx c"]:
+def slide(x: Float64[np.ndarray, "*n by bx c"]) -> Float64[np.ndarray, "*n ty tx c"]:
     """Sums over 2 x 2 neighbours at every place: tiles of twice the side, overlapping by half of it."""
-    x = x[:-1] + x[1:] if len(x) > 1 else x
-    return x[:, :-1] + x[:, 1:] if x.shape[1] > 1 else x
+    x = x[..., :-1, :, :] + x[..., 1:, :, :] if x.shape[-3] > 1 else x
+    return x[..., :-1, :] + x[..., 1:, :] if x.shape[-2] > 1 else x

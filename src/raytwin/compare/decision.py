@@ -1,53 +1,42 @@
-"""Is t - r more than noise? One decision at a stated false-alarm rate, from tests that share it.
+"""Is t - r more than noise? Two passes, of which each sees what the other misses.
 
-    values   every value's (t - r) / sd                           sees a wrong pixel
-    tiles    the mean of t - r over 8 x 8, 16 x 16, ... pixels    sees a wrong corner
-    image    the mean of t - r over everything                    sees a wrong brightness
-    shift    the translation between the two (shift.py)           sees a wrong camera
+    values    z = (|t - r| - granted) / sqrt(va + vb)               every value: a wrong pixel
+    sums      z = (|Σ(t - r)| / n - granted) n / sqrt(Σva + Σvb)    tiles: a wrong corner; the image: its brightness
 
-Each of the four gets the rate 1 - (1 - rate)^(1/4), and shares it among its own values by Sidak's formula. Tiles from
-16 pixels on overlap by half their side: any square of 24 pixels holds a whole one of 16.
+With the shift between the two (shift.py), which sees a wrong camera, these are four tests. Each gets the rate
+1 - (1 - rate)^(1/4), and shares it among its own values by Sidak's formula. Tiles are of 8 x 8, 16 x 16, ... pixels;
+from 16 on they overlap by half: any square of 24 pixels holds a whole one of 16.
 
-What a variance estimated from a few batches needs, so that the rate holds:
+What holds the rate, and how many correct renders of which noise (tests/measure) fail without it:
 
-- Student's t in the place of the Gaussian. A value has the batches' degrees of freedom; a sum over pixels has
-  (sum v)^2 / sum(v^2 / nu) - 1 (Welch, Satterthwaite).
-- The third moment beside the variance: noise that is skewed against the error makes a sum look surer than it is
-  (significance.less_skewed, after Johnson 1978).
-- A value whose batches happened to agree looks surer than it is. Its variance is raised to its block's mean, and to
-  what the other image's variance says of it, by the samples' ratio.
-- A sum that expects few events may have missed them all, without a trace in its variance. How many it expects, and how
-  much light they are, its neighbours tell, or all blocks (rare_events). A sum that shows their variance saw them.
-- Beside an image without noise nothing tells of events that no sample of the whole image met: few samples leave such
-  an error undecided (lacking_light).
-- Where fireflies carry most of the variance and fall everywhere alike, sums are tested without them, too, and their
-  mean is granted.
-- Values with a standard deviation below a tenth of the tolerance hold no noise: they are compared as exact images are,
-  where neither image is sampled, and at the background. In a sampled image samples that all agree prove little: n of
-  them miss an event of probability p with exp(-n p). What they may have missed is granted to values, tiles and image,
-  each for its own number of samples; a sample may be as far off as the image's scale.
-- Neighbours that share samples (a filter wider than the pixel): the variance of every sum is inflated by what the
-  images' difference shows (noise.inflation).
-- A variance that the residuals do not bear out excuses nothing (noise.capped).
+- Student's t: a value has the batches' degrees of freedom, a sum (Σv)² / Σ(v² / ν) - 1: 3 of 20, four batches.
+- A value's variance is at least its block's mean, where batches agree by chance: 4 of 20, exponential.
+- A sum's z is that of its third moment, too (significance.less_skewed): 3 of 120 for 0, lognormal 1.5 at a rate of 1 %.
+- A variance is at least what the other image's says, by the ratio of their samples: 8 of 30, fireflies that the test
+  hardly catches. So is a third moment, which finds faults sooner.
+- Few events may be missed, as neighbours tell, in sums: 2 of 20, in 10 x 14 pixels; in values: 14 of 60, in a stripe.
+- Samples that all agree may have missed an event as bright as the scale: 18 of 20, one sample in 200 shaded.
+- Beside an exact image few samples leave an error undecided that brighter events explain: 17 of 20, few fireflies.
+- Sums are inflated where neighbours share samples, as under a filter wider than the pixel: 20 of 20, of 1 pixel.
 
-An event that *nobody* sampled cannot be distinguished from a bias.
+A standard deviation below a tenth of the tolerance is no noise: such values are compared exactly.
+An event that nobody sampled cannot be distinguished from a bias.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.array_types import Bool, Float32, Float64
-from raytwin.compare.blocks import SIDE, Blocks, Means, Pixels, block_counts, block_sums, slide, strips
+from raytwin.array_types import Bool, Float, Float32
+from raytwin.compare.blocks import SIDE, Blocks, Means, Pixels, block_counts, block_sums, slide, strips, to_pixels
 from raytwin.compare.exact import NoiseFree
 from raytwin.compare.finding import MOST_PLACES, Place, blocks_of
 from raytwin.compare.noise import (
     TINY,
     block_means,
     degrees_of_freedom,
-    fireflies,
     inflation,
     larger_variance,
     regularised,
@@ -58,14 +47,6 @@ from raytwin.compare.scale import Bound
 from raytwin.compare.significance import as_skewed, less_skewed, quantile, sidak, two_sided, welch
 from raytwin.images.image import Image
 
-Sums = dict[str, Float64[np.ndarray, "..."]]
-Size = tuple[int, ...]
-Scales = tuple[float, float]
-"""What the reference's third moment is multiplied with to be the test's, and the other way; 0 where it is not known."""
-
-Lacking = tuple[float, float]
-"""Shares of the light that the test, and the reference, may lack, since no sample met a rare event."""
-
 TESTS = 4
 """Tests that share the false-alarm rate: values, tiles, image, shift."""
 
@@ -75,14 +56,18 @@ POWER = 0.9
 SILENT_SHARE = 0.1
 """Standard deviations below this share of the tolerance count as no noise."""
 
-MOSTLY_FIREFLIES = 0.6
-"""Fireflies are left out of sums where they carry this share of the variance.
+FEW_EVENTS, RARE_EVENTS = 20.0, 60.0
+"""A sum that expects fewer events may have missed them all; a block that saw fewer tells of its neighbours' events."""
 
-Else most events may be too close together to be recognised: tiles that hold few would lose more than is granted.
-"""
+BRIGHTEST = 600.0
+"""Times the light of the brightest events that an image without noise may know, and the other may have missed."""
 
-FEWEST_FIREFLIES = 50
-"""Fireflies of an image that show whether they fall everywhere alike."""
+FEWEST_TOLD = 3
+"""Samples or renders that tell of noise: two batches are those of a variance that was estimated."""
+
+ENOUGH_SAMPLES, ENOUGH_AT_ONCE = 80_000, 30_000
+"""Samples of the whole image that have met events of one in 10 000, but for exp(-8), in a sequence of looks; and in a
+comparison made once, as a sequence meets the least lucky of all numbers of samples."""
 
 DIM_SHARE = 0.1
 """Channels dimmer than this share of the channels' mean are left out of the detectable relative bias."""
@@ -109,8 +94,8 @@ class Worst(NamedTuple):
 class Family(NamedTuple):
     """Tests of one kind: the worst, the level that p-values must stay above, how many of how many fell below, where.
 
-    `sure`: how many of them not even events that no sample met explain. `detectable`: the error that the family would
-    have found, and `excluded`: what the data speak against.
+    `sure`: how many of them not even events that no sample met explain. `detectable`: the relative error that the
+    family would have found with the probability POWER, and `excluded`: what the data speak against.
     """
 
     worst: Worst
@@ -145,10 +130,6 @@ class Decision(NamedTuple):
         """Whether events that no sample met may explain all that noise does not."""
         return not (self.value.sure or self.tile.sure or self.image.sure)
 
-    @property
-    def passed(self) -> bool:
-        return self.value.passed and self.tile.passed and self.image.passed
-
 
 class Rounding(NamedTuple):
     """Rounding of the file formats: `value` (H, W, 3) at most; `mean`, the part that averaging over noise leaves."""
@@ -157,22 +138,48 @@ class Rounding(NamedTuple):
     mean: Pixels
 
 
-class Unseen(NamedTuple):
-    """What samples that all agree may have missed: `share`: 1 / samples per pixel of the image with fewer, 0
-    where no variance is proof of no noise. `look`: this look's share of the false-alarm rate.
+class Noisy(NamedTuple):
+    """An image with a variance: its number, 0 the test's; the mean variance of its blocks, its degrees of freedom."""
+
+    number: int
+    variance: Pixels
+    third: Pixels | None
+    blocks: Blocks
+    dof: float
+
+
+class Known(NamedTuple):
+    """Two images, test and reference, and what is known of their noise before anything is tested.
+
+    `share`: of the false-alarm rate, each of TESTS'; `look`: the rate as a share of a whole sequence's; `ratio` of the
+    variances; `unmet`: 1 / samples per pixel of the image with fewer, 0 where no variance proves no noise; `proven`
+    (H, W, 1): where it does; `lacking`: shares of the light that the test, and the reference, may lack, since no sample
+    met a rare event.
     """
 
-    share: float = 0.0
-    look: float = 1.0
+    images: tuple[Image, Image]
+    noisy: tuple[Noisy, ...]
+    bound: Bound
+    rounding: Rounding | None
+    share: float
+    look: float
+    ratio: float | None
+    unmet: float
+    proven: Bool[np.ndarray, "h w 1"]
+    lacking: tuple[float, float]
 
-    def events(self, level: float) -> float:
-        """Return the expected number of events that samples which all agree may have missed, at this level.
+    def missed_events(self, level: float) -> float:
+        """The events that samples which all agree may have missed, at this level.
 
         An event of probability p occurs n p times in n samples on average, and never with probability exp(-n p).
         For two images exp(-n p - m q) allows the largest p + q if the image with fewer samples missed all of it.
         What a later look has missed, the earlier looks missed too, so that all looks share one level.
         """
         return -math.log(level / self.look)
+
+    def excusable(self, error: Means, radiance: Means) -> Bool[np.ndarray, "..."]:
+        """Whether events that no sample met may explain the error."""
+        return np.asarray(np.abs(error) < np.where(error < 0, *self.lacking) * np.abs(radiance))
 
 
 def decide(
@@ -188,132 +195,41 @@ def decide(
 
     `look`: `rate` as a share of the false-alarm rate of the whole sequence of looks.
     """
-    share = sidak(rate, TESTS)
-    pair = _pair_of(test, reference, bound, share, rounding, look)
-    noise_free, values, failed_pixels = NoiseFree(), Family(Worst(), pair.level, 0, test.mean.size), 0
-    strips = list(pair.strips())
-    grids = _all_block_sums(pair, strips, [strip.silent for strip in strips])
-    grids |= rare_events(grids, pair.ratio, pair.scales, share)
-    rare = any(grids[f"wide {way}"].any() for way in WAYS)
-    without = _without_fireflies(pair, strips, share) if rare else None
-    for strip in strips:
-        noise_free = _exact_values(noise_free, strip)
+    known = _known(test, reference, bound, sidak(rate, TESTS), rounding, look)
+    parts = list(_strips(known))
+    sums, spread = _with_rare_events(_sums(known, parts), known)
+    noise_free, failed_pixels = NoiseFree(), 0
+    values = Family(Worst(), sidak(known.share, test.mean.size), 0, test.mean.size)
+    for part in parts:
+        noise_free = _exact_values(noise_free, part)
         if by_value:
-            values, failed = _noisy_values(values, strip, grids, pair.dof, pair.lacking)
+            values, failed = _values(values, part, sums, spread, known)
             failed_pixels += failed
-    blocks = ((grids["va"] + grids["vb"]) / grids["n"]).astype(np.float32)
-    shared = inflation(test.mean, reference.mean, blocks)
-    estimators = [
-        Estimator(sums, bound, pair.unseen, pair.lacking, pair.ratio, pair.scales, shared)
-        for sums in (grids, without)
-        if sums is not None
-    ]
-    tile, image = (family(estimators, share, test.shape[:2]) for family in (_tiles, _image))
+    shared = inflation(test.mean, reference.mean, (sums.variances.sum(axis=0) / sums.pixels).astype(np.float32))
+    tile, image = (family(sums, known, shared) for family in (_tiles, _image))
     return Decision(values, tile, image, noise_free, failed_pixels, shared)
 
 
-NoisyImage = tuple[Image, Blocks | None, float]
-"""An image, the mean variance of its blocks, and the degrees of freedom of its variance."""
-
-
-class Strip(NamedTuple):
-    """Rows from `y0` on, in blocks of `rows`: t - r, r, and the variance of t - r, infinite where there is no noise.
-
-    `allowed`: the bound of noise-free values; `granted`: what a single value may err by for other reasons, too;
-    `silent`: values without noise; `calm`: those whose samples agree, and prove little; `event`: what one unseen event
-    would have changed.
-    """
-
-    y0: int
-    rows: int
-    error: Float32[np.ndarray, "h w 3"]
-    radiance: Float32[np.ndarray, "h w 3"]
-    variance: Float32[np.ndarray, "h w 3"]
-    allowed: Float32[np.ndarray, "h w 3"]
-    granted: Float32[np.ndarray, "h w 3"]
-    silent: Bool[np.ndarray, "h w 3"]
-    calm: Bool[np.ndarray, "..."]
-    event: Float32[np.ndarray, "..."]
-
-
-class Pair(NamedTuple):
-    """Two images and what is known of their noise before a value is tested; `level`: of each value's test.
-
-    `proven`: where no variance means no noise; `unit`: of variances, so that their squares fit float32.
-    """
-
-    sides: tuple[NoisyImage, NoisyImage]
-    rounding: Rounding | None
-    bound: Bound
-    unseen: Unseen
-    ratio: float | None
-    level: float
-    dof: float
-    proven: Bool[np.ndarray, "h w 1"]
-    unit: np.float32
-    lacking: Lacking
-    scales: Scales
-
-    def strips(self) -> Iterator[Strip]:
-        (test, a, _), (reference, b, _) = self.sides
-        bound, unseen = self.bound, self.unseen
-        for y0, y1, rows in strips(test.shape):
-            r = np.asarray(reference.mean[y0:y1], np.float32)
-            d = np.subtract(test.mean[y0:y1], r, dtype=np.float32)
-            va = regularised(test.variance, a, y0, y1, rows)
-            vb = regularised(reference.variance, b, y0, y1, rows)
-            allowed, v = bound.of(r), va + vb
-            least = np.square(np.float32(SILENT_SHARE) * allowed)
-            silent = v <= least
-            v = larger_variance(va, vb, self.ratio, v)
-            granted = allowed if self.rounding is None else allowed + self.rounding.value[y0:y1]
-            calm, event = np.zeros((), bool), np.zeros((1, 1, 1), np.float32)
-            if unseen.share:
-                calm = _agreeing(test, reference, y0, y1, least) & ~self.proven[y0:y1]
-                silent &= ~calm
-                np.maximum(v, least, out=v, where=calm)
-                event = np.where(calm, allowed / np.float32(bound.share), np.float32(0))
-                granted = granted + np.float32(unseen.events(self.level) * unseen.share) * event
-            v[silent] = np.inf
-            yield Strip(y0, rows, d, r, v, allowed, granted, silent, calm, event)
-
-
-def _pair_of(test: Image, reference: Image, bound: Bound, share: float, rounding: Rounding | None, look: float) -> Pair:
-    sides = tuple((i, None if i.variance is None else block_means(i.variance).astype(np.float32), degrees_of_freedom(i))
-                  for i in (test, reference))  # fmt: skip
-    noisy = [(float(blocks.mean()), nu) for _, blocks, nu in sides if blocks is not None]
-    behind = (samples_behind(image, blocks, SILENT_SHARE * bound.least) for image, blocks, _ in sides)
-    unseen = max((1 / n for n in behind if n), default=0.0)
-    ratio = variance_ratio(test, reference, (SILENT_SHARE * bound.least) ** 2)
-    return Pair(
-        sides,  # type: ignore[arg-type]
-        rounding,
-        bound,
-        Unseen(unseen, look),
-        ratio,
-        sidak(share, test.mean.size),
-        welch(noisy),
-        _proven(reference, unseen),
-        np.float32(max(sum(v for v, _ in noisy), 1e-30)),
-        lacking_light(test, reference, share, look),
-        (
-            0.0 if ratio is None or reference.third is None else ratio**2,
-            0.0 if ratio is None or test.third is None else ratio**-2,
-        ),
+def _known(test: Image, reference: Image, bound: Bound, share: float, rounding: Rounding | None, look: float) -> Known:
+    silent, images = SILENT_SHARE * bound.least, (test, reference)
+    noisy = tuple(
+        Noisy(k, i.variance, i.third, block_means(i.variance).astype(np.float32), degrees_of_freedom(i))
+        for k, i in enumerate(images)
+        if i.variance is not None
     )
+    behind = [samples_behind(images[i.number], i.blocks, silent) for i in noisy]
+    unmet = max((1 / n for n in behind if n), default=0.0)
+    ratio, lacking = variance_ratio(test, reference, silent**2), _lacking(test, reference, share, look)
+    return Known(images, noisy, bound, rounding, share, look, ratio, unmet, _proven(reference, unmet > 0), lacking)
 
 
-BRIGHTEST = 600.0
-"""Times the light: events that are brighter are not thought of."""
+def _proven(reference: Image, sampled: bool) -> Bool[np.ndarray, "h w 1"]:
+    """Return (H, W, 1): where a variance of 0 proves no noise; in sampled images only well inside the background."""
+    from scipy.ndimage import binary_dilation
 
-FEWEST_TOLD = 3
-"""Samples or renders: two batches are those of a variance that was estimated, of however many samples."""
-
-ENOUGH_SAMPLES = 80_000
-"""Samples of the whole image: of events that are no rarer than one in 10 000 they have met some, but for exp(-8)."""
-
-ENOUGH_AT_ONCE = 30_000
-"""The same for a comparison made once: the looks of a sequence meet the least lucky of all numbers of samples."""
+    if not sampled or reference.surface is None:
+        return np.full((*reference.shape[:2], 1), not sampled)
+    return np.asarray(~binary_dilation(reference.surface.mask, np.ones((3, 3), bool))[..., None])
 
 
 def enough_samples(look: float) -> int:
@@ -321,16 +237,10 @@ def enough_samples(look: float) -> int:
     return ENOUGH_SAMPLES if look < 1 else ENOUGH_AT_ONCE
 
 
-def excusable(error: Means, radiance: Means, lacking: Lacking) -> Bool[np.ndarray, "..."]:
-    """Whether events that no sample met may explain the error."""
-    return np.asarray(np.abs(error) < np.where(error < 0, lacking[0], lacking[1]) * np.abs(radiance))
+def _lacking(test: Image, reference: Image, share: float, look: float) -> tuple[float, float]:
+    """The shares of light of -ln(share) events, which all samples miss with the probability `share`.
 
-
-def lacking_light(test: Image, reference: Image, share: float, look: float) -> Lacking:
-    """The share of its light that the test, or the reference, may lack because no pixel's sample met an event.
-
-    Beside an image without noise nothing tells of such events. -ln(share) of them are missed by all samples with the
-    probability `share`.
+    Beside an image without noise nothing else tells of such events.
     """
     if (test.variance is None) == (reference.variance is None):
         return 0.0, 0.0
@@ -339,139 +249,184 @@ def lacking_light(test: Image, reference: Image, share: float, look: float) -> L
     samples = math.prod(noisy.shape[:2]) * each
     told = each >= FEWEST_TOLD
     lacking = BRIGHTEST * -math.log(share) / samples if told and samples < enough_samples(look) else 0.0
-    return (0.0, lacking) if test.variance is None else (lacking, 0.0)
+    return (0.0, lacking) if noisy is reference else (lacking, 0.0)
+
+
+class Strip(NamedTuple):
+    """Rows from `top` on, in blocks of `rows` x 8 pixels: t - r, r, and the variance of t - r, infinite if `silent`.
+
+    `allowed`: what a value without noise may err by; `granted`: what a single value may err by beyond its noise;
+    `silent`: values without noise; `agreeing`: those whose samples all agree, which may have missed an event.
+    """
+
+    top: int
+    rows: int
+    error: Float32[np.ndarray, "h w 3"]
+    radiance: Float32[np.ndarray, "h w 3"]
+    variance: Float32[np.ndarray, "h w 3"]
+    allowed: Float32[np.ndarray, "h w 3"]
+    granted: Float32[np.ndarray, "h w 3"]
+    silent: Bool[np.ndarray, "h w 3"]
+    agreeing: Bool[np.ndarray, "h w 3"] | None
+
+    @property
+    def here(self) -> slice:
+        """Its rows of the image."""
+        return slice(self.top, self.top + len(self.error))
+
+    def of_blocks(self, blocks: Blocks) -> Float32[np.ndarray, "h w 3"]:
+        """The whole image's blocks (by, bx, 3) for each value of the strip."""
+        mine = blocks[self.top // SIDE : self.top // SIDE + len(self.error) // self.rows]
+        return to_pixels(mine.astype(np.float32), *self.error.shape[:2])
+
+
+def _strips(known: Known) -> Iterator[Strip]:
+    (test, reference), bound = known.images, known.bound
+    missed = known.unmet * known.missed_events(sidak(known.share, test.mean.size)) / bound.share
+    for top, end, rows in strips(test.shape):
+        radiance = np.asarray(reference.mean[top:end], np.float32)
+        error = np.subtract(test.mean[top:end], radiance, dtype=np.float32)
+        each = [np.zeros((), np.float32)] * 2
+        for image in known.noisy:
+            each[image.number] = regularised(image.variance, image.blocks, top, end)
+        granted = allowed = bound.of(radiance)
+        least = np.square(np.float32(SILENT_SHARE) * allowed)
+        silent, agreeing = each[0] + each[1] <= least, None
+        variance = larger_variance(each[0], each[1], known.ratio)
+        if known.rounding is not None:
+            granted = granted + known.rounding.value[top:end]
+        if known.unmet:
+            own = sum((image.variance[top:end] for image in known.noisy), np.zeros_like(least))
+            agreeing = np.asarray(own <= least / 16) & ~known.proven[top:end]
+            silent &= ~agreeing
+            variance = np.where(agreeing, np.maximum(variance, least), variance)
+            granted = np.where(agreeing, granted + np.float32(missed) * allowed, granted)
+        variance = np.where(silent, np.float32(np.inf), variance)
+        yield Strip(top, rows, error, radiance, variance, allowed, granted, silent, agreeing)
 
 
 # ------------------------------------------------------------------------------------------------ values
 
 
-def _exact_values(found: NoiseFree, strip: Strip) -> NoiseFree:
+def _exact_values(found: NoiseFree, part: Strip) -> NoiseFree:
     """|t - r| <= bound, of each value without noise."""
-    if not strip.silent.any():
+    if not part.silent.any():
         return found
-    still = np.where(strip.silent, np.abs(strip.error), np.float32(0))
-    count = int(np.count_nonzero(strip.silent))
-    return found.plus(still, count, strip.allowed, strip.granted - strip.allowed, strip.y0)
+    error = np.where(part.silent, np.abs(part.error), np.float32(0))
+    count = int(np.count_nonzero(part.silent))
+    return found.plus(error, count, part.allowed, part.granted - part.allowed, part.top)
 
 
-def _noisy_values(found: Family, strip: Strip, grids: Sums, dof: float, lacking: Lacking) -> tuple[Family, int]:
+def _values(
+    found: Family, part: Strip, sums: "Sums", spread: Float[np.ndarray, "2 by bx 3"], known: Known
+) -> tuple[Family, int]:
     """z = max(|t - r| - granted, 0) / sqrt(v), Student's t, of each value; and how many pixels of the strip fail."""
-    rows = slice(strip.y0 // SIDE, strip.y0 // SIDE + len(strip.error) // strip.rows)
-    lent = [grids[f"lent {way}"][rows] / grids["n"][rows] for way in WAYS]
-    square, variance = np.abs(strip.error) - strip.granted, strip.variance
-    if any(x.any() for x in lent):
-        dark, bright = (to_rows(x, strip) for x in lent)
-        square -= np.where(strip.error < 0, dark, bright)
-        dark, bright = (to_rows(grids[f"wide {way}"][rows], strip) for way in WAYS)
-        variance = np.maximum(variance, np.where(strip.error < 0, dark, bright))
-    square = np.maximum(square, 0)
-    square *= square
+    beyond, variance = np.abs(part.error) - part.granted, part.variance
+    if spread.any():
+        dark = part.error < 0
+        beyond -= np.where(dark, *(part.of_blocks(light / sums.pixels) for light in sums.missed_light))
+        variance = np.maximum(variance, np.where(dark, *(part.of_blocks(blocks) for blocks in spread)))
+    beyond = np.maximum(beyond, 0, out=beyond)
+    square = np.square(beyond, out=beyond)
     square /= variance
+    dof = welch([(float(image.blocks.mean()), image.dof) for image in known.noisy])
     peak, threshold = int(square.argmax()), float(quantile(found.level, dof))
     z = math.sqrt(square.flat[peak])
     if z > found.worst.z:
         y, x, c = (int(i) for i in np.unravel_index(peak, square.shape))
-        error = float(strip.error[y, x, c])
-        found = found._replace(worst=Worst(z, float(two_sided(z, dof)), x, y + strip.y0, 1, 1, c, error))
+        error = float(part.error[y, x, c])
+        found = found._replace(worst=Worst(z, float(two_sided(z, dof)), x, y + part.top, 1, 1, c, error))
     if not z > threshold:
         return found, 0
     failed = square > threshold**2
     pixels = np.asarray(failed.any(axis=-1))
-    places = (*found.places, *blocks_of(pixels, strip.y0))[:MOST_PLACES]
+    places = (*found.places, *blocks_of(pixels, part.top))[:MOST_PLACES]
+    sure = int(np.count_nonzero(failed & ~known.excusable(part.error, part.radiance)))
     count = found.failed + int(np.count_nonzero(failed))
-    sure = found.sure + int(np.count_nonzero(failed & ~excusable(strip.error, strip.radiance, lacking)))
-    return found._replace(failed=count, sure=sure, places=places), int(np.count_nonzero(pixels))
-
-
-def to_rows(blocks: Blocks, strip: Strip) -> Float32[np.ndarray, "h w 3"]:
-    return np.repeat(np.repeat(blocks.astype(np.float32), strip.rows, axis=0), SIDE, axis=1)[:, : strip.error.shape[1]]
-
-
-def _agreeing(
-    test: Image, reference: Image, y0: int, y1: int, least: Float32[np.ndarray, "h w 3"]
-) -> Bool[np.ndarray, "h w 3"]:
-    """Whether all samples agree: a value's own variances, of both images, add up to a 16th of `least` at most."""
-    parts = [i.variance[y0:y1] for i in (test, reference) if i.variance is not None]
-    return np.asarray(sum(parts, np.zeros_like(least)) <= least / 16)
-
-
-def _proven(reference: Image, unseen: float) -> Bool[np.ndarray, "h w 1"]:
-    """Return (H, W, 1): where a variance of 0 proves no noise; in sampled images only well inside the background."""
-    from scipy.ndimage import binary_dilation
-
-    if not unseen:
-        return np.ones((*reference.shape[:2], 1), bool)
-    if reference.surface is None:
-        return np.zeros((*reference.shape[:2], 1), bool)
-    return np.asarray(~binary_dilation(reference.surface.mask, np.ones((3, 3), bool))[..., None])
+    return found._replace(failed=count, sure=found.sure + sure, places=places), int(np.count_nonzero(pixels))
 
 
 # ------------------------------------------------------------------------------------------------ sums
 
-WAYS = "dark", "bright"
 
+class Sums(NamedTuple):
+    """Sums over blocks or tiles (..., y, x, 3) of `error` t - r, `radiance` r, and what their noise is known by.
 
-def _all_block_sums(pair: Pair, strips: list[Strip], left_out: list[Bool[np.ndarray, "h w 3"]]) -> Sums:
-    """The sums of all strips, one below the other."""
-    found = [_block_sums(pair, strip, out) for strip, out in zip(strips, left_out, strict=True)]
-    return {key: np.concatenate([sums[key] for sums in found]) for key in found[0]}
-
-
-def _block_sums(pair: Pair, strip: Strip, out: Bool[np.ndarray, "h w 3"]) -> Sums:
-    """Σ(t - r), Σr, n, Σv of both images, Σv²/ν, Σκ, Σrounding over blocks of 8 x 8: what z of any tile is made from.
-
-        z = max(|Σ(t - r)| / n - granted, 0) / (sqrt(Σva + Σvb) / n),  ν = (Σva + Σvb)² / Σ(v²/ν) - 1
-
-    κ is the third moment. Where it is not known, it is the covariance of v and t - r: a mean and its own variance share
-    just that. `out`: values that are left out, those without noise among them.
+    `variances` and `thirds` (2, y, x, 3): of the test's and the reference's noise, and their third moments; `squares`:
+    Σ v² / ν; `rounding`: what averaging leaves of it; `agreeing`: how many values have samples that all agree.
+    `missed_*` (2, y, x, 3): light, variance and number of the events that may make it too dark, or too bright.
     """
-    y0, y1, some_out = strip.y0, strip.y0 + len(strip.error), bool(out.any())
 
-    def kept(values: Pixels) -> Pixels:
-        return np.where(out, np.float32(0), values) if some_out else values
+    pixels: Float[np.ndarray, "*n 1"]
+    error: Means
+    radiance: Means
+    variances: Float[np.ndarray, "2 *n 3"]
+    thirds: Float[np.ndarray, "2 *n 3"]
+    squares: Means
+    rounding: Means
+    agreeing: Means
+    missed_light: Float[np.ndarray, "2 *n 3"]
+    missed_variance: Float[np.ndarray, "2 *n 3"]
+    missed_number: Float[np.ndarray, "2 *n 3"]
 
-    d = kept(strip.error)
-    found: Sums = {"d": block_sums(d, strip.rows), "r": block_sums(strip.radiance, strip.rows)}
-    found["n"], none = block_counts(d, strip.rows), np.zeros_like(found["d"])
-    found["vv"] = none
-    for key, sign, (image, _, nu) in zip("ab", (1, -1), pair.sides, strict=True):
-        if image.variance is None:
-            found[f"v{key}"] = found[f"k{key}"] = none
-            continue
-        v = kept(image.variance[y0:y1])
-        found[f"v{key}"] = block_sums(v, strip.rows)
-        if image.third is not None:
-            found[f"k{key}"] = block_sums(kept(image.third[y0:y1]), strip.rows)
-        else:
-            together = block_sums(v * d, strip.rows) - found["d"] * found[f"v{key}"] / found["n"]
-            found[f"k{key}"] = sign * together
-        vv = np.square(v / pair.unit)
-        found["vv"] = found["vv"] + block_sums(vv, strip.rows) * (float(pair.unit) ** 2 / nu)
-    found["round"] = none if pair.rounding is None else block_sums(pair.rounding.mean[y0:y1], strip.rows)
-    if pair.unseen.share:
-        found["calm"] = block_sums(strip.calm.astype(np.float32), strip.rows)
-        found["size"] = block_sums(strip.event, strip.rows)
-    return found
+    def each(self, function: Callable[[np.ndarray], np.ndarray]) -> "Sums":
+        """The function of each of them."""
+        return Sums(*map(function, self))
 
 
-def third_against(s: Sums, scales: Scales) -> tuple[Means, Means]:
+def _sums(known: Known, parts: list[Strip]) -> Sums:
+    """Sums over all blocks of 8 x 8 pixels; values without noise count as having no error.
+
+    A third moment that is not known is the covariance of v and t - r: a mean and its own variance share just that.
+    """
+    found = []
+    for part in parts:
+        some_silent = bool(part.silent.any())
+
+        def total(x: Pixels, part: Strip = part, some_silent: bool = some_silent) -> np.ndarray:
+            return block_sums(np.where(part.silent, np.float32(0), x) if some_silent else x, part.rows)
+
+        pixels, error = block_counts(part.error, part.rows), total(part.error)
+        variances, thirds = np.zeros((2, 2, *error.shape))
+        squares = np.zeros_like(error)
+        for image in known.noisy:
+            k, v = image.number, image.variance[part.here]
+            variances[k] = total(v)
+            squares += total(np.square(v)) / image.dof
+            if image.third is not None:
+                thirds[k] = total(image.third[part.here])
+            else:
+                thirds[k] = (1 - 2 * k) * (total(v * part.error) - error * variances[k] / pixels)
+        rounding = np.zeros_like(error)
+        if known.rounding is not None:
+            rounding = block_sums(known.rounding.mean[part.here], part.rows)
+        agreeing = np.zeros_like(error)
+        if part.agreeing is not None:
+            agreeing = block_sums(part.agreeing.astype(np.float32), part.rows)
+        radiance, none = block_sums(part.radiance, part.rows), np.zeros((2, *error.shape))
+        found.append(Sums(pixels, error, radiance, variances, thirds, squares, rounding, agreeing, none, none, none))
+    return Sums(*(np.concatenate(x, axis=-3) for x in zip(*found, strict=True)))
+
+
+def third_against(thirds: Float[np.ndarray, "2 *n 3"], known: Known) -> Float[np.ndarray, "2 *n 3"]:
     """The third moments of sums of t - r that make them look too dark, and too bright, where events were missed.
 
-    What one image has seen of them, the other must have, by its number of samples.
+    What one image has seen of them, the other must have, by its number of samples, where it knows of any.
     """
-    up, down, other_up, other_down = (np.maximum(x, 0) for x in (s["ka"], -s["ka"], s["kb"], -s["kb"]))
-    to_test, to_reference = scales
-    up_both, down_both = np.maximum(up, to_test * other_up), np.maximum(down, to_test * other_down)
-    other_up, other_down = np.maximum(other_up, to_reference * up), np.maximum(other_down, to_reference * down)
-    return up_both + other_down, down_both + other_up
+    to_test, to_reference = 0.0, 0.0
+    if known.ratio is not None:
+        to_test, to_reference = (
+            0.0 if image.third is None else scale
+            for image, scale in zip(known.images[::-1], (known.ratio**2, known.ratio**-2), strict=True)
+        )
+    up, down = np.maximum(thirds, 0), np.maximum(-thirds, 0)
+    dark = np.maximum(up[0], to_test * up[1]) + np.maximum(down[1], to_reference * down[0])
+    bright = np.maximum(down[0], to_test * down[1]) + np.maximum(up[1], to_reference * up[0])
+    return np.stack([dark, bright])
 
 
-FEW_EVENTS, RARE_EVENTS = 20.0, 60.0
-"""A sum that expects fewer events may have missed them all; a block that saw fewer tells of its neighbours' events."""
-
-
-def rare_events(s: Sums, ratio: float | None, scales: Scales, share: float) -> Sums:
-    """What blocks may have missed of few events: their light, variance and number, and how far a value may be off.
+def _with_rare_events(sums: Sums, known: Known) -> tuple[Sums, Float[np.ndarray, "2 by bx 3"]]:
+    """The sums with what blocks may have missed of few events; and how far, as a variance, single values may be off.
 
     k events of size S make the light k S, the variance k S² and the third moment k S³. A block lacks what its
     neighbours saw on average, or all blocks: at most (sqrt(k) + c / 2)² + 1 of k, c the Gaussian's quantile.
@@ -479,262 +434,167 @@ def rare_events(s: Sums, ratio: float | None, scales: Scales, share: float) -> S
     from scipy.ndimage import maximum_filter, uniform_filter
     from scipy.special import ndtri
 
-    variance, n, c = larger_variance(s["va"], s["vb"], ratio), s["n"], -float(ndtri(share))
-    lit = s["r"] / n
-    lit = np.maximum(lit / np.maximum(lit.mean(axis=(0, 1)), TINY), 1)  # where there is more light there may be more
-    found: Sums = {}
-    for way, third in zip(WAYS, third_against(s, scales), strict=True):
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            number = np.where(third > 0, variance**3 / np.square(third), np.inf)
-            rare = number < RARE_EVENTS
-            light = np.where(rare, variance * variance / third, 0)
-        number, spread = np.where(rare, number, 0), np.where(rare, variance, 0)
-        k = number.sum(axis=(0, 1))
-        most = np.divide((np.sqrt(k) + c / 2) ** 2 + 1, k, out=np.zeros_like(k), where=k > 0)
-        for what, seen, factor in (("lent", light, lit), ("spread", spread, lit * lit), ("number", number, 1.0)):
-            everywhere = n * (most * seen.sum(axis=(0, 1)) / n.sum())
-            found[f"{what} {way}"] = np.maximum(uniform_filter(seen, (3, 3, 1), mode="nearest"), everywhere * factor)
-        found[f"wide {way}"] = maximum_filter(spread / n, (3, 3, 1))
-    return found
+    variance, third = (
+        larger_variance(sums.variances[0], sums.variances[1], known.ratio),
+        third_against(sums.thirds, known),
+    )
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        number = np.where(third > 0, variance**3 / np.square(third), np.inf)
+        rare = number < RARE_EVENTS
+        light = np.where(rare, variance * variance / third, 0)
+    number, variance = np.where(rare, number, 0), np.where(rare, variance, 0)
+    everywhere, quantile = number.sum(axis=(1, 2), keepdims=True), -float(ndtri(known.share))
+    most = (np.sqrt(everywhere) + quantile / 2) ** 2 + 1
+    most = np.divide(most, everywhere, out=np.zeros_like(everywhere), where=everywhere > 0) / sums.pixels.sum()
+    brightness = sums.radiance / sums.pixels  # where there is more light there may be more
+    brightness = np.maximum(brightness / np.maximum(brightness.mean(axis=(0, 1)), TINY), 1)
 
+    around = uniform_filter(sums.pixels, (3, 3, 1), mode="nearest")
 
-# ------------------------------------------------------------------------------------------------ without fireflies
+    def lent(seen: Float[np.ndarray, "2 by bx 3"], factor: np.ndarray | float) -> Float[np.ndarray, "2 by bx 3"]:
+        neighbours = uniform_filter(seen, (1, 3, 3, 1), mode="nearest") / around
+        return np.asarray(sums.pixels * np.maximum(neighbours, most * seen.sum(axis=(1, 2), keepdims=True) * factor))
 
-
-def _without_fireflies(pair: Pair, strips: list[Strip], share: float) -> Sums | None:
-    """The sums over the values that are no firefly of either image, if fireflies carry most of the variance; else None.
-
-    What is left is too dark by the fireflies' mean, or too bright if they are dark, which is granted: for k of one size
-    the upper limit of a Poisson mean, (sqrt(k) + q / 2)² + 1, q the Gaussian's quantile; with more light, more.
-    """
-    from scipy.special import ndtri
-
-    carried, total, masks = 0.0, 0.0, []
-    first, second = np.zeros((2, 3)), np.zeros((2, 3))  # of those that are brighter than the other image, and darker
-    for strip in strips:
-        out = strip.silent.copy()
-        for sign, (image, _, _) in zip((1, -1), pair.sides, strict=True):
-            if image.variance is None:
-                continue
-            v = image.variance[strip.y0 : strip.y0 + len(out)]
-            total += float(v.sum(dtype=np.float64))
-            y, x, c = np.nonzero(fireflies(v, strip.rows))
-            out[y, x, c] = True
-            own = v[y, x, c].astype(np.float64)
-            carried += float(own.sum())
-            kind = c + 3 * (sign * strip.error[y, x, c] < 0)
-            # A single event of size S in n samples lifts the mean by S/n and makes its variance (S/n)^2.
-            first += np.bincount(kind, np.sqrt(own), 6).reshape(2, 3)
-            second += np.bincount(kind, own, 6).reshape(2, 3)
-        masks.append(out)
-    if not carried > MOSTLY_FIREFLIES * total or not _scattered(strips, masks):
-        return None
-    sums = _all_block_sums(pair, strips, masks)
-    q = -float(ndtri(share))
-    size = np.divide(second, first, out=np.zeros((2, 3)), where=first > 0)
-    # Some of them have hidden among others.
-    most = 1.2 * (first + q * np.sqrt(second) + (q * q / 4 + 1) * size) / sums["n"].sum()
-    light = np.maximum(sums["r"].sum(axis=(0, 1)) / sums["n"].sum(), TINY)
-    (bright, dark), more = most, np.maximum(sums["r"] / light, sums["n"])
-    tested, referred = (image.variance is not None for image, _, _ in pair.sides)
-    sums |= {"lent dark": more * (tested * bright + referred * dark)}
-    sums |= {"lent bright": more * (tested * dark + referred * bright)}
-    none = np.zeros_like(sums["d"])
-    return sums | {f"{what} {way}": none for what in ("spread", "number") for way in WAYS}
+    sums = sums._replace(
+        missed_light=lent(light, brightness),
+        missed_variance=lent(variance, np.square(brightness)),
+        missed_number=lent(number, 1.0),
+    )
+    return sums, maximum_filter(variance / sums.pixels, (1, 3, 3, 1))
 
 
 # ------------------------------------------------------------------------------------------------ tiles and the image
 
 
-def _scattered(strips: list[Strip], fireflies: list[Bool[np.ndarray, "h w 3"]]) -> bool:
-    """Whether fireflies are enough to tell that they fall anywhere alike, and so few that none hides among others.
-
-    Poisson numbers have the variance of their mean, within sqrt(2 / blocks).
-    """
-    counts = np.concatenate(
-        [
-            block_sums((out & ~strip.silent).astype(np.float32), strip.rows).max(axis=-1)
-            for strip, out in zip(strips, fireflies, strict=True)
-        ]
-    )
-    pixels, mean = sum(strip.error[..., 0].size for strip in strips), float(counts.mean())
-    alike = float(counts.var()) < mean * (1 + 3 * math.sqrt(2 / counts.size))
-    return bool(alike and FEWEST_FIREFLIES <= counts.sum() < pixels / 10)
+Tests = Float[np.ndarray, "*n"]
+"""A value for each of several tests."""
 
 
-class Estimator(NamedTuple):
-    """The sums, what they may err by, the ratio of variances, and their inflation."""
-
-    sums: Sums
-    bound: Bound
-    unseen: Unseen
-    lacking: Lacking
-    ratio: float | None
-    scales: Scales
-    inflation: float
-
-
-class _Tested(NamedTuple):
+class Deviations(NamedTuple):
     """|mean error| beyond the allowance, in standard deviations, for sums (..., 3), and what it was computed from.
 
     `always`: granted whatever the level; `event`: by how much one event that all samples missed would have changed it.
     """
 
-    z: Means
-    sd: Means
-    dof: Means
-    granted: Means
-    radiance: Means
-    error: Means
-    always: Means
-    event: Means
-    skewness: Means
+    z: Tests
+    sd: Tests
+    dof: Tests
+    granted: Tests
+    radiance: Tests
+    error: Tests
+    always: Tests
+    event: Tests
+    skewness: Tests
+
+    def least(self, level: float) -> Tests:
+        """The standard deviations beyond the allowance from which on each fails."""
+        return as_skewed(quantile(level, self.dof), self.skewness)
 
 
-def _estimate(estimator: Estimator, level: float) -> _Tested:
-    s, shared = estimator.sums, estimator.inflation
-    v = s["va"] + s["vb"]
-    dof = np.divide(np.square(v), s["vv"], out=np.full_like(v, np.inf), where=s["vv"] > 0) / shared - 1
+def _deviations(sums: Sums, known: Known, shared: float, level: float) -> Deviations:
+    """`shared`: the inflation of a sum's variance; its third moment has its square."""
+    n, bound = sums.pixels, known.bound
+    own, variance = sums.variances.sum(axis=0), larger_variance(sums.variances[0], sums.variances[1], known.ratio)
+    dof = np.divide(np.square(own), sums.squares, out=np.full_like(own, np.inf), where=sums.squares > 0) / shared - 1
     dof = np.maximum(dof, 0.5)
-    variance = larger_variance(s["va"], s["vb"], estimator.ratio)
-    third = third_against(s, estimator.scales)
-    sd = np.sqrt(variance * shared) / s["n"]
-    floor = 1e-3 * estimator.bound.least  # where all is calm: no division by 0
-    sd, dof = np.maximum(sd, floor), np.where(sd > floor, dof, np.inf)
-    error, radiance = s["d"] / s["n"], s["r"] / s["n"]
-    event = np.zeros_like(sd)
-    if estimator.unseen.share:
-        np.divide(estimator.unseen.share * s["size"], s["calm"] * s["n"], out=event, where=s["calm"] > 0)
-    missing = estimator.unseen.events(level) * event
-    dark, bright = (_missed(s, way, variance) / s["n"] for way in WAYS)
-    always = estimator.bound.of(radiance) + s["round"] / s["n"]
-    granted = always + np.where(error < 0, dark, bright)
+    sd = np.maximum(np.sqrt(variance * shared) / n, 1e-3 * bound.least)  # where all agree: no division by 0
+    error, radiance = sums.error / n, sums.radiance / n
+    event = np.where(sums.agreeing > 0, known.unmet * bound.of(radiance) / bound.share / n, 0.0)
+    missing = known.missed_events(level) * event
+    # The light of the few events that a sum may have missed: all, unless it shows their variance.
+    spread = sums.missed_variance
+    shown = np.divide(variance, spread, out=np.zeros_like(spread), where=spread > 0)
+    missed = sums.missed_light * np.maximum(1 - shown, 0) * (sums.missed_number < FEW_EVENTS) / n
+    always = bound.of(radiance) + sums.rounding / n
     with np.errstate(divide="ignore", invalid="ignore"):
-        skewness = np.nan_to_num(np.stack(third) * shared**2 / (sd * s["n"]) ** 3)
-    beyond = np.maximum(np.abs(error) - granted - missing, 0)
-    z = np.divide(beyond, sd, out=np.zeros_like(sd), where=sd > 0)
-    z = less_skewed(np.nan_to_num(z, nan=np.inf, posinf=np.inf), np.where(error < 0, skewness[0], skewness[1]))
-    always = always + np.maximum(dark, bright)
-    return _Tested(
-        np.nan_to_num(z, nan=np.inf, posinf=np.inf),
-        sd,
-        dof,
-        always + missing,
-        radiance,
-        error,
-        always,
-        event,
-        skewness.max(axis=0),
-    )
+        skewness = np.nan_to_num(third_against(sums.thirds, known) * shared**2 / (sd * n) ** 3)
+    beyond = np.maximum(np.abs(error) - always - np.where(error < 0, *missed) - missing, 0)
+    z = less_skewed(np.nan_to_num(beyond / sd, nan=np.inf, posinf=np.inf), np.where(error < 0, *skewness))
+    z = np.nan_to_num(z, nan=np.inf, posinf=np.inf)
+    always = always + missed.max(axis=0)
+    return Deviations(z, sd, dof, always + missing, radiance, error, always, event, skewness.max(axis=0))
 
 
-def _more_sensitive(estimators: list[Estimator], level: float) -> _Tested:
-    """For each sum take the more sensitive estimator: with its fireflies, or without them, allowing for their mean."""
-    made = [_estimate(estimator, level) for estimator in estimators]
-    if len(made) == 1:
-        return made[0]
-    least = [t.granted + t.sd * as_skewed(quantile(level, t.dof), t.skewness) for t in made]
-    return _Tested(*(np.where(least[1] < least[0], y, x) for x, y in zip(*made, strict=True)))
-
-
-def _missed(s: Sums, way: str, variance: Means) -> Means:
-    """The light of the few events that a sum may have missed: all, unless it shows their variance."""
-    spread = s[f"spread {way}"]
-    shown = np.divide(variance, spread, out=np.zeros_like(variance), where=spread > 0)
-    return np.asarray(s[f"lent {way}"] * np.maximum(1 - shown, 0) * (s[f"number {way}"] < FEW_EVENTS))
-
-
-def _tiles(estimators: list[Estimator], share: float, size: Size) -> Family:
+def _tiles(sums: Sums, known: Known, shared: float) -> Family:
     """Tiles of 8, 16, 32, ... pixels, up to half of the image's longer side; `detectable` is for 24 x 24, anywhere."""
-    height, width = size
-    scales = [(SIDE, SIDE, estimators)]
+    height, width = known.images[0].shape[:2]
+    scales = [(SIDE, SIDE, sums)]
     while 4 * scales[-1][0] <= max(height, width):
         side, step, finer = scales[-1]
         apart = side // step
-        coarser = [w._replace(sums={k: slide(x[::apart, ::apart]) for k, x in w.sums.items()}) for w in finer]
+        coarser = finer.each(lambda x, apart=apart: slide(x[..., ::apart, ::apart, :]))  # type: ignore[misc]
         scales.append((2 * side, side, coarser))
-    tests = sum(w[0].sums["d"].size for _, _, w in scales)
-    level = sidak(share, tests)
+    tests = sum(here.error.size for _, _, here in scales)
+    level = sidak(known.share, tests)
     doubtful = float(quantile(level, math.inf))
     worst, failed, sure, detectable = Worst(width=SIDE, height=SIDE), 0, 0, math.nan
     found: list[Place] = []
     for k, (side, step, here) in enumerate(scales):
-        t = _more_sensitive(here, level)
+        t = _deviations(here, known, shared, level)
         # Student's tails are wider than the Gaussian's: only what a Gaussian would doubt needs them.
         unsure = t.z >= min(doubtful, float(t.z.max()))
         p = np.ones_like(t.z)
         p[unsure] = two_sided(t.z[unsure], t.dof[unsure])
-        failed += int(np.count_nonzero(p < level))
-        sure += int(np.count_nonzero((p < level) & ~excusable(t.error, t.radiance, estimators[0].lacking)))
-        for y, x in np.argwhere((p < level).any(axis=-1))[: MOST_PLACES - len(found)].tolist():
-            place = Place(x * step, y * step, min(side, width - x * step), min(side, height - y * step))
-            if not any(_holds(place, finer) for finer in found):
-                found.append(place)
-        least = np.flatnonzero(p == p.min())
-        i = int(least[t.z.flat[least].argmax()])
-        if (p.flat[i], -t.z.flat[i]) < (worst.p, -worst.z):
-            y, x, c = (int(j) for j in np.unravel_index(i, p.shape))
-            w, h = min(side, width - x * step), min(side, height - y * step)
-            worst = Worst(float(t.z.flat[i]), float(p.flat[i]), x * step, y * step, w, h, c, float(t.error.flat[i]))
+        below = p < level
+        failed += int(np.count_nonzero(below))
+        sure += int(np.count_nonzero(below & ~known.excusable(t.error, t.radiance)))
+
+        def place(y: int, x: int, side: int = side, step: int = step) -> Place:
+            return Place(x * step, y * step, min(side, width - x * step), min(side, height - y * step))
+
+        for y, x in np.argwhere(below.any(axis=-1))[: MOST_PLACES - len(found)].tolist():
+            if not any(_holds(place(y, x), finer) for finer in found):
+                found.append(place(y, x))
+        # The least plausible, and of equals the farthest off.
+        y, x, c = min(np.argwhere(p == p.min()).tolist(), key=lambda at, t=t: -t.z[tuple(at)])  # type: ignore[misc]
+        if (p[y, x, c], -t.z[y, x, c]) < (worst.p, -worst.z):
+            worst = Worst(float(t.z[y, x, c]), float(p[y, x, c]), *place(y, x), c, float(t.error[y, x, c]))
         if k == min(1, len(scales) - 1):
             detectable = _seen_somewhere(t, level)
     return Family(worst, level, failed, tests, detectable, tuple(found), sure=sure)
 
 
 def _holds(outer: Place, inner: Place) -> bool:
-    return (
-        outer.x <= inner.x
-        and outer.y <= inner.y
-        and outer.x + outer.width >= inner.x + inner.width
-        and outer.y + outer.height >= inner.y + inner.height
-    )
+    across = outer.x <= inner.x and inner.x + inner.width <= outer.x + outer.width
+    return across and outer.y <= inner.y and inner.y + inner.height <= outer.y + outer.height
 
 
-def _seen_somewhere(t: _Tested, level: float) -> float:
+def _seen_somewhere(t: Deviations, level: float) -> float:
     """Return the relative error of the mean of a random tile that is found with probability POWER."""
     from scipy.optimize import brentq
     from scipy.special import ndtr
 
     lit = t.radiance > 0
-    pick = slice(None, None, max(1, int(lit.sum()) // 3000))
-    radiance, sd, granted = (x[lit][pick] for x in (t.radiance, t.sd, t.granted))
-    if not radiance.size:
+    if not lit.any():
         return math.nan
-    least = as_skewed(quantile(level, t.dof[lit][pick]), t.skewness[lit][pick])
+    some = Deviations(*(x[lit][:: max(1, int(lit.sum()) // 3000)] for x in t))
+    least = some.least(level)
 
-    def power(log_bias: float) -> float:
-        beyond = math.exp(log_bias) * radiance - granted
-        z = np.divide(beyond, sd, out=np.where(beyond > 0, np.inf, -np.inf), where=sd > 0)
-        return float(ndtr(z - least).mean())
+    def lacks(log_bias: float) -> float:
+        beyond = (math.exp(log_bias) * some.radiance - some.granted) / some.sd - least
+        return POWER - float(ndtr(np.nan_to_num(beyond, nan=-np.inf)).mean())
 
     low, high = math.log(1e-9), math.log(1e9)
-    if power(high) < POWER:
-        return math.inf
-    return math.exp(brentq(lambda x: power(x) - POWER, low, high, xtol=1e-3)) if power(low) < POWER else 0.0
+    return math.inf if lacks(high) > 0 else math.exp(brentq(lacks, low, high, xtol=1e-3))
 
 
-def _image(estimators: list[Estimator], share: float, size: Size) -> Family:
+def _image(sums: Sums, known: Known, shared: float) -> Family:
     """The mean over everything; `detectable`: relative to its mean, in the worst channel of those that are not dim."""
     from scipy.special import ndtri
 
-    level = sidak(share, 3)
-    t = _more_sensitive(
-        [w._replace(sums={k: x.sum(axis=(0, 1)) for k, x in w.sums.items()}) for w in estimators], level
-    )
+    level, (height, width) = sidak(known.share, 3), known.images[0].shape[:2]
+    t = _deviations(sums.each(lambda x: x.sum(axis=(-3, -2))), known, shared, level)
     p = two_sided(t.z, t.dof)
     c = int(t.z.argmax())
-    worst = Worst(float(t.z[c]), float(p[c]), 0, 0, size[1], size[0], c, float(t.error[c]))
-    least = t.granted + t.sd * (as_skewed(quantile(level, t.dof), t.skewness) + ndtri(POWER))
-    lit = t.radiance > DIM_SHARE * t.radiance.mean()
-    failed = p < level
-    sure = int((failed & ~excusable(t.error, t.radiance, estimators[0].lacking)).sum())
-    if not lit.any():
-        return Family(worst, level, int(failed.sum()), 3, sure=sure)
-    detectable, excluded = (float((x / t.radiance)[lit].max()) for x in (least, _excluded(t)))
+    worst = Worst(float(t.z[c]), float(p[c]), 0, 0, width, height, c, float(t.error[c]))
+    failed, lit = p < level, t.radiance > DIM_SHARE * t.radiance.mean()
+    sure = int((failed & ~known.excusable(t.error, t.radiance)).sum())
+    found = (t.granted + t.sd * (t.least(level) + ndtri(POWER)), excluded_bias(t))
+    detectable, excluded = (float((x / t.radiance)[lit].max()) if lit.any() else math.nan for x in found)
     return Family(worst, level, int(failed.sum()), 3, detectable, excluded=excluded, sure=sure)
 
 
-def _excluded(t: _Tested) -> Means:
+def excluded_bias(t: Deviations) -> Means:
     """Return the smallest bias b of means that the data rule out by a likelihood ratio of 1 / (1 - POWER).
 
     The likelihood ratio of b, of which M events hide M t.event, and of none is exp(-M - (b' |e| - b'² / 2) / sd²) with
@@ -742,10 +602,11 @@ def _excluded(t: _Tested) -> Means:
     needs to find it. At every look anew, an image with the bias b passes with 1 - POWER at most.
     """
     most = -math.log(1 - POWER)
-    e, sd = np.abs(t.error), t.sd * quantile(2 * (1 - POWER), t.dof) / quantile(2 * (1 - POWER), math.inf)
-    v = np.square(sd)
+    error, sd = np.abs(t.error), t.sd * quantile(2 * (1 - POWER), t.dof) / quantile(2 * (1 - POWER), math.inf)
+    variance = np.square(sd)
     # The largest b over all M: b' - |e| = sd² / t.event, where M is neither 0 nor all of the ratio.
-    apart = np.divide(v, t.event, out=np.full_like(v, np.inf), where=t.event > 0)
-    apart = np.clip(apart, e, np.sqrt(np.square(e) + 2 * v * most))
-    hidden = most - np.divide(np.square(apart) - np.square(e), 2 * v, out=np.zeros_like(v), where=v > 0)
-    return np.asarray(t.always + e + apart + hidden * t.event)
+    apart = np.divide(variance, t.event, out=np.full_like(variance, np.inf), where=t.event > 0)
+    apart = np.clip(apart, error, np.sqrt(np.square(error) + 2 * variance * most))
+    rise = np.square(apart) - np.square(error)
+    hidden = most - np.divide(rise, 2 * variance, out=np.zeros_like(variance), where=variance > 0)
+    return np.asarray(t.always + error + apart + hidden * t.event)

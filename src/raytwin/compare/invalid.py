@@ -1,5 +1,6 @@
 """What no image may be: not an array of radiance, NaN, infinite, negative, black. Counted and located."""
 
+import math
 from collections.abc import Callable
 from functools import partial
 
@@ -7,12 +8,13 @@ import numpy as np
 
 from raytwin.compare.blocks import Pixels, to_pixels
 from raytwin.compare.finding import Finding, Place, at, plural
-from raytwin.compare.noise import FIREFLY, block_means, estimated, residual
+from raytwin.compare.noise import FIREFLY, block_means, degrees_of_freedom, estimated, residual
+from raytwin.compare.significance import quantile
 from raytwin.images.image import Image
 
-NOISE_BELOW = 8.0
-"""Standard deviations below 0 that noise may take a value: the statistics judge it further."""
-
+NOISE_BELOW, CHANCE = 8.0, 1e-6
+"""Standard deviations below 0 that noise may take a value, which the statistics judge further; of a variance that few
+batches tell, as many more as Student's t has at this probability."""
 
 LOBES = (
     "; nothing tells whether noise explains them (a filter with negative lobes, control variates): give a variance or "
@@ -89,7 +91,9 @@ def _noise_of(image: Image, other: Image) -> Pixels | float:
         # A sample far below 0 shows in the variance of its own pixel, where a claim is alike in all.
         typical = to_pixels(np.square(block_means(np.sqrt(np.maximum(image.variance, 0)))), *image.shape[:2])
         square = np.where(image.variance > FIREFLY * typical, image.variance, square)
-    return np.asarray(NOISE_BELOW * np.sqrt(np.maximum(square, 0)))
+    # A variance of few batches may be far too small: Student's t in the place of the Gaussian.
+    few = quantile(CHANCE, degrees_of_freedom(image)) / quantile(CHANCE, math.inf)
+    return np.asarray(float(few) * NOISE_BELOW * np.sqrt(np.maximum(square, 0)))
 
 
 def bad_values(name: str, x: Pixels, least: float, noise: Callable[[], Pixels | float] = float) -> list[Finding]:

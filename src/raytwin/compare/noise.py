@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.array_types import Bool, Float, Float32, Float64
+from raytwin.array_types import Float, Float32, Float64
 from raytwin.compare.blocks import (
     SIDE,
     Blocks,
@@ -14,7 +14,6 @@ from raytwin.compare.blocks import (
     block_sums,
     strips,
     to_pixels,
-    unblock,
 )
 from raytwin.images.image import Image
 
@@ -58,35 +57,17 @@ def rare_light(image: Image) -> float:
     return float(np.vdot(lit, few)) / max(float(lit.sum(dtype=np.float64)), 1e-300)
 
 
-def per_pixel(blocks: Float[np.ndarray, "by bx c"], width: int) -> Float[np.ndarray, "by 1 {width} c"]:
-    """A number per block (by, bx, c) for each of its pixels, to be broadcast over rows: (by, 1, width, c)."""
-    return np.asarray(np.repeat(blocks, SIDE, axis=1)[:, None, :width])
-
-
-def samples_behind(image: Image, side: Blocks | None, least: float) -> int:
+def samples_behind(image: Image, side: Blocks, least: float) -> int:
     """How many samples of a pixel agree where the variance is 0; 0 where the image has no noise (beyond `least`)."""
-    if side is None or not float(side.max()) > least**2:
+    if not float(side.max()) > least**2:
         return 0
     return image.samples if image.samples > 1 else max(image.batches or 0, 2)
 
 
-def fireflies(v: Pixels, rows: int) -> Bool[np.ndarray, "h w 3"]:
-    """Values of FIREFLY times the variance that is typical of their block, (mean sqrt(v))²: few events made them."""
-    typical = np.square(block_sums(np.sqrt(v), rows) / block_counts(v, rows))
-    return np.asarray(unblock(v, rows) > per_pixel((FIREFLY * typical).astype(np.float32), v.shape[1])).reshape(v.shape)
-
-
-def regularised(
-    v: Pixels | None, side: Blocks | None, y0: int, y1: int, rows: int
-) -> Float32[np.ndarray, "{y1-y0} w 3"] | Float32[np.ndarray, ""]:
+def regularised(v: Pixels, side: Blocks, y0: int, y1: int) -> Float32[np.ndarray, "{y1-y0} w 3"]:
     """Rows y0 to y1 of `v`, float32, each value no less than its 8 x 8 block's mean."""
-    if v is None or side is None:
-        return np.zeros((), np.float32)
-    out = np.array(v[y0:y1], np.float32)
-    blocks = side[y0 // SIDE : y0 // SIDE + (y1 - y0) // rows]
-    in_blocks = unblock(out, rows)
-    np.maximum(in_blocks, per_pixel(blocks, v.shape[1]), out=in_blocks)
-    return out
+    blocks = to_pixels(side[y0 // SIDE :], y1 - y0, v.shape[1])
+    return np.asarray(np.maximum(v[y0:y1], blocks, dtype=np.float32))
 
 
 # ------------------------------------------------------------------------------------------------- what residuals show
@@ -139,8 +120,7 @@ def block_means(x: Pixels) -> Float64[np.ndarray, "by bx 3"]:
 def demeaned(d: Float32[np.ndarray, "h w 3"], rows: int) -> Float32[np.ndarray, "h w 3"]:
     """`d` less its blocks' means, in place."""
     mean = (block_sums(d, rows) / block_counts(d, rows)).astype(np.float32)
-    in_blocks = unblock(d, rows)
-    in_blocks -= per_pixel(mean, d.shape[1])
+    d -= to_pixels(mean, *d.shape[:2])
     return d
 
 
@@ -148,11 +128,9 @@ def estimated(test: Pixels, reference: Pixels) -> Float32[np.ndarray, "h w 3"]:
     """A variance of t - r where neither image tells one: the square of its deviation from its block's mean."""
     out = np.subtract(test, reference, dtype=np.float32)
     for y0, y1, rows in strips(out.shape):
-        d = demeaned(out[y0:y1], rows)
-        d *= d
-        n = block_counts(d, rows)
-        in_blocks = unblock(d, rows)
-        in_blocks *= per_pixel((n / np.maximum(n - 1, 1)).astype(np.float32), d.shape[1])
+        n = block_counts(out[y0:y1], rows)
+        free = to_pixels((n / np.maximum(n - 1, 1)).astype(np.float32), y1 - y0, out.shape[1])
+        out[y0:y1] = np.square(demeaned(out[y0:y1], rows)) * free
     return np.asarray(out)
 
 
@@ -162,24 +140,21 @@ def capped(variance: Pixels, claimed: Blocks, shown: Residual) -> tuple[Pixels, 
 
     `claimed`: the blocks' means of `variance`. Where the neighbouring blocks scatter more, so may this one.
     """
-    around = np.full((shown.square.shape[0] + 2, shown.square.shape[1] + 2, 3), -np.inf)
-    around[1:-1, 1:-1] = shown.square
-    h, w = shown.square.shape[:2]
-    most = CAP * np.max([around[i : i + h, j : j + w] for i in range(3) for j in range(3)], axis=0)
-    over = claimed > most
-    much = float((claimed > CAP * shown.square).mean())
+    from scipy.ndimage import maximum_filter
+
+    most = CAP * maximum_filter(shown.square, (3, 3, 1), mode="constant", cval=-np.inf)
+    over, much = claimed > most, float((claimed > CAP * shown.square).mean())
     if not over.any():
         return variance, much
     factor = np.divide(most, claimed, out=np.ones_like(most), where=over).astype(np.float32)
-    out = variance.copy()
-    for y0, y1, rows in strips(out.shape):
-        in_blocks = unblock(out[y0:y1], rows)
-        in_blocks *= per_pixel(factor[y0 // SIDE : y0 // SIDE + (y1 - y0) // rows], out.shape[1])
-    return out, much
+    return variance * to_pixels(factor, *variance.shape[:2]), much
 
 
 LAGS, FAR_LAGS = 5, (7, 8, 9)
 """Neighbours at 1 to LAGS pixels may share noise; at FAR_LAGS pixels they share nothing that is not in all."""
+
+CHANCE = 3.1
+"""Times 1 / sqrt(values): correlations below are chance. A median scatters 1.25 times as much as a mean."""
 
 
 def standardised(
@@ -204,32 +179,37 @@ def inflation(test: Pixels, reference: Pixels, blocks: Float32[np.ndarray, "by b
     A reconstruction filter wider than the pixel gives neighbours the same samples. Its correlation ρ is read off the
     variogram of e = (t - r) / sd, γ(h) = <(e(x) - e(x + h))²> / <e(x)² + e(x + h)²> = 1 - ρ(h), in which whatever is
     alike over some pixels (a wrong brightness) cancels, and so does noise that is less towards the image's edges.
-    Filters are separable: rows and columns are measured apart. Only correlation that is more than noise counts.
+    Filters are separable: rows and columns are measured apart, and ρ is what both all of them and their median show. No
+    wrong corner rules the median, and rows that hardly scatter rule it alone.
     """
     e = standardised(test, reference, blocks)
     square = e * e
     total, fourth = float(square.sum(dtype=float)), float(np.vdot(square, square))
     # Of Gaussian noise a third of its values' number, since channels share their samples; of noise in places, less.
     values = total * total / fourth if fourth > 0 else 1.0
-    across = (square.sum(axis=axes, dtype=float) for axes in ((1, 2), (0, 2)))
-    return math.prod(_along(e, lines, axis, values) for axis, lines in enumerate(across))
+    return _along(e, values) * _along(e.swapaxes(0, 1), values)
 
 
-def _along(e: Float32[np.ndarray, "h w 3"], lines: Float64[np.ndarray, " n"], axis: int, values: float) -> float:
-    """1 + 2 Σ ρ(h) along the axis, up to the first lag that is no more than chance. `lines`: sums of e² across it."""
-    if e.shape[axis] < 2 * FAR_LAGS[-1]:
+def _along(e: Float32[np.ndarray, "n lines 3"], values: float) -> float:
+    """1 + 2 Σ ρ(h) along the first axis, up to the first lag at which it is no more than chance."""
+    if len(e) < 2 * FAR_LAGS[-1]:
         return 1.0
+    square = np.einsum("ijk,ijk->ij", e, e)
 
-    def gamma(h: int) -> float:
-        step = e[h:] - e[:-h] if axis == 0 else e[:, h:] - e[:, :-h]
-        both = float(lines[h:].sum() + lines[:-h].sum())
-        return float(np.vdot(step, step)) / both if both > 0 else 0.0
+    def gamma(h: int) -> Float[np.ndarray, " lines_and_all"]:
+        step = e[h:] - e[:-h]
+        parts = np.einsum("ijk,ijk->j", step, step), (square[h:] + square[:-h]).sum(axis=0)
+        apart, both = (np.append(x, x.sum(dtype=float)) for x in parts)
+        return np.asarray(apart[both > 0] / both[both > 0])
 
-    far = sum(gamma(h) for h in FAR_LAGS) / len(FAR_LAGS)
+    far = np.asarray(sum(gamma(h) for h in FAR_LAGS) / len(FAR_LAGS))
     total = 1.0
+    if not far.size or not far[-1] > 0:  # nothing scatters
+        return total
     for h in range(1, LAGS + 1):
-        rho = 1 - gamma(h) / far if far > 0 else 0.0
-        if rho < 2.5 / math.sqrt(values):
+        alike = 1 - np.divide(gamma(h), far, out=np.ones_like(far), where=far > 0)
+        rho = min(float(np.median(alike)), float(alike[-1]))
+        if rho < CHANCE / math.sqrt(values):
             break
         total += 2 * rho
     return total
@@ -258,18 +238,12 @@ def variance_ratio(test: Image, reference: Image, least: float = 0.0) -> float |
 
 
 def larger_variance(
-    va: Float[np.ndarray, "..."],
-    vb: Float[np.ndarray, "..."],
-    ratio: float | None,
-    total: Float[np.ndarray, "*n"] | None = None,
-) -> Float[np.ndarray, "*n"]:
+    test: Float[np.ndarray, "..."], reference: Float[np.ndarray, "..."], ratio: float | None
+) -> Float[np.ndarray, "..."]:
     """The variance of t - r: each image's own, or what the other's says of it, whichever is larger.
 
-    `total`: their sum, where it is known already. max(va, ρ vb) + max(vb, va / ρ) = (1 + 1/ρ) max(va, ρ vb).
+    max(va, ρ vb) + max(vb, va / ρ) = (1 + 1/ρ) max(va, ρ vb).
     """
     if ratio is None:
-        return np.asarray(va + vb if total is None else total)
-    out = vb * va.dtype.type(ratio)
-    out = np.maximum(va, out)
-    out *= va.dtype.type(1 + 1 / ratio)
-    return np.asarray(out)
+        return np.asarray(test + reference)
+    return np.asarray(np.maximum(test, reference * ratio) * (1 + 1 / ratio))

@@ -19,6 +19,9 @@ REPEATING_CORRELATION, REPEATING_SIGMAS = 0.3, 6.0
 of a hundred thousand correlations of independent errors none is as far off.
 """
 
+ROUNDED = 1e-6
+"""What a correlation's variance is rounded by, as a share of that of the errors themselves."""
+
 CELL, MOST_CELLS = 64, 16
 """Pixels of the side of the cells in which errors are correlated, and at most how many cells are asked: of 16, spread
 over the image, a pattern in a quarter of it meets four."""
@@ -65,9 +68,9 @@ def _along(
     far, pairs = far[pairs >= SIDE * SIDE], pairs[pairs >= SIDE * SIDE]
     at = together[down * far, right * far]
     alike = at / np.maximum(together[0, 0] * pairs / math.prod(size), 1e-30)
-    sure = (
-        np.abs(at) > REPEATING_SIGMAS * np.sqrt(np.maximum(power[down * far, right * far], 0)) + 1e-6 * together[0, 0]
-    )
+    # The transform rounds: a few errors have no products at most distances.
+    variance = np.maximum(power[down * far, right * far], ROUNDED * power[0, 0])
+    sure = np.abs(at) > REPEATING_SIGMAS * np.sqrt(variance)
     return alike, sure
 
 

@@ -146,56 +146,54 @@ class RadianceTest:
         """
         if all(h is None for h in self.half_steps):
             return None, self
-        value: np.ndarray | np.float32 = np.float32(0)
-        mean: np.ndarray | np.float32 = np.float32(0)
+        value, mean = np.zeros((2, *self.test.shape), np.float32)
         images = []
         for image, h in zip((self.test, self.reference), self.half_steps, strict=True):
             if h is not None:
-                value = value + h
-                left = (
-                    h
-                    if image.variance is None
-                    else h * np.exp(-(np.pi**2) / 2 * image.variance / np.maximum(np.square(h), TINY))
-                )
-                mean = mean + left
+                left = np.float32(1)
                 if image.variance is not None:
+                    left = np.exp(-(np.pi**2) / 2 * image.variance / np.maximum(np.square(h), TINY))
                     image = replace(image, variance=image.variance + np.square(h) / np.float32(3))
+                value = value + h
+                mean = mean + h * left
             images.append(image)
-        shape = self.test.shape
-        made = Rounding(*(np.broadcast_to(np.asarray(x, np.float32), shape) for x in (value, mean)))
+        made = Rounding(value.astype(np.float32), mean.astype(np.float32))
         return made, replace(self, test=images[0], reference=images[1])
 
     def _by_stated_noise(self) -> Outcome:
         rounding, self = self._rounding()
-        if self.test.variance is None and self.reference.variance is None:
-            return self.exactly()
         a, b = self.test, self.reference
-        much = 0.0
+        if a.variance is None and b.variance is None:
+            return self.exactly()
+        shown, claims_more = None, 0.0
         if a.variance is not None:
             shown = residual(a.mean, b.mean)
-            bounded, much = capped(a.variance, block_means(a.variance), shown)
+            bounded, claims_more = capped(a.variance, block_means(a.variance), shown)
             a = replace(a, variance=bounded)
         made = decide(a, b, self.bound, self.rate, rounding, look=self.look)
         outcome = self._answered(made, b)
-        few, sure = fewest_batches(a, b), any(f.kind == "exact" for f in outcome.findings)
-        hardly = outcome.findings and few < ENOUGH_BATCHES and not sure
-        if hardly and not self._answered(self._decided_by_scatter(), self.reference).findings:
-            return outcome._replace(doubts=(FEW_BATCHES.format(few),))
-        local = outcome.findings and all(f.kind in ("tile", "value") for f in outcome.findings)
-        if local and (rare := [(s, name) for name, i in (("the test", a), ("the reference", b))
-                               if (s := rare_light(i)) > MOSTLY_RARE]):  # fmt: skip
-            return outcome._replace(doubts=(FEW_EVENTS_SEEN.format(100 * max(rare)[0], max(rare)[1]),))
-        if much > 0.5 and outcome.findings and self._shares_noise(shown):
-            return outcome._replace(doubts=(SHARED,))
-        if (
-            a.variance is not None
-            and not outcome.findings
-            and patterned(a.mean, b.mean, block_means(a.variance), made.inflation)
-        ):
+        if outcome.findings:
+            return outcome._replace(doubts=self._doubts(outcome, a, b, shown if claims_more > 0.5 else None))
+        if a.variance is not None and patterned(a.mean, b.mean, block_means(a.variance), made.inflation):
             bare = replace(self, test=replace(self.test, variance=None, samples=0, batches=None))._by_stated_noise()
             if bare.findings:
                 return bare._replace(findings=[Finding("tile", PATTERN), *bare.findings])
         return outcome
+
+    def _doubts(self, outcome: Outcome, a: Image, b: Image, shown: Residual | None) -> tuple[str, ...]:
+        """Why the findings prove nothing: few batches, rare events, or noise that all pixels of the test share.
+
+        `shown`: the scatter of t - r where most blocks claim far more than that.
+        """
+        kinds, few = {f.kind for f in outcome.findings}, fewest_batches(a, b)
+        if few < ENOUGH_BATCHES and "exact" not in kinds:
+            by_scatter = self._answered(self._decided_by_scatter(), self.reference)
+            if not by_scatter.findings:
+                return (FEW_BATCHES.format(few),)
+        rare = max((rare_light(a), "the test"), (rare_light(b), "the reference"))
+        if kinds <= {"tile", "value"} and rare[0] > MOSTLY_RARE:
+            return (FEW_EVENTS_SEEN.format(100 * rare[0], rare[1]),)
+        return (SHARED,) if shown is not None and self._shares_noise(shown) else outcome.doubts
 
     def _decided_by_scatter(self) -> Decision:
         a = replace(self.test, variance=estimated(self.test.mean, self.reference.mean), samples=0, batches=2)
@@ -205,8 +203,7 @@ class RadianceTest:
 
     def _shares_noise(self, shown: Residual) -> bool:
         """Return whether the error is about what the test's variance allows, but equal in all pixels: shared noise."""
-        if self.test.variance is None:
-            return False
+        assert self.test.variance is not None
         d = np.subtract(self.test.mean, self.reference.mean, dtype=np.float32)
         error = float(np.square(d).mean(dtype=np.float64))
         claimed = float(self.test.variance.mean(dtype=np.float64))

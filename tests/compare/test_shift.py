@@ -1,0 +1,123 @@
+"""The translation between two images: to which part of a pixel, under noise, and what is none."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from measure.noise_models import render
+
+from raytwin.compare import compare
+from raytwin.compare.shift import Shift, _lit, _overlap, find_shift
+from raytwin.compare.significance import two_sided
+from raytwin.images.image import Image
+from raytwin.images.image_formats import read_image
+
+
+def discs(dx=0.0, dy=0.0, h=96, w=128):
+    """Antialiased discs, moved by (dx, dy)."""
+    y, x = np.mgrid[:h, :w]
+    mean = np.full((h, w), 0.2)
+    for cx, cy, r, value in ((50, 40, 22, 0.8), (95, 60, 15, 0.5), (30, 75, 9, 1.0)):
+        cover = np.clip(r + 0.5 - np.hypot(x - cx - dx, y - cy - dy), 0, 1)
+        mean = mean * (1 - cover) + value * cover
+    return np.repeat(mean[..., None], 3, -1).astype(np.float32)
+
+
+@settings(max_examples=25)
+@given(st.floats(-6, 6), st.floats(-6, 6))
+def test_a_shift_of_several_pixels_is_found_to_a_twentieth(dx, dy):
+    s = find_shift(discs(dx, dy), discs())
+    assert (s.dx, s.dy) == pytest.approx((dx, dy), abs=0.05)
+
+
+def test_a_subpixel_shift_is_found_to_an_eighth_of_itself_whatever_the_brightness_and_size():
+    for shift in (0.02, 0.1, 0.5, 0.9):
+        s = find_shift(1.3 * discs(shift, -shift) + 0.1, discs())
+        assert (s.dx, s.dy) == pytest.approx((shift, -shift), rel=0.125), shift
+    big = [np.repeat(np.repeat(discs(k), 4, 0), 4, 1) for k in (0.25, 0)]
+    assert find_shift(*big, most_pixels=20_000).dx == pytest.approx(1.0, abs=0.1)
+
+
+def test_an_image_without_detail_in_both_directions_has_no_shift_nor_have_two_different_pictures():
+    for flat in (np.full((60, 80, 3), 0.5), np.linspace(0, 1, 80)[None, :, None] + np.zeros((60, 80, 3))):
+        assert find_shift(flat.astype(np.float32), flat.astype(np.float32)) is None
+    s = find_shift(np.ascontiguousarray(discs()[:, ::-1]), discs())
+    assert s is None or s.length < 1
+
+
+def test_a_shifted_image_fails_with_the_shift_before_the_radiance():
+    c = compare(Image(discs(0.1)), Image(discs()))
+    assert not c.passed
+    assert c.geometry.shift_px == pytest.approx(0.1, rel=0.1)
+    assert c.reasons[0].startswith("the test image is shifted by (+0.10")
+
+
+def test_what_a_shift_says_of_itself():
+    """(better than light, significant, certain) by its length, sigma, and the shares that it and light explain."""
+    for length, sigma, explained, light, said in (
+        (0.5, 0.01, 0.8, 0.7, (True, True, True)),
+        (0.5, 0.01, 0.7, 0.8, (False, True, False)),
+        (0.5, 0.01, 0.4, 0.3, (True, True, False)),  # what is left is more
+        (1.5, 0.01, 0.1, 0.9, (True, True, True)),  # of whole pixels, no light explains it
+        (0.5, 0.11, 0.8, 0.7, (True, False, False)),  # 4.5 sigma
+        (0.019, 0.001, 0.8, 0.7, (True, False, False)),
+        (0.021, 0.001, 0.8, 0.7, (True, True, True)),
+    ):
+        shift = Shift(0.6 * length, -0.8 * length, sigma, 100.0, explained, light)
+        assert (shift.better_than_light, shift.significant, shift.certain) == said, (length, sigma, explained)
+
+
+def test_the_overlap_of_an_image_and_itself_moved_is_the_same_in_both():
+    r = np.random.default_rng(2).random((9, 11))
+    for dx, dy in ((-3, -2), (0, 1), (2, 0), (2, -2)):
+        t = np.full((9 + 6, 11 + 6), np.nan)
+        t[3 + dy : 12 + dy, 3 + dx : 14 + dx] = r
+        a, b = _overlap(t[3:12, 3:14], r, dx, dy)
+        assert a.shape == (9 - abs(dy), 11 - abs(dx))
+        assert np.array_equal(a, b)
+
+
+def test_what_light_explains_does_not_depend_on_the_scale():
+    d, m = np.random.default_rng(4).random((2, 40, 50))
+    assert _lit(1e-3 * d, 1e-3 * m) == pytest.approx(1e-6 * _lit(d, m), rel=1e-12)
+    assert _lit(0.3 * m, m) == pytest.approx(np.square(0.3 * m).sum(), rel=1e-12)
+
+
+def test_shadows_that_are_missing_are_not_told_as_a_shift(scenes):
+    """The overlap scene's references carry no surface: that nothing moved must be read off the radiance."""
+    folder = scenes.parent / "reference" / "overlap"
+    lit, shaded = (read_image(folder / f"{rung}.exr") for rung in ("lambert", "shadow"))
+    found = find_shift(lit.mean, shaded.mean)
+    assert found.length > 0.3
+    assert found.significant
+    assert not found.better_than_light
+    c = compare(lit, shaded)
+    assert c.geometry.shift_px is None
+    assert not any("shift" in reason for reason in c.reasons)
+
+
+def wave(dx: float, height: int = 48, width: int = 64) -> np.ndarray:
+    y, x = np.mgrid[:height, :width]
+    return (0.5 + 0.2 * np.sin((x - dx) / 3) + 0.2 * np.sin(y / 4))[..., None] * np.array([1, 0.8, 0.6])
+
+
+def test_more_samples_see_a_shift_no_worse_and_none_where_there_is_none():
+    """Exponential noise: 85 of 100 renders of 16 samples show a quarter of a pixel, and all of more.
+
+    At a level of 1 %, at most 7 of 100 correct pairs of either kind: chance exceeds that once in 100 000 times.
+    """
+    noise, seen = {"kind": "exp", "sd": 1.0}, []
+    for samples in (16, 64, 1024):
+        rng = np.random.default_rng(samples)
+        reference = render(rng, wave(0.0), samples=16384, **noise)
+        found = [compare(render(rng, wave(0.25), samples=samples, **noise), reference).reasons for _ in range(6)]
+        seen.append(sum("shifted by" in " ".join(reasons) for reasons in found))
+    assert seen[0] >= 3
+    assert seen[1:] == [6, 6]
+    for kind in ("gauss", "exp"):
+        rng, wrong = np.random.default_rng([8, len(kind)]), 0
+        for _ in range(100):
+            shift = find_shift(*(render(rng, wave(0.0), samples=n, kind=kind, sd=1.0).mean for n in (16, 256)))
+            assert shift is not None
+            wrong += float(two_sided(max(abs(shift.dx), abs(shift.dy)) / shift.sigma, shift.dof)) < 0.005
+        assert wrong <= 7, kind
