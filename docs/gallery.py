@@ -88,7 +88,7 @@ ENTRIES = (
         "light", "light.html", "The light of a photo",
         "Sun and sky from a mirror ball and a pin in two photos, with what each model predicts.",
         (
-            "photo light {root}/scenes/desk/lit --board {root}/scenes/desk/board.toml"
+            "photo light {root}/scenes/desk/lit/photo_00.jpg --board {root}/scenes/desk/board.toml"
             " --camera {root}/scenes/desk/lit/camera.toml --ball=-0.075,0.05,0.028,0.03"
             " --stand 0.095,0.095,0.03 -o light.toml",
         ),

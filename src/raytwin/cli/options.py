@@ -215,11 +215,11 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "out": _opt("Write the camera, as TOML, and a page beside it.", "FILE", *OUT),
     },
     "photo.light": {
-        "photos": _arg("Photos of one board under one light, or their folder.", "PHOTO..."),
+        "photos": _arg("A photo of the board.", "PHOTO"),
         "board": _opt("TOML file of the board (board.toml beside the photos).", "BOARD", kind=Path | None),
         "camera": _opt("camera.toml, as `raytwin photo calibrate -o` writes it.", "FILE"),
         "out": _opt("light.toml to write; a map and a page go beside it.", "FILE", *OUT),
-        "ball": _opt("A mirror ball's rough center and its radius, metres or 20mm. Repeatable.", "X,Y,Z,R"),
+        "ball": _opt("A mirror ball's rough center and its radius, metres or 20mm.", "X,Y,Z,R"),
         "stand": _opt("Foot and height of a pin or pen that stands upright, metres or 20mm.", "X,Y,H"),
     },
     "photo.draw": {
