@@ -228,7 +228,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "out": _opt("Folder for the drawn photos.", "DIR", *OUT),
         "camera": _opt("camera.toml (default: calibrate the scene's own photos).", "FILE", kind=Path | None),
         "board": _opt("TOML file of the board (the scene's).", "BOARD", kind=Path | None),
-        "against": _opt("True photos of the same names: report the error by region.", "DIR", kind=Path | None),
         "shadows": _opt("Cast shadows on what the photo shows."),
         "boxes": _opt("Outline each sphere's trim box.", None, "--boxes"),
         "exposure": _opt("The photo's linear value of radiance 1 (1; with --light, from its paper).", min=0.0),
@@ -244,7 +243,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "samples": _opt("Light paths per pixel.", min=1),
         "seed": _opt("Seed of poses, light paths and sensor noise."),
         "bend": _opt("Bend the sheet by this much, as 3mm.", "LENGTH"),
-        "with_objects": _opt("Put the scene's objects there, too (for draw --against).", None, "--with-objects"),
+        "with_objects": _opt("Put the scene's objects there, too.", None, "--with-objects"),
     },
     "photo.board": {
         "out": _opt("PDF to write, with a TOML beside it.", "FILE", *OUT),

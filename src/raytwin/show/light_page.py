@@ -99,7 +99,7 @@ def write_light_page(found: "LightEstimate", path: str | os.PathLike[str]) -> No
 
 def _axes(found: "LightEstimate") -> tuple[list[Line], list[tuple[float, float, str]]]:
     """The board's axes from its origin, a tick every TICK metres, and labels: each second one's millimetres. A label
-    that the frame would cut is left out."""
+    that the frame would cut, or that would cover another one, is left out."""
     far = np.max(list(found.board.centers().values()), axis=0)
     lines, labels = [], []
     for k, (name, colour) in enumerate((("x", "#f55"), ("y", "#3d3"), ("z", "#5af"))):
@@ -113,9 +113,13 @@ def _axes(found: "LightEstimate") -> tuple[list[Line], list[tuple[float, float, 
             lines.append((tick[:2], colour))
             if i % 2 == 0:
                 labels.append((tick[2], str(round(1000 * i * TICK))))
-    size = np.array(found.photo.camera.image_size)
-    inside = [(at, text) for at, text in labels if (at > size[0] / 40).all() and (at < size - size[0] / 40).all()]
-    return lines, [(*at.round(1).tolist(), text) for at, text in inside]
+    size, border = np.array(found.photo.camera.image_size), found.photo.camera.width / 40
+    shown: list[tuple[float, float, str]] = []
+    for at, text in sorted(labels, key=lambda label: label[1].isdigit()):  # the axes' names first
+        inside = (at > border).all() and (at < size - border).all()
+        if inside and all((np.abs(at - other[:2]) > (2.5 * border, 1.2 * border)).any() for other in shown):
+            shown.append((*at.round(1).tolist(), text))
+    return lines, shown
 
 
 def _evidence(found: "LightEstimate") -> list[Line]:
