@@ -86,9 +86,9 @@ ENTRIES = (
     ),
     Entry(
         "light", "light.html", "The light of a photo",
-        "Sun and sky from a mirror ball and a pin in two photos, with what each model predicts.",
+        "Sun and sky from a mirror ball and a pin in a photo, with what each model predicts.",
         (
-            "photo light {root}/scenes/desk/lit --board {root}/scenes/desk/board.toml"
+            "photo light {root}/scenes/desk/lit/photo_00.jpg --board {root}/scenes/desk/board.toml"
             " --camera {root}/scenes/desk/lit/camera.toml --ball=-0.075,0.05,0.028,0.03"
             " --stand 0.095,0.095,0.03 -o light.toml",
         ),
@@ -102,7 +102,7 @@ ENTRIES = (
             "photo simulate --board board.toml --scene desk --count 6 --size 480x360 --samples 4"
             " --with-objects -o true",
             "photo calibrate plain --board board.toml -o camera.toml",
-            "photo draw plain/photo_00.jpg --scene desk --board board.toml --camera camera.toml --against true -o out",
+            "photo draw plain/photo_00.jpg --scene desk --board board.toml --camera camera.toml -o out",
             "diff out/photo_00.jpg true/photo_00.jpg -o out",
         ), (1,),
     ),

@@ -1,6 +1,6 @@
 """How near `raytwin photo light` comes to the true light, and whether its standard deviations are true.
 
-    python -m measure.light_accuracy photos FOLDER --first 300        # two photos under each of 30 random lights
+    python -m measure.light_accuracy photos FOLDER --first 300        # a photo under each of 20 random lights
     python -m measure.light_accuracy judge FOLDER --first 300 --record
 
 Seeds below 300 may be tuned on.
@@ -12,7 +12,7 @@ and half a millimetre.
 """
 
 import argparse
-import time
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,14 +23,12 @@ from photo_helpers import a_camera
 from scene_of import scene_of
 
 from raytwin.errors import InputError
-from raytwin.images.photo_files import list_photos
 from raytwin.photos import synthetic_photos
 from raytwin.photos.augment import augment, printed
 from raytwin.photos.boards import read_board
 from raytwin.photos.boards.board import draw_board
 from raytwin.photos.lighting import light_models as models
-from raytwin.photos.lighting.estimate_light import estimate_light
-from raytwin.photos.lighting.linear_photo import value_of_one
+from raytwin.photos.lighting.estimate_light import LightEstimate, estimate_light
 from raytwin.photos.synthetic_photos import sheet_of
 from raytwin.scene import Camera, Environment, Lambert, Sky, Sphere, Sun
 from raytwin.scene.scene_files import write_camera
@@ -74,7 +72,7 @@ def take(folder: Path, seed: int, samples: int) -> None:
     to_light, E, Ls, around = random_light(seed)
     sky = Sky(tuple(Ls)) if around is None else Environment(around.shape[1::-1], around.astype("<f4").tobytes())
     light_photos.photograph(
-        read_board(Path(__file__).parents[2] / "scenes" / "desk" / "board.toml"), a_camera(1008, 756), 2,
+        read_board(Path(__file__).parents[2] / "scenes" / "desk" / "board.toml"), a_camera(1008, 756), 1,
         folder / "photos", (Sun(tuple(to_light), tuple(E)), sky), MIRROR, ORANGE, STAND, samples, seed + 1,
     )  # fmt: skip
 
@@ -90,100 +88,65 @@ def judge(folder: Path, seed: int) -> list[dict]:
     write_camera(folder / "camera.toml", Camera(truth.image_size, truth.K, R, t, truth.dist))
     to_light, E, Ls, around = random_light(seed)
     white = PAPER * (E * to_light[2] / np.pi + Ls) @ REC_709
+    sky = around / white if around is not None else np.broadcast_to(np.float32(Ls / white), (16, 32, 3))
+    true = models.Light(to_light, 0.0, E / white, E, Ls / white, Ls, sky)
     rng = np.random.default_rng(seed)
-    radius = MIRROR.radius
-    near = (*(np.array(MIRROR.center) + rng.normal(0, 0.1 * radius, 3)), radius * (1 + rng.normal(0, 0.01)))
+    near = (*(MIRROR.center + rng.normal(0, 0.1 * MIRROR.radius, 3)), MIRROR.radius * (1 + rng.normal(0, 0.01)))
     stand = tuple(np.array(STAND) + rng.normal(0, 5e-4, 3))
-    rows: list[dict] = []
-    start = time.process_time()
+    kind = {"seed": seed, "sky": "constant" if around is None else "map"}
     try:
         whole = estimate_light(
-            list_photos(folder / "photos"), folder / "photos" / "board.toml", folder / "camera.toml",
-            balls=[near], stand=stand,
+            folder / "photos" / "photo_00.jpg", folder / "photos" / "board.toml", folder / "camera.toml", ball=near,
+            stand=stand,
         )  # fmt: skip
     except InputError as error:
-        return [{"seed": seed, "map": around is not None, "mode": mode, "failed": str(error)} for mode in MODES]
-    for mode, (with_ball, with_stand) in MODES.items():
-        row: dict = {"seed": seed, "map": around is not None, "mode": mode}
-        rows.append(row)
-        e = whole.evidence
-        part = models.Evidence(e.paper, e.shadow if with_stand else None, e.mirrors if with_ball else [])
-        if not (part.shadow or part.mirrors):
-            row["failed"] = "no shadow"
-            continue
-        light, trials, taken = models.simplest_light(part)
-        found = replace(whole, evidence=part, light=light, trials=trials, taken=taken)
-        row |= {"model": found.trials[found.taken].name, "seconds": time.process_time() - start}
-        if light.to_light is None:
-            row["failed"] = "no sun found"
-            continue
-        if with_ball:
-            ball = e.mirrors[0].ball
-            off = ball.numbers - np.array([*MIRROR.center, MIRROR.radius])
-            row |= {"z_ball": float(np.sqrt((off[:3] @ off[:3]) / (ball.sigma[:3] @ ball.sigma[:3])))}
-            row |= {"z_radius": float(off[3] / ball.sigma[3]), "ball_mm": float(1000 * np.linalg.norm(off[:3]))}
-        angle = np.degrees(np.arccos(np.clip(light.to_light @ to_light, -1, 1)))
-        row |= {"angle": float(angle), "z_angle": float(angle / np.sqrt(2) / np.degrees(light.sigma))}
-        for name, value, sd, true in (("E", light.E, light.E_sd, E / white), ("Ls", light.Ls, light.Ls_sd, Ls / white)):
-            row |= {
-                name: float((value / true - 1) @ REC_709),
-                f"z_{name}": float((value - true) @ REC_709 / (sd @ REC_709)),
-            }
-        row["irradiance"] = irradiance_error(light, Ls / white, None if around is None else around / white)
-        row |= drawn(found, folder, to_light, E / white, Ls / white, None if around is None else around / white)
-    return rows
+        return [kind | {"mode": mode, "failed": str(error)} for mode in MODES]
+    return [kind | {"mode": mode} | judged(whole, true, *parts) for mode, parts in MODES.items()]
 
 
-def irradiance_error(light, Ls: np.ndarray, around: np.ndarray | None) -> float:
-    """Relative rms over normals that look up of the irradiance that the sky's upper half gives."""
-    k = np.arange(400)
-    z = (k + 0.5) / 400
-    n = np.stack([np.sqrt(1 - z * z) * np.cos(2.399963 * k), np.sqrt(1 - z * z) * np.sin(2.399963 * k), z], axis=1)
+def judged(whole: LightEstimate, true: models.Light, with_ball: bool, with_stand: bool) -> dict:
+    """What the light is off that part of the evidence shows."""
+    part = replace(
+        whole.evidence, shadow=whole.evidence.shadow if with_stand else None,
+        mirror=whole.evidence.mirror if with_ball else None,
+    )  # fmt: skip
+    if not (part.shadow or part.mirror):
+        return {"failed": "no shadow"}
+    light, trials, taken = models.simplest_light(part)
+    if light.to_light is None:
+        return {"failed": "no sun found"}
+    angle = np.degrees(np.arccos(np.clip(light.to_light @ true.to_light, -1, 1)))
+    row = {"model": trials[taken].name, "angle": float(angle)}
+    row["z_angle"] = float(angle / np.sqrt(2) / np.degrees(light.sigma))
+    for name in ("E", "Ls"):
+        value, sd, exact = getattr(light, name), getattr(light, f"{name}_sd"), getattr(true, name)
+        row[name] = float((value / exact - 1) @ REC_709)
+        row[f"z_{name}"] = float((value - exact) @ REC_709 / (sd @ REC_709))
+    up = models.NORMALS
+    skies = (
+        light.Ls * (1 + up[:, 2:]) / 2 if light.around is None else models.received(light.around, up),
+        models.received(true.around, up),
+    )
+    row["irradiance"] = float(np.sqrt(((skies[0] / skies[1] - 1) ** 2).mean()))
+    return row | drawn(whole, light, true)
 
-    def of(map_: np.ndarray | None, constant: np.ndarray) -> np.ndarray:
-        fine = (
-            np.broadcast_to(constant, (64, 128, 3))
-            if map_ is None
-            else np.repeat(np.repeat(map_, 64 // len(map_), 0), 64 // len(map_), 1)
-        )
-        v, u = np.mgrid[:64, :128] + 0.5
-        theta, turn = v * np.pi / 64, (u / 64 - 1) * np.pi
-        d = np.stack([np.sin(theta) * np.sin(turn), np.sin(theta) * np.cos(turn), np.cos(theta)], axis=-1)[:32].reshape(
-            -1, 3
-        )
-        return np.maximum(n @ d.T, 0) @ (fine[:32] * np.sin(theta)[:32, :, None]).reshape(-1, 3)
 
-    true, found = of(around, Ls), of(light.around, light.Ls)
-    return float(np.sqrt(((found / true - 1) ** 2).mean()))
-
-
-def drawn(found, folder: Path, to_light: np.ndarray, E: np.ndarray, Ls: np.ndarray, around: np.ndarray | None) -> dict:
-    """Codes rms on the orange ball: drawn under the light found, and under the true one, against the photo; and the two
-    against each other."""
-    photo = found.photos[0]
-    pixels = []
-    for sun, sky, map_ in ((found.light.E, found.light.Ls, found.light.around), (E, Ls, around)):
-        direction = found.light.to_light if sun is found.light.E else to_light
-        constant = Sky(tuple(sky))
-        shown = constant if map_ is None else Environment(map_.shape[1::-1], map_.astype("<f4").tobytes())
+def drawn(found: LightEstimate, *lights: models.Light) -> dict:
+    """Codes rms on the orange ball, drawn under the light found and under the true one, against the photo."""
+    photo, codes = found.photo, []
+    for light in lights:
         objects = ORANGE, sheet_of(draw_board(found.board, 500.0)[1]), TABLE
-        scene = printed(
-            scene_of("drawn", photo.camera, objects, (Sun(tuple(direction), tuple(sun)), shown)), found.board
-        )
-        result = augment(photo.pixels, scene, shadows=False, exposure=value_of_one(photo, found.paper))
-        inside = result.coverage == 1
-        pixels.append(result.pixels[inside].astype(float))
-    real = photo.pixels[inside].astype(float)
-
-    def rms(a, b):
-        """Over the means of squares of 8 pixels, in which the photo's and the renderer's noise drop out."""
-        off = np.zeros((*photo.pixels.shape[:2], 3))
-        off[inside] = a - b
-        weight = cv2.boxFilter(inside.astype(float), -1, (8, 8))
-        mean = cv2.boxFilter(off, -1, (8, 8))[inside] / weight[inside, None]
-        return float(np.sqrt((mean**2).mean()))
-
-    return {"codes": rms(pixels[0], real), "codes_true": rms(pixels[1], real), "codes_between": rms(*pixels)}
+        sun = Sun(tuple(light.to_light), tuple(light.E))
+        scene = printed(scene_of("drawn", photo.camera, objects, (sun, light.sky)), found.board)
+        result = augment(
+            photo.pixels, scene, shadows=False, exposure=photo.value_of_one(found.evidence.paper)
+        )  # fmt: skip
+        inside = (result.coverage == 1).astype(float)
+        # Over the means of 8 x 8 pixels, in which the photo's and the renderer's noise drop out.
+        off = (result.pixels - photo.pixels.astype(float)) * inside[..., None]
+        mean = cv2.boxFilter(off, -1, (8, 8))[inside == 1] / cv2.boxFilter(inside, -1, (8, 8))[inside == 1, None]
+        codes.append(float(np.sqrt((mean**2).mean())))
+    return dict(zip(("codes", "codes_true"), codes, strict=True))
 
 
 COLUMNS = ("by", "sky", "lights", "sun, degrees", "worst", "z", "E", "z of E", "Ls", "z of Ls", "on a sphere",
@@ -193,46 +156,39 @@ COLUMNS = ("by", "sky", "lights", "sun, degrees", "worst", "z", "E", "z of E", "
 def report(rows: list[dict], first: int) -> None:
     """A row per mode and kind of sky: root mean squares, of codes the median."""
     table = []
-    for mode in MODES:
-        for kind in (False, True):
-            mine = [r for r in rows if r["mode"] == mode and r["map"] == kind]
-            good = [r for r in mine if "angle" in r]
-            column = {
-                k: np.array([r[k] for r in good]) for k in (good[0] if good else ()) if k not in ("mode", "model")
-            }
-            if not good:
-                continue
-            rms = {k: float(np.sqrt((v**2).mean())) for k, v in column.items()}
-            table.append((
-                mode, "map" if kind else "constant", f"{len(good)} of {len(mine)}", f"{rms['angle']:.2f}",
-                f"{column['angle'].max():.2f}", f"{rms['z_angle']:.2f}", f"{100 * rms['E']:.1f} %", f"{rms['z_E']:.2f}",
-                f"{100 * rms['Ls']:.1f} %", f"{rms['z_Ls']:.2f}", f"{100 * rms['irradiance']:.1f} %",
-                f"{np.median(column['codes']):.1f}", f"{np.median(column['codes_true']):.1f}",
-            ))  # fmt: skip
-    name = f"lights-{first}"
-    record.table("light", name, COLUMNS, table, f"python -m measure.light_accuracy judge FOLDER --first {first}")
+    for mode, kind in itertools.product(MODES, ("constant", "map")):
+        mine = [r for r in rows if r["mode"] == mode and r["sky"] == kind]
+        good = [r for r in mine if "angle" in r]
+        if not good:
+            continue
+        column = {k: np.array([r[k] for r in good]) for k in good[0] if k not in ("mode", "model", "sky")}
+        rms = {k: float(np.sqrt((v**2).mean())) for k, v in column.items()}
+        table.append((
+            mode, kind, f"{len(good)} of {len(mine)}", f"{rms['angle']:.2f}", f"{column['angle'].max():.2f}",
+            f"{rms['z_angle']:.2f}", f"{100 * rms['E']:.1f} %", f"{rms['z_E']:.2f}", f"{100 * rms['Ls']:.1f} %",
+            f"{rms['z_Ls']:.2f}", f"{100 * rms['irradiance']:.1f} %", f"{np.median(column['codes']):.1f}",
+            f"{np.median(column['codes_true']):.1f}",
+        ))  # fmt: skip
+    record.table("light", "lights", COLUMNS, table, f"python -m measure.light_accuracy judge FOLDER --first {first}")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", choices=["photos", "judge"])
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--count", type=int, default=30)
+    parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--samples", type=int, default=192)
-    asked = parser.parse_args(record.arguments())
+    parser.add_argument("--samples", type=int, default=64)
+    asked, rows = parser.parse_args(record.arguments()), []
     for seed in range(asked.first, asked.first + asked.count):
         folder = asked.folder / f"{seed:02d}"
         if asked.what == "photos" and not (folder / "photos" / "truth.toml").exists():
             take(folder, seed, asked.samples)
-            print(folder, flush=True)
-    if asked.what == "judge":
-        rows = []
-        for seed in range(asked.first, asked.first + asked.count):
-            if (asked.folder / f"{seed:02d}" / "photos" / "truth.toml").exists():
-                rows += judge(asked.folder / f"{seed:02d}", seed)
-                for row in rows[-len(MODES) :]:
-                    print({k: round(v, 3) if isinstance(v, float) else v for k, v in row.items()}, flush=True)
+        elif asked.what == "judge":
+            rows += judge(folder, seed)
+            for row in rows[-len(MODES) :]:
+                print({k: round(v, 3) if isinstance(v, float) else v for k, v in row.items()}, flush=True)
+    if rows:
         write_json(asked.folder / "judged.json", rows)
         report(rows, asked.first)
 

@@ -169,7 +169,7 @@ def light(folder: Path, make_result, scenes) -> list[Path]:
     trials = [light_models.Trial(EVIL, 8, True, 0.1)]
     board = boards.read_board(scenes / "desk" / "board.toml")
     found = LightEstimate(
-        [photo], board, light_models.Evidence(np.ones(3)), light=sun_and_map, trials=trials, warnings=[EVIL],
+        photo, board, light_models.Evidence(np.ones(3)), light=sun_and_map, trials=trials, warnings=[EVIL],
         drawn=pixels,
     )  # fmt: skip
     light_page.write_light_page(found, folder / "light.html")

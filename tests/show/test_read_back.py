@@ -7,7 +7,7 @@ from raytwin.errors import InputError
 from raytwin.photos.camera import detect_photos
 from raytwin.photos.camera.calibration_result import Calibration, View
 from raytwin.show.atlas_page import atlas_summary
-from raytwin.show.terminal_text import augment_summary, calibration_summary
+from raytwin.show.terminal_text import calibration_summary
 from raytwin.study.atlas.experiment import Atlas, Curve, Found
 from raytwin.teach.walk.desk import Desk
 from raytwin.teach.walk.written import with_functions
@@ -25,14 +25,6 @@ def test_calibrates_summary_has_each_number_beside_its_name():
         assert (float(row[0]), float(row[2])) == pytest.approx(expected[name], rel=1e-4)
     row = next(line.split() for line in text.splitlines() if "a.jpg" in line)
     assert list(map(float, row[1:4])) == pytest.approx([7, 0.125, 1.75], abs=5e-3)
-
-
-def test_augments_summary_has_each_regions_numbers():
-    part = {"region": "sphere", "share": 0.25, "mean": 0.0125, "rms": 0.5, "codes": 3.25}
-    text = augment_summary([{"photo": "a.jpg", "pose_rms_px": 0.125, "regions": [part, part | {"share": 0.0}]}])
-    assert text.splitlines()[0] == "a.jpg  pose rms 0.125 px"
-    assert text.splitlines()[1].split() == ["sphere", "25.0", "%", "mean", "+0.0125", "rms", "0.5000", "3.25", "codes"]
-    assert len(text.splitlines()) == 2
 
 
 def test_the_atlas_says_where_each_method_breaks_or_refuses_and_what_was_predicted():

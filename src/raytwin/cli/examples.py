@@ -15,7 +15,7 @@ EXAMPLES = {
     "photo": "raytwin photo calibrate photos --board board.toml -o camera.toml",
     "photo.board": "raytwin photo board --tag 30mm --columns 5 --rows 7 --pitch 38mm -o board.pdf",
     "photo.calibrate": "raytwin photo calibrate photos --board board.toml -o camera.toml",
-    "photo.light": "raytwin photo light photos --camera camera.toml --ball=-0.06,0.15,0.02,0.02 -o light.toml",
+    "photo.light": "raytwin photo light photo.jpg --camera camera.toml --ball=-0.06,0.15,0.02,0.02 -o light.toml",
     "photo.draw": "raytwin photo draw photos/*.jpg --scene desk -o out/drawn",
     "photo.simulate": "raytwin photo simulate --board board.toml --count 20 -o photos",
     "reference": "raytwin reference make overlap --rung shadow",

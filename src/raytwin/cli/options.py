@@ -215,11 +215,11 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "out": _opt("Write the camera, as TOML, and a page beside it.", "FILE", *OUT),
     },
     "photo.light": {
-        "photos": _arg("Photos of one board under one light, or their folder.", "PHOTO..."),
+        "photos": _arg("A photo of the board.", "PHOTO"),
         "board": _opt("TOML file of the board (board.toml beside the photos).", "BOARD", kind=Path | None),
         "camera": _opt("camera.toml, as `raytwin photo calibrate -o` writes it.", "FILE"),
         "out": _opt("light.toml to write; a map and a page go beside it.", "FILE", *OUT),
-        "ball": _opt("A mirror ball's rough center and its radius, metres or 20mm. Repeatable.", "X,Y,Z,R"),
+        "ball": _opt("A mirror ball's rough center and its radius, metres or 20mm.", "X,Y,Z,R"),
         "stand": _opt("Foot and height of a pin or pen that stands upright, metres or 20mm.", "X,Y,H"),
     },
     "photo.draw": {
@@ -228,7 +228,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "out": _opt("Folder for the drawn photos.", "DIR", *OUT),
         "camera": _opt("camera.toml (default: calibrate the scene's own photos).", "FILE", kind=Path | None),
         "board": _opt("TOML file of the board (the scene's).", "BOARD", kind=Path | None),
-        "against": _opt("True photos of the same names: report the error by region.", "DIR", kind=Path | None),
         "shadows": _opt("Cast shadows on what the photo shows."),
         "boxes": _opt("Outline each sphere's trim box.", None, "--boxes"),
         "exposure": _opt("The photo's linear value of radiance 1 (1; with --light, from its paper).", min=0.0),
@@ -244,7 +243,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "samples": _opt("Light paths per pixel.", min=1),
         "seed": _opt("Seed of poses, light paths and sensor noise."),
         "bend": _opt("Bend the sheet by this much, as 3mm.", "LENGTH"),
-        "with_objects": _opt("Put the scene's objects there, too (for draw --against).", None, "--with-objects"),
+        "with_objects": _opt("Put the scene's objects there, too.", None, "--with-objects"),
     },
     "photo.board": {
         "out": _opt("PDF to write, with a TOML beside it.", "FILE", *OUT),

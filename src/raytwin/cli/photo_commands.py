@@ -75,12 +75,11 @@ def light_command(
     photos: list[Path], camera: Path, out: Path, board: Path | None = None, ball: list[str] | None = None,
     stand: str | None = None, json: Path | None = None, verbose: bool = False,
 ) -> None:  # fmt: skip
-    """Estimate sun and sky from photos.
+    """Estimate sun and sky from a photo.
 
     A mirror ball or a pin beside the board shows them; each number comes with its uncertainty. The page beside the
-    light shows the board's axes, by which --ball and --stand are given, where the photos are refused, too.
+    light shows the board's axes, by which --ball and --stand are given, where the photo is refused, too.
     """
-    from raytwin.images.photo_files import list_photos, readable_photos
     from raytwin.photos.lighting.estimate_light import LightRefused, estimate_light
     from raytwin.photos.lighting.light_file import write_light
     from raytwin.scene.toml_json import write_json
@@ -89,24 +88,27 @@ def light_command(
     if out.suffix.lower() != ".toml":
         raise InputError(out, "a name that ends in .toml", out.suffix or "no ending")
     check_outputs(files=(out, out.with_suffix(".exr"), out.with_suffix(".html"), json))
-    balls = [parse_ball(text, "--ball") for text in ball or ()]
+    if len(photos) > 1 or photos[0].is_dir():
+        several = "more than one photo per call was removed in 0.2.0. Use the one that shows ball or pin the largest."
+        raise InputError("`photo light`", several)
+    if ball and len(ball) > 1:
+        raise InputError("`photo light --ball`", "more than once was removed in 0.2.0. Use one mirror ball.")
+    given = parse_ball(ball[0], "--ball") if ball else None
     upright = parse_stand(stand, "--stand") if stand else None
-    taken, unread = readable_photos(path for named in photos for path in list_photos(named))
     board = board or _board_beside(photos)
     with show_progress() as progress:
         try:
-            found = estimate_light(taken, board, camera, balls=balls, stand=upright, progress=progress)
+            with progress.stage("light"):
+                found = estimate_light(photos[0], board, camera, ball=given, stand=upright)
         except LightRefused as refused:
             light_page.write_light_page(refused.found, out.with_suffix(".html"))
             raise InputError(
                 *refused.fields[:2], f"{refused.got} (axes to measure by: {out.with_suffix('.html')})"
             ) from None
     assert found.light is not None  # what shows no light was refused
-    write_light(out, found.light, found.paper, f"The light of {len(taken)} photos: {found.trials[found.taken].name}.")
+    write_light(out, found.light, found.evidence.paper, f"The light of a photo: {found.trials[found.taken].name}.")
     if json:
         write_json(json, found.numbers())
-    for photo, why in unread.items():
-        say_wrapped(f"{photo} was left out: {why}")
     say(light_page.light_summary(found))
     light_page.write_light_page(found, out.with_suffix(".html"))
     print_seconds(progress, verbose)

@@ -75,15 +75,8 @@ def intrinsics(calibration: "Calibration") -> dict[str, float]:
 
 
 def augment_summary(rows: list[dict[str, Any]]) -> str:
-    """A line per photo, and where there is a truth, the error of each region: linear light, 1 is white."""
-    lines = []
-    for row in rows:
-        lines.append(f"{row['photo']}  pose rms {row['pose_rms_px']:.3f} px")
-        for part in row.get("regions", ()):
-            if part["share"]:
-                error = f"mean {part['mean']:+.4f}  rms {part['rms']:.4f}  {part['codes']:.2f} codes"
-                lines.append(f"  {part['region']:<8} {100 * part['share']:5.1f} %  {error}")
-    return "\n".join(lines)
+    """A line per photo."""
+    return "\n".join(f"{row['photo']}  pose rms {row['pose_rms_px']:.3f} px" for row in rows)
 
 
 def because(comparison: "Comparison") -> str:

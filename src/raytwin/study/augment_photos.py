@@ -15,7 +15,6 @@ from raytwin.photos.augment import (
     augment,
     draw_boxes,
     draw_pyramid,
-    errors_by_region,
     of_three_channels,
     printed,
     to_rec709,
@@ -42,8 +41,8 @@ def augment_photos(
     """Draw the scene's objects into each photo and write it to `out` under its own name, as JPEG or else as PNG.
 
     Where one photo fails, nothing is written.
-    `options` are fields of AugmentSettings. Returns a row per photo: its name, its pose's rms in pixels, and with
-    `against` the errors by region. The photo's ICC profile and EXIF are kept as they are, its orientation with them.
+    `options` are fields of AugmentSettings. Returns a row per photo: its name and its pose's rms in pixels. The photo's
+    ICC profile and EXIF are kept as they are, its orientation with them.
     """
     chosen = replace(settings or AugmentSettings(), **options)
     scene, asked = scene_and_photos(scene_path)
@@ -87,17 +86,12 @@ def augment_photos(
             if light is not None and chosen.exposure is None:
                 exposure = photo_exposure(path, stand, definition, light)
             options = {"engine": engine, "shadows": chosen.shadows, "exposure": exposure, "space": space}
-            result = augment(pixels, printed(here, definition), **options)
-            drawn = result.pixels
+            drawn = augment(pixels, printed(here, definition), **options).pixels
             for pyramid in scene.pyramids:
                 drawn = draw_pyramid(drawn, stand, pyramid, space)
             if chosen.boxes:
                 drawn = draw_boxes(drawn, here)
-            row: dict[str, Any] = {"photo": path.name, "pose_rms_px": pose.rms_px}
-            if chosen.against is not None:
-                truth = read_photo(Path(chosen.against) / path.name)
-                row["regions"] = errors_by_region(result, truth, here)
             write_picture(made / name, drawn, quality=95, extras=extras)
-            rows.append(row)
+            rows.append({"photo": path.name, "pose_rms_px": pose.rms_px})
     progress("augment", len(taken), len(taken))
     return rows

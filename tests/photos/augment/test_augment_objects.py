@@ -7,7 +7,7 @@ from photo_helpers import BOARD
 from scene_of import changed, scene_of
 
 from raytwin.images.photo_files import from_bytes
-from raytwin.photos.augment import augment, errors_by_region, objects, printed, regions_of
+from raytwin.photos.augment import augment, objects, printed
 from raytwin.photos.boards.board import draw_board, tag_cells
 from raytwin.photos.synthetic_photos import sheet_of
 from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
@@ -94,27 +94,6 @@ def test_a_shadow_that_the_photo_shows_already_is_not_cast_twice():
     before = augment(grey(), scene.with_(objects=scene.planes))
     assert (before.ratio == 1).all()
     assert np.array_equal(before.pixels, grey())
-
-
-def test_the_regions_are_disjoint_and_cover_the_photo():
-    scene = stage()
-    regions = regions_of(augment(grey(), scene), scene)
-    assert (sum(mask.astype(int) for mask in regions.values()) == 1).all()
-    assert regions["spheres"].any()
-    assert regions["shadows"].any()
-    assert regions["board"].any()
-
-
-def test_errors_are_reported_by_region():
-    scene = stage()
-    result = augment(grey(), scene)
-    truth = result.pixels.copy()
-    truth[regions_of(result, scene)["board"]] += 10
-    rows = {row["region"]: row for row in errors_by_region(result, truth, scene)}
-    assert rows["spheres"]["rms"] == 0
-    assert rows["board"]["codes"] == pytest.approx(10)
-    assert rows["board"]["mean"] < 0
-    assert from_bytes(np.uint8(190)) - from_bytes(np.uint8(180)) == pytest.approx(-rows["board"]["mean"], rel=5e-3)
 
 
 @pytest.mark.nightly

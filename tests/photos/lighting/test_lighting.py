@@ -11,11 +11,12 @@ from photo_helpers import BOARD, PlainRenderer, a_camera
 from raytwin.errors import InputError
 from raytwin.images.photo_files import list_photos, to_bytes, write_picture
 from raytwin.photos.boards.board import PAPER, draw_board
-from raytwin.photos.lighting import board_plane, light_models, mirror_ball, mirror_map, stand_shadow
+from raytwin.photos.lighting import light_models, mirror_ball, mirror_map, stand_shadow
 from raytwin.photos.lighting.linear_photo import LinearPhoto, read_linear
 from raytwin.photos.synthetic_photos import expose, photograph, read_truth, sheet_of
 from raytwin.scene import Camera, Environment
 from raytwin.tracer.lights.environment_map import environment_map
+from raytwin.tracer.lights.envmap_tables import texel_directions
 
 SUN = np.array([0.5, -0.3, 0.8]) / np.linalg.norm([0.5, -0.3, 0.8])
 CENTER, RADIUS = np.array([0.02, -0.01, 0.03]), 0.03
@@ -29,7 +30,7 @@ CAMERA = Camera(
 
 
 def ball_of() -> mirror_ball.Ball:
-    return mirror_ball.Ball(CENTER, RADIUS, 1e-8 * np.eye(4))
+    return mirror_ball.Ball(CENTER, RADIUS, np.full(4, 1e-4))
 
 
 def picture(light: np.ndarray, camera: Camera = CAMERA) -> LinearPhoto:
@@ -41,9 +42,8 @@ def picture(light: np.ndarray, camera: Camera = CAMERA) -> LinearPhoto:
 def of_ball(shade) -> LinearPhoto:
     """A photo of the ball on grey: `shade(points, normals, reflected)` is what its pixels show."""
     photo = picture(np.full((300, 400, 3), 0.25))
-    u, v = np.meshgrid(np.arange(400), np.arange(300))
-    uv = np.stack([u.ravel(), v.ravel()], axis=1)
-    p, out, cosine = mirror_ball.reflect(photo, ball_of(), uv)
+    uv = np.stack(np.meshgrid(np.arange(400), np.arange(300)), axis=-1).reshape(-1, 2)
+    p, out, cosine = mirror_ball.reflect(photo, ball_of(), photo.rays(uv))
     hit = np.isfinite(cosine)
     light = photo.light.copy()
     light[uv[hit, 1], uv[hit, 0]] = shade((p[hit] - CENTER) / RADIUS, out[hit])
@@ -64,51 +64,61 @@ def test_the_outline_is_where_the_rays_begin_to_miss():
     rim = mirror_ball.outline(photo, ball_of())
     middle = rim.mean(axis=0)
     for scale, hit in ((0.995, True), (1.005, False)):
-        *_, cosine = mirror_ball.reflect(photo, ball_of(), middle + scale * (rim - middle))
+        *_, cosine = mirror_ball.reflect(photo, ball_of(), photo.rays(middle + scale * (rim - middle)))
         assert (np.isfinite(cosine) == hit).all()
 
 
-@pytest.mark.parametrize(
-    ("center", "radius", "expected"),
-    [
-        ((0.02, -0.01, -0.05), 0.03, "printed side of the board"),
-        ((0.17, -0.01, 0.03), 0.03, "one that the frame cuts"),
-        ((0.02, -0.01, 0.004), 0.004, "at least 24 pixels wide, got 1[0-9] pixels"),
-        ((0.12, -0.35, 0.54), 0.03, "in front of the camera"),
-    ],
-)
-def test_a_ball_that_cannot_be_measured_is_refused_with_the_reason(center, radius, expected):
-    views = mirror_ball.views_of([picture(np.zeros((300, 400, 3)))], BOARD)
-    with pytest.raises(InputError, match=expected):
-        mirror_ball.find_ball(views, mirror_ball.given_ball(np.array(center), radius))
+def test_a_ball_that_cannot_be_seen_is_refused_with_the_reason(subtests):
+    photo = picture(np.zeros((300, 400, 3)))
+    for (*center, radius), expected in (
+        ((0.02, -0.01, -0.05, 0.03), "printed side of the board"),
+        ((0.17, -0.01, 0.03, 0.03), "one that the frame cuts"),
+        ((0.02, -0.01, 0.004, 0.004), "at least 24 pixels wide, got 1[0-9] pixels"),
+        ((0.12, -0.35, 0.54, 0.03), "in front of the camera"),
+    ):
+        with subtests.test(expected), pytest.raises(InputError, match=expected):
+            mirror_ball.find_ball(photo, BOARD, np.array(center), radius)
 
 
-def test_a_ball_whose_outline_touches_the_frame_is_fitted_or_refused_and_breaks_nothing():
-    """Edges are looked for two pixels to either side of the outline, and beyond the frame there are no pixels."""
-    whole = picture(np.random.default_rng(0).uniform(0.2, 0.6, (300, 400, 3)))
-    rim = mirror_ball.outline(whole, ball_of())
+@pytest.mark.nightly
+def test_no_ball_a_matt_one_and_one_that_touches_the_frame_are_refused_in_words(subtests):
+    """Edges are looked for beside the outline, and beyond the frame there are no pixels."""
+    black = picture(np.zeros((300, 400, 3)))
+    rim = mirror_ball.outline(black, ball_of())
     x, y = np.floor(rim.min(axis=0)).astype(int)
-    size = tuple((np.ceil(rim.max(axis=0)).astype(int) + 2 - (x, y)).tolist())
-    cut = picture(np.ones((size[1], size[0], 3)) * 0.4, CAMERA.grid(x, y, 1, size))
-    mirror_ball.check_seen(cut, ball_of())
-    given = mirror_ball.given_ball(CENTER, RADIUS)
-    found = mirror_ball._refined(mirror_ball.views_of([cut], BOARD), given, given)
-    assert np.isfinite(found.numbers).all()
-    assert np.isfinite(found.sigma).all()
+    w, h = (np.ceil(rim.max(axis=0)).astype(int) + 2 - (x, y)).tolist()
+    noise = np.random.default_rng(0).uniform(0.2, 0.6, (h, w, 3))
+    for name, photo, expected in (
+        ("nothing", black, "a ball whose outline is seen there, got edges along 0 % of it"),
+        (
+            "orange",
+            of_ball(lambda n, _: 0.2 + 0.3 * np.maximum(n @ SUN, 0)[:, None] * [1, 0.5, 0.1]),
+            "shows the board",
+        ),
+        ("cut", picture(noise, CAMERA.grid(x, y, 1, (w, h))), "shows the board"),
+    ):
+        with subtests.test(name), pytest.raises(InputError, match=expected):
+            mirror_ball.find_ball(photo, BOARD, CENTER, RADIUS)
 
 
 def test_a_mirrored_map_is_found_the_right_way_round_and_weighs_by_solid_angle():
     around, reflectance = a_map(), np.array([0.9, 0.8, 0.7])
     light = environment_map(around)
     photo = of_ball(lambda _, out: np.stack(light.radiance(tuple(out.T)), axis=1) * reflectance)
-    seen = mirror_map.mirrored([photo], ball_of(), reflectance, [None])
-    found = mirror_map.fit_map([seen], 8)[0]
-    d = seen.to_light[::7]
-    shown = mirror_map.bilinear(d, 8) @ found.reshape(-1, 3)
-    assert np.abs(shown - np.stack(light.radiance(tuple(d.T)), axis=1)).max() < 0.01
+    found, lamps = mirror_map.mirrored_maps(photo, ball_of(), reflectance, None)
+    assert not lamps.any()
+    d = texel_directions(16, 32).reshape(-1, 3)
+    shown = d @ (CENTER - CAMERA.eye) / np.linalg.norm(CENTER - CAMERA.eye) < 0.8  # the ball hides what is behind it
+    off = found.reshape(-1, 3) - np.stack(light.radiance(tuple(d.T)), axis=1)
+    assert np.abs(off[shown]).max() < 0.03
     assert light_models.upward(found) == pytest.approx(light.diffuse_irradiance((0.0, 0.0, 1.0)), rel=0.02)
-    # All that a ball shows within grazing angles: a little less than the whole sphere.
-    assert 0.75 * 4 * np.pi < seen.steradians.sum() < 4 * np.pi
+
+
+def test_what_a_map_gives_a_surface_is_the_closed_form_of_a_gradient():
+    """Radiance a + b z gives level paper a + 2 b / 3 over π, and a wall half of a plus 2 b / (3 π)."""
+    z = texel_directions(64, 128)[..., 2:]
+    found = light_models.received(0.5 + 0.3 * z + np.zeros(3), np.array([(0.0, 0.0, 1.0), (0.6, 0.8, 0.0)]))
+    assert found[:, 0] == pytest.approx([0.5 + 0.2, 0.25 + 0.2 / np.pi], rel=2e-3)
 
 
 def test_a_small_clipped_light_is_the_sun_a_large_one_is_not_and_a_lamp_beside_it_draws_it_nowhere():
@@ -123,105 +133,20 @@ def test_a_small_clipped_light_is_the_sun_a_large_one_is_not_and_a_lamp_beside_i
         photo = of_ball(shade)
         spot = mirror_ball.sun_spot(photo, ball_of())
         assert (spot is not None) == is_sun
-        assert mirror_map.mirrored([photo], ball_of(), np.ones(3), [spot]).sun.any() == is_sun
-        if spot:
-            found = mirror_ball.reflect(photo, ball_of(), spot[0][None])[1][0]
-            assert np.degrees(np.arccos(found @ SUN)) < 0.35
+        assert mirror_map.mirrored_maps(photo, ball_of(), np.ones(3), spot)[1].any() != is_sun
+        assert not spot or np.degrees(np.arccos(spot.to_light @ SUN)) < 0.35
 
 
-def test_a_sun_that_is_no_stronger_than_its_uncertainty_is_not_taken():
-    """A streak on the sheet, 5 % darker than noisy paper, is no evidence of one; a dark one is."""
-    cover, here = np.tile(np.linspace(0, 1, 100), 2), np.zeros(2)
-    noise = np.random.default_rng(1).normal(0, 0.1, (200, 1))
-    for strength, taken in ((0.05, "constant sky"), (0.6, "sun + constant sky")):
-        value = (1 - strength * cover)[:, None] * np.ones(3) + noise
-        shadow = stand_shadow.Shadow(value, cover, SUN, 0.01, 1.0, here, here, 0.03, 0.001)
-        light, trials, number = light_models.simplest_light(light_models.Evidence(np.ones(3), shadow))
-        assert trials[number].name == taken
-        assert light.E.any() == (strength > 0.1)
-        if light.E.any():
-            assert light.Ls == pytest.approx(np.full(3, 0.4 / PAPER), rel=0.1)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("width", [0.0015, 0.012])
-def test_a_pins_shadow_tells_the_sun_and_its_share_of_the_light_and_a_blocks_is_known_by_its_width(tmp_path, width):
-    """The shadow is painted on the sheet: a strip from the foot to where the sun's ray through the top meets it."""
-    foot, height, dark = np.array([0.095, 0.095]), 0.03, 0.35
-    camera = a_camera()
-    sheet, (x0, x1, y0, y1) = draw_board(BOARD, 4000.0)
-    h, w = sheet.shape
-    x, y = np.meshgrid(x0 + (np.arange(w) + 0.5) * (x1 - x0) / w, y1 - (np.arange(h) + 0.5) * (y1 - y0) / h)
-    tip = -SUN[:2] / SUN[2] * height
-    t = np.clip(((x - foot[0]) * tip[0] + (y - foot[1]) * tip[1]) / (tip @ tip), 0, 1)
-    near = np.hypot(x - foot[0] - t * tip[0], y - foot[1] - t * tip[1]) < width / 2
-    plain = PlainRenderer()
-    folder = tmp_path / "photos"
-
-    def render(c, texture, s):
-        """The sheet, its shadow, and what the upright hides: the strip from the foot to where the eye sees its top."""
-        eye = np.array(c.eye)
-        to = (foot - eye[:2]) * height / (eye[2] - height)
-        t = np.clip(((x - foot[0]) * to[0] + (y - foot[1]) * to[1]) / (to @ to), 0, 1)
-        body = np.hypot(x - foot[0] - t * to[0], y - foot[1] - t * to[1]) < width / 2
-        return plain(c, np.where(body, 0.3, np.where(near, dark, 1) * sheet), s)
-
-    photograph(BOARD, camera, 1, folder, render, seed=3)
-    truth = read_truth(folder / "truth.toml")
-    views = [Camera(truth.image_size, truth.K, R, t, truth.dist) for R, t in truth.photos.values()]
-    photos, paper, warnings = read_linear(list_photos(folder), views, BOARD)
-    assert warnings == []
-    assert paper == pytest.approx(np.ones(3), abs=0.01)
-    found = stand_shadow.find_shadow(photos, board_plane.Sheet(BOARD), (*(foot + 5e-4), 1.01 * height))
-    assert found is not None
-    assert (found.width < stand_shadow.WIDEST_UPRIGHT * found.height) == (width < 0.002)
-    if width > 0.002:
-        return
-    # A streak that ink cuts short: the shadow goes on beyond the pixels that are looked at first.
-    cut = stand_shadow.find_shadow(photos, board_plane.Sheet(BOARD), (*foot, height), tuple(0.4 * tip))
-    for shadow in (found, cut):
-        assert np.degrees(np.arccos(shadow.to_light @ SUN)) < 0.7
-    assert found.levels[0] == pytest.approx(np.full(3, dark), abs=0.04)
-
-
-def test_an_upright_that_is_not_there_is_said(shoot):
-    folder, truth = shoot()
-    name, (R, t) = next(iter(truth.photos.items()))
-    view = Camera(truth.image_size, truth.K, R, t, truth.dist)
-    photos, *_ = read_linear([folder / name], [view], BOARD)
-    with pytest.raises(InputError, match="does not stand upright, or not there"):
-        stand_shadow.find_shadow(photos, board_plane.Sheet(BOARD), (0.095, 0.095, 0.03))
-
-
-def test_clipped_and_tone_mapped_paper_is_a_warning_in_words(tmp_path):
-    camera = a_camera()
-    plain = PlainRenderer(light=1.6)
-    photograph(BOARD, camera, 1, tmp_path, plain, seed=3)
-    truth = read_truth(tmp_path / "truth.toml")
-    views = [Camera(truth.image_size, truth.K, R, t, truth.dist) for R, t in truth.photos.values()]
-    path = list_photos(tmp_path)[0]
-    assert any("clipped" in w for w in read_linear([path], views, BOARD)[2])
-    plain = PlainRenderer(light=0.8)
-    albedo, extent = draw_board(BOARD, 2000.0)
-    image = expose(plain(views[0], albedo, sheet_of(extent)), np.random.default_rng(0), views[0])
-    for gamma, told in ((1.0, False), (0.6, True)):
-        write_picture(path, (255 * (image / 255.0) ** gamma).astype(np.uint8), quality=95)
-        assert any("tone-mapped" in w for w in read_linear([path], views, BOARD)[2]) == told
-
-
-@pytest.mark.parametrize("corner", [(0, 0), (0, 1), (1, 0), (1, 1)])
-def test_a_bright_patch_in_the_box_about_a_ball_but_beside_it_is_no_sun(corner):
-    """Its ray misses the ball, so that the sun had no direction; at the box's end its slices ran past the window."""
+def test_a_bright_patch_in_the_box_about_a_ball_but_beside_it_is_no_sun():
     photo = of_ball(lambda n, out: np.full((len(n), 3), 0.1))
-    uv = mirror_ball.pixels_about(photo, ball_of())
-    (u, v) = np.where(corner, uv.max(axis=0) - 2, uv.min(axis=0))
-    light = photo.light.copy()
-    light[v : v + 3, u : u + 3] = 5
-    assert mirror_ball.sun_spot(picture(light), ball_of()) is None
-    rim = mirror_ball.outline(photo, ball_of())
-    u, v = (rim.mean(axis=0) + np.array([0, -0.2]) * np.ptp(rim, axis=0)).astype(int)
-    light[v : v + 3, u : u + 3] = 5
-    assert mirror_ball.sun_spot(picture(light), ball_of()) is not None
+    box = mirror_ball.pixels_about(photo, ball_of())
+    for (u, v), is_sun in (
+        (box[0, 0], False), (box[0, -3], False), (box[-3, 0], False), (box[-3, -3], False),
+        (box[len(box) // 3, len(box[0]) // 2], True),
+    ):  # fmt: skip
+        light = photo.light.copy()
+        light[v : v + 3, u : u + 3] = 5
+        assert (mirror_ball.sun_spot(picture(light), ball_of()) is not None) == is_sun, (u, v)
 
 
 def test_a_long_clipped_patch_is_a_lamp_that_makes_up_the_papers_light():
@@ -234,43 +159,87 @@ def test_a_long_clipped_patch_is_a_lamp_that_makes_up_the_papers_light():
         near = (np.abs(out @ np.cross(strip, along)) < 0.12) & (np.abs(out @ along) < 0.42) & (out @ strip > 0)
         return np.where(near, 1.5, 0.1)[:, None] + np.zeros(3)
 
-    photo = of_ball(shade)
-    assert mirror_ball.sun_spot(photo, ball_of()) is None
-    seen, paper = mirror_map.mirrored([photo], ball_of(), np.ones(3), [None]), np.full(3, 0.9)
-    mirror = light_models.MirrorBall(ball_of(), seen, np.ones(3), [None], None)
-    light, trials, taken = light_models.simplest_light(light_models.Evidence(paper, None, [mirror]))
+    photo, paper = of_ball(shade), np.full(3, 0.9)
+    spot = mirror_ball.sun_spot(photo, ball_of())
+    assert spot is None
+    maps = mirror_map.mirrored_maps(photo, ball_of(), np.ones(3), None)
+    mirror = light_models.MirrorBall(ball_of(), np.ones(3), spot, *maps)
+    light, trials, taken = light_models.simplest_light(light_models.Evidence(paper, None, mirror))
     assert light.to_light is None
-    assert trials[taken].rows > 0
+    assert trials[taken].rows == len(light.around)
     assert light_models.upward(light.around) == pytest.approx(paper / PAPER, rel=1e-3)
-    assert light.around.min() >= 0
-    directions, power = light_models._upper(light.around)
-    bright = np.where(
-        light.around.max() * 0.3 < light_models._repeated(light.around, 16).reshape(-1, 3)[: len(power)], power, 0
+    bright = light.around[..., 0] * (light.around[..., 0] > 0.3 * light.around.max())
+    lamp = np.einsum(
+        "ij,ijk->k", bright * np.sin((np.arange(16)[:, None] + 0.5) * np.pi / 16), texel_directions(16, 32)
     )
-    lamp = bright[:, 0] @ directions
     assert np.degrees(np.arccos(lamp @ strip / np.linalg.norm(lamp))) < 6
 
 
-@pytest.mark.parametrize(
-    ("shade", "expected"),
-    [
-        (lambda n, out: 0.2 + 0.3 * np.maximum(n @ SUN, 0)[:, None] * np.array([1, 0.5, 0.1]), "shows the board"),
-        (lambda n, out: np.full((len(n), 3), 0.4), "shows the board"),
-    ],
-)
-def test_a_matt_ball_is_no_mirror(shade, expected):
-    with pytest.raises(InputError, match=expected):
-        mirror_ball.check_mirror(mirror_ball.views_of([of_ball(shade)], BOARD), np.ones(3), ball_of(), ball_of())
+def test_a_sun_that_is_no_stronger_than_its_uncertainty_is_not_taken():
+    for dark, sd, taken in ((0.95, 0.03, "constant sky"), (0.4, 0.03, "sun + constant sky")):
+        shadow = stand_shadow.Shadow(np.full(3, dark), np.full(3, sd), SUN, 0.01, 1.0, 0.001)
+        light, trials, number = light_models.simplest_light(light_models.Evidence(np.ones(3), shadow))
+        assert trials[number].name == taken
+        assert (light.to_light is not None) == light.E.any() == (dark < 0.5)
+        if light.E.any():
+            assert light.Ls == pytest.approx(np.full(3, 0.4 / PAPER))
+            assert light.E * SUN[2] / np.pi + light.Ls == pytest.approx(np.ones(3) / PAPER)
 
 
-@pytest.mark.parametrize("turn", range(1, 9))
-def test_the_page_turns_a_photo_as_exif_says(turn):
-    """Against Pillow's own."""
-    from PIL import Image, ImageOps
+@pytest.mark.nightly
+def test_a_pins_shadow_tells_the_sun_and_its_share_of_the_light_and_a_blocks_is_known_by_its_width(tmp_path):
+    """The shadow is painted on the sheet: a strip from the foot to where the sun's ray through the top meets it."""
+    foot, height, dark, camera = np.array([0.095, 0.095]), 0.03, 0.35, a_camera()
+    sheet, (x0, x1, y0, y1) = draw_board(BOARD, 4000.0)
+    h, w = sheet.shape
+    x, y = np.meshgrid(x0 + (np.arange(w) + 0.5) * (x1 - x0) / w, y1 - (np.arange(h) + 0.5) * (y1 - y0) / h)
+    rel, plain, tip = np.stack([x, y], axis=-1) - foot, PlainRenderer(), -SUN[:2] / SUN[2] * height
 
-    from raytwin.show.light_page import _turned
+    def strip(end, width):
+        along = np.clip(rel @ end / (end @ end), 0, 1)[..., None]
+        return np.linalg.norm(rel - along * end, axis=-1) < width / 2
 
-    pixels = np.random.default_rng(turn).integers(0, 255, (3, 4, 3), np.uint8)
-    picture = Image.fromarray(pixels)
-    picture.getexif()[0x0112] = turn
-    assert (np.asarray(ImageOps.exif_transpose(picture)) == _turned(pixels, turn)).all()
+    for width in (0.0015, 0.012):
+
+        def render(c, texture, s, width=width):
+            """The sheet, its shadow, and what the upright hides: the strip from the foot to where its top is seen."""
+            to = (foot - c.eye[:2]) * height / (c.eye[2] - height)
+            return plain(c, np.where(strip(to, width), 0.3, np.where(strip(tip, width), dark, 1) * sheet), s)
+
+        photograph(BOARD, camera, 1, tmp_path / str(width), render, seed=3)
+        truth = read_truth(tmp_path / str(width) / "truth.toml")
+        (R, t), (path,) = truth.photos["photo_00.jpg"], list_photos(tmp_path / str(width))
+        photo, warnings = read_linear(path, Camera(truth.image_size, truth.K, R, t, truth.dist), BOARD)
+        assert warnings == []
+        assert photo.paper_colour == pytest.approx(np.ones(3), abs=0.01)
+        found = stand_shadow.find_shadow(photo, BOARD, (*(foot + 5e-4), 1.01 * height))
+        assert found is not None
+        assert (found.width < stand_shadow.WIDEST_UPRIGHT * height) == (width < 0.002)
+        if width < 0.002:
+            assert np.degrees(np.arccos(found.to_light @ SUN)) < 1.5  # half a millimetre and one per cent off
+            assert found.dark == pytest.approx(np.full(3, dark), abs=0.04)
+            turn = np.arctan2(*found.to_light[1::-1]) - np.arctan2(*SUN[1::-1])
+            assert abs(np.degrees(turn)) < 0.5  # which the foot's place has no part in
+
+
+def test_no_shadow_is_found_on_a_bare_sheet(shoot):
+    folder, truth = shoot()
+    name, (R, t) = next(iter(truth.photos.items()))
+    photo, _ = read_linear(folder / name, Camera(truth.image_size, truth.K, R, t, truth.dist), BOARD)
+    assert stand_shadow.find_shadow(photo, BOARD, (0.095, 0.095, 0.03)) is None
+    with pytest.raises(InputError, match="white paper around it"):
+        stand_shadow.find_shadow(photo, BOARD, (0.9, 0.9, 0.03))
+
+
+def test_clipped_and_tone_mapped_paper_is_a_warning_in_words(tmp_path):
+    camera = a_camera()
+    photograph(BOARD, camera, 1, tmp_path, PlainRenderer(light=1.6), seed=3)
+    truth = read_truth(tmp_path / "truth.toml")
+    R, t = truth.photos["photo_00.jpg"]
+    view, path = Camera(truth.image_size, truth.K, R, t, truth.dist), list_photos(tmp_path)[0]
+    assert any("clipped" in w for w in read_linear(path, view, BOARD)[1])
+    albedo, extent = draw_board(BOARD, 2000.0)
+    image = expose(PlainRenderer(light=0.8)(view, albedo, sheet_of(extent)), np.random.default_rng(0), view)
+    for gamma, told in ((1.0, False), (0.6, True)):
+        write_picture(path, (255 * (image / 255.0) ** gamma).astype(np.uint8), quality=95)
+        assert any("tone-mapped" in w for w in read_linear(path, view, BOARD)[1]) == told

@@ -2,5 +2,5 @@
 
 from raytwin.photos.augment.box_outlines import draw_boxes
 from raytwin.photos.augment.colour import of_three_channels, to_rec709
-from raytwin.photos.augment.objects import augment, errors_by_region, printed, regions_of
+from raytwin.photos.augment.objects import augment, printed
 from raytwin.photos.augment.pyramid import draw_pyramid

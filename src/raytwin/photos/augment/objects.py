@@ -11,22 +11,18 @@ shape, and the drawn objects' light by its albedo: a board's is the mean of what
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import msgspec
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.fast import background, draw, trace, trim_box, walk
-from raytwin.images.image import Surface
+from raytwin.fast import trace, trim_box, walk
 from raytwin.images.photo_files import from_bytes, to_bytes
 from raytwin.photos.boards.board import PAPER, Board, draw_board
 from raytwin.scene import Camera, Rectangle, Scene, Shape
 
-REGIONS = ("spheres", "shadows", "board", "rest")
 DEPTH = 4
 """Surfaces of a light path, as Mitsuba counts: sun, ground, ball, ground, eye has three."""
 
@@ -107,43 +103,6 @@ def printed(scene: Scene, board: Board) -> Scene:
         return msgspec.structs.replace(thing, albedo=(r, g, b))
 
     return scene.with_(objects=tuple(inked(thing) for thing in scene.objects))
-
-
-def regions_of(result: Augmented, scene: Scene) -> dict[str, np.ndarray]:
-    """name -> (H, W) bool, disjoint and together the whole photo: a row of REGIONS each.
-
-    `board`: the visible part of the first photographed plane that is neither in `spheres` nor in `shadows`.
-    """
-    surface = Surface.empty(*scene.camera.image_size)
-    draw(scene, background(scene), "surface", "numpy32", surface=surface)
-    spheres = result.coverage > 0
-    shadows = ~spheres & (result.ratio < 0.9).any(axis=-1)
-    boards = [i for i, thing in enumerate(scene.objects) if thing.in_photo][:1]
-    board = ~spheres & ~shadows & np.isin(surface.ids, boards)
-    return {"spheres": spheres, "shadows": shadows, "board": board, "rest": ~(spheres | shadows | board)}
-
-
-def errors_by_region(result: Augmented, truth: np.ndarray, scene: Scene) -> list[dict]:
-    """Per region: its share of the pixels, and mean, rms and 95 % quantile of the error against `truth`.
-
-    In linear light, 1 is white; `mean` is signed (augmented minus true), and `codes` is the mean absolute error in
-    8-bit sRGB steps.
-    """
-    if truth.shape != result.pixels.shape:
-        raise InputError("truth", f"pixels {result.pixels.shape}", truth.shape)
-    error = from_bytes(result.pixels) - from_bytes(truth)
-    codes = np.abs(result.pixels.astype(np.int16) - truth).mean(axis=-1)
-    measures: dict[str, tuple[np.ndarray, Callable[[np.ndarray], Any]]] = {
-        "mean": (error, np.mean),
-        "rms": (error, lambda e: np.sqrt((e**2).mean())),
-        "p95": (error, lambda e: np.quantile(np.abs(e), 0.95)),
-        "codes": (codes, np.mean),
-    }
-    return [
-        {"region": name, "share": float(mask.mean())}
-        | {key: float(of(values[mask])) if mask.any() else None for key, (values, of) in measures.items()}
-        for name, mask in (*regions_of(result, scene).items(), ("all", np.ones(truth.shape[:2], bool)))
-    ]
 
 
 def _light(

@@ -1,6 +1,5 @@
-"""Photos of a board with a mirror ball or an upright beside it -> the light that they were taken in."""
+"""A photo of a board with a mirror ball or an upright beside it -> the light that it was taken in."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,16 +11,15 @@ from raytwin.errors import InputError
 from raytwin.images.photo_files import photo_size
 from raytwin.photos import boards
 from raytwin.photos.augment import augment, printed
-from raytwin.photos.boards.board import PAPER, draw_board
+from raytwin.photos.boards.board import draw_board
 from raytwin.photos.camera import detect_photo, pose_of_tags, read_board_shapes, with_shape
 from raytwin.photos.lighting import light_models as models
-from raytwin.photos.lighting.board_plane import Sheet
-from raytwin.photos.lighting.linear_photo import LinearPhoto, read_linear, value_of_one
-from raytwin.photos.lighting.mirror_ball import Ball, check_mirror, find_ball, given_ball, sun_of, sun_spot, views_of
-from raytwin.photos.lighting.mirror_map import mirrored
+from raytwin.photos.lighting.linear_photo import LinearPhoto, read_linear
+from raytwin.photos.lighting.mirror_ball import find_ball, sun_spot
+from raytwin.photos.lighting.mirror_map import mirrored_maps
 from raytwin.photos.lighting.stand_shadow import LOWEST_SUN_DEGREES, WIDEST_UPRIGHT, find_shadow
-from raytwin.progress import Progress, silent
-from raytwin.scene import Camera, Rectangle, Scene, Sphere, Sun
+from raytwin.photos.synthetic_photos import sheet_of
+from raytwin.scene import Camera, Scene, Sphere, Sun
 from raytwin.scene.scene import NO_SUN
 from raytwin.scene.scene_files import read_camera
 
@@ -31,19 +29,22 @@ POSE_PX = 3.0
 CONTRADICTING_SIGMAS = 4.0
 """Directions to the sun that differ by so many of their joint standard deviations contradict each other."""
 
+BallNumbers = tuple[float, float, float, float]
+StandNumbers = tuple[float, float, float]
+
 
 @dataclass(frozen=True, eq=False)
 class LightEstimate:
-    """All that `photo light` found; its page and its text are views of it. `given`: the balls as the user gave them.
+    """All that `photo light` found; its page and its text are views of it. `ball` and `stand` as the user gave them.
 
-    `light` is None where the photos were refused; `refusal` says why.
+    `light` is None where the photo was refused; `refusal` says why.
     """
 
-    photos: list[LinearPhoto]
+    photo: LinearPhoto
     board: boards.Board
     evidence: models.Evidence
-    given: list[Ball] = field(default_factory=list)
-    stand: tuple[float, float, float] | None = None
+    ball: BallNumbers | None = None
+    stand: StandNumbers | None = None
     light: models.Light | None = None
     trials: list[models.Trial] = field(default_factory=list)
     taken: int = 0
@@ -51,94 +52,71 @@ class LightEstimate:
     drawn: np.ndarray | None = None
     refusal: str = ""
 
-    @property
-    def paper(self) -> np.ndarray:
-        return self.evidence.paper
-
     def numbers(self) -> dict[str, Any]:
         """What the JSON holds."""
-        s = self.light
-        assert s is not None
+        light, mirror = self.light, self.evidence.mirror
+        assert light is not None
+        sun = {"to_light": light.to_light, "sigma_degrees": np.degrees(light.sigma)}
         return {
-            "sun": None if s.to_light is None else {"to_light": s.to_light, "sigma_degrees": np.degrees(s.sigma)},
-            "irradiance": s.E, "irradiance_sigma": s.E_sd, "radiance": s.Ls, "radiance_sigma": s.Ls_sd,
-            "map_rows": 0 if s.around is None else len(s.around), "paper": self.paper,
+            "sun": None if light.to_light is None else sun,
+            "irradiance": light.E, "irradiance_sigma": light.E_sd, "radiance": light.Ls, "radiance_sigma": light.Ls_sd,
+            "map_rows": 0 if light.around is None else len(light.around), "paper": self.evidence.paper,
             "models": [msgspec.to_builtins(t) for t in self.trials], "taken": self.trials[self.taken].name,
             "suns": [{"from": n, "to_light": d, "sigma_degrees": np.degrees(sd)} for n, d, sd in self.evidence.suns],
-            "balls": [
-                {"kind": "mirror", "center": m.ball.center, "radius": m.ball.radius, "sigma": m.ball.sigma,
-                 "reflectance": m.reflectance}
-                for m in self.evidence.mirrors
-            ],
+            "balls": [{"kind": "mirror", **vars(mirror.ball), "reflectance": mirror.reflectance}] if mirror else [],
             "warnings": self.warnings,
         }  # fmt: skip
 
 
 class LightRefused(InputError):
-    """The photos do not show their light; `found` has what a page shows of them."""
+    """The photo does not show its light; `found` has what a page shows of it."""
 
     found: LightEstimate
 
 
 def estimate_light(
-    taken: Sequence[Path],
-    board: str | Path,
-    camera: str | Path,
-    *,
-    balls: Sequence[tuple[float, float, float, float]] = (),
-    stand: tuple[float, float, float] | None = None,
-    progress: Progress = silent,
-) -> LightEstimate:
-    """Sun and sky in which the photos were taken, relative to the board's white paper.
+    photo: Path, board: str | Path, camera: str | Path, *, ball: BallNumbers | None = None,
+    stand: StandNumbers | None = None,
+) -> LightEstimate:  # fmt: skip
+    """Sun and sky in which the photo was taken, relative to the board's white paper.
 
-    `balls`: center and radius of each mirror ball, metres, roughly; `stand`: x, y of an upright's foot, and its height.
-    Raises InputError where the photos are no photos of the board by the camera, LightRefused where they do not show
-    their light.
+    `ball`: center and radius of a mirror ball, metres, roughly; `stand`: x, y of an upright's foot, and its height.
+    Raises InputError where this is no photo of the board by the camera, LightRefused where it does not show its light.
     """
     definition = with_shape(boards.read_board(board), read_board_shapes(camera))
-    lens = read_camera(camera)
-    cameras = []
-    for done, path in enumerate(taken):
-        progress("poses", done, len(taken))
-        cameras.append(_stand_of(path, lens, definition))
-    progress("poses", len(taken), len(taken))
-    linear, paper, said = read_linear(list(taken), cameras, definition)
-    given = [given_ball(np.array(b[:3]), float(b[3])) for b in balls]
-    start = LightEstimate(linear, definition, models.Evidence(paper), given, stand, warnings=said)
+    linear, said = read_linear(photo, _placed(photo, read_camera(camera), definition), definition)
+    start = LightEstimate(linear, definition, models.Evidence(linear.paper_colour), ball, stand, warnings=said)
     try:
-        return _estimated(start, progress)
+        return _estimated(start)
     except InputError as error:
         refused = LightRefused(*error.fields)
         refused.found = replace(start, refusal=str(error))
         raise refused from None
 
 
-def _estimated(start: LightEstimate, progress: Progress) -> LightEstimate:
-    linear, said, shadow, mirrors = start.photos, list(start.warnings), None, []
+def _estimated(start: LightEstimate) -> LightEstimate:
+    photo, said, shadow, mirror = start.photo, list(start.warnings), None, None
     if start.stand is not None:
-        shadow = find_shadow(linear, Sheet(start.board), start.stand)
+        shadow = find_shadow(photo, start.board, start.stand)
         if shadow is None:
             said.append(f"--stand: no shadow of it on the sheet: no sun, or one below {LOWEST_SUN_DEGREES:g} degrees")
-        elif shadow.width > WIDEST_UPRIGHT * shadow.height:
+        elif shadow.width > WIDEST_UPRIGHT * start.stand[2]:
             said.append(f"--stand: not used: wider than {WIDEST_UPRIGHT:g} of its height, as no pin or pen is")
             shadow = None
-    views = views_of(linear, start.board) if start.given else []
-    for k, given in enumerate(start.given):
-        progress("balls", k, len(start.given))
-        try:
-            ball = find_ball(views, given)
-        except np.linalg.LinAlgError:
-            raise InputError(given.name, "a ball whose place the photos determine", "one they do not") from None
-        reflectance, suns = check_mirror(views, start.paper, ball, given), [sun_spot(photo, ball) for photo in linear]
-        pixels, sun = mirrored(linear, ball, reflectance, suns), sun_of(linear, ball, suns)
-        mirrors.append(models.MirrorBall(ball, pixels, reflectance, suns, sun))
-    progress("balls", len(start.given), len(start.given))
-    if not (shadow or mirrors):
+    if start.ball is not None:
+        ball, reflectance = find_ball(photo, start.board, np.array(start.ball[:3]), start.ball[3])
+        spot = sun_spot(photo, ball)
+        mirror = models.MirrorBall(ball, reflectance, spot, *mirrored_maps(photo, ball, reflectance, spot))
+    if not (shadow or mirror):
         wanted = "--ball x,y,z,r (a mirror ball) or --stand x,y,h (an upright), in metres or as 60mm"
         raise InputError("light", wanted, said[-1] if start.stand else "neither")
-    evidence = models.Evidence(start.paper, shadow, mirrors)
+    evidence = replace(start.evidence, shadow=shadow, mirror=mirror)
+    if shadow and mirror and mirror.spot:
+        apart = float(np.arccos(np.clip(shadow.to_light @ mirror.spot.to_light, -1, 1)))
+        if apart > CONTRADICTING_SIGMAS * np.hypot(shadow.sigma, mirror.spot.sigma):
+            where = f"stand and mirror ball put the sun {np.degrees(apart):.1f} degrees apart"
+            said.append(f"{where}: one of them is not as told")
     light, trials, number = models.simplest_light(evidence)
-    said += _contradictions(evidence.suns)
     found = replace(start, evidence=evidence, light=light, trials=trials, taken=number, warnings=said)
     return replace(found, drawn=_drawn(found, light))
 
@@ -151,20 +129,17 @@ def middle_of(board: boards.Board) -> tuple[float, float]:
 
 
 def _drawn(found: LightEstimate, light: models.Light) -> np.ndarray:
-    """The first photo with a matt grey ball on the middle of the board, as wide as the first ball, or three tags."""
-    photo, (x, y) = found.photos[0], middle_of(found.board)
-    mirrors = found.evidence.mirrors
-    radius = mirrors[0].ball.radius if mirrors else 1.5 * found.board.tag_edge
-    ball = Sphere((x, y, radius), radius, (0.5, 0.5, 0.5))
-    x0, x1, y0, y1 = draw_board(found.board, 100.0)[1]
-    half_u, half_v = ((x1 - x0) / 2, 0.0, 0.0), (0.0, (y1 - y0) / 2, 0.0)
-    sheet = Rectangle(((x0 + x1) / 2, (y0 + y1) / 2, 0.0), half_u, half_v, (PAPER, PAPER, PAPER), in_photo=True)
+    """The photo with a matt grey ball on the middle of the board, as wide as the mirror ball, or three tags."""
+    photo, (x, y), mirror = found.photo, middle_of(found.board), found.evidence.mirror
+    radius = mirror.ball.radius if mirror else 1.5 * found.board.tag_edge
+    ball, sheet = Sphere((x, y, radius), radius, (0.5, 0.5, 0.5)), sheet_of(draw_board(found.board, 100.0)[1])
     sun = Sun(tuple(light.to_light.tolist()), tuple(light.E.tolist())) if light.to_light is not None else NO_SUN
     scene = printed(Scene("light", photo.camera, (ball,), (sheet,), sun, light.sky), found.board)
-    return augment(photo.pixels, scene, exposure=value_of_one(photo, found.paper)).pixels
+    return augment(photo.pixels, scene, exposure=photo.value_of_one(found.evidence.paper)).pixels
 
 
-def _stand_of(path: Path, lens: Camera, definition: boards.Board) -> Camera:
+def _placed(path: Path, lens: Camera, definition: boards.Board) -> Camera:
+    """The camera where it took the photo."""
     size = photo_size(path)
     if size != lens.image_size:
         raise InputError(path, f"{lens.width} x {lens.height} pixels, as the camera's", f"{size[0]} x {size[1]}")
@@ -173,15 +148,3 @@ def _stand_of(path: Path, lens: Camera, definition: boards.Board) -> Camera:
     if pose.rms_px > POSE_PX * max(1.0, lens.width / 2000):
         raise InputError(path, "a photo by the camera of --camera", f"tags {pose.rms_px:.1f} px off where it sees them")
     return msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)
-
-
-def _contradictions(suns: list[tuple[str, np.ndarray, float]]) -> list[str]:
-    said = []
-    for i, (a, d, sd) in enumerate(suns):
-        for b, e, other in suns[:i]:
-            apart = float(np.arccos(np.clip(d @ e, -1, 1)))
-            if apart > CONTRADICTING_SIGMAS * np.hypot(sd, other):
-                said.append(
-                    f"{a} and {b} put the sun {np.degrees(apart):.1f} degrees apart: one of them is not as told"
-                )
-    return said

@@ -29,7 +29,7 @@ from raytwin.images.image import Image
 from raytwin.images.image_formats import write_image
 from raytwin.photos.boards.board import PAPER, Board
 from raytwin.photos.lighting.light_models import Light
-from raytwin.photos.lighting.linear_photo import read_linear, value_of_one
+from raytwin.photos.lighting.linear_photo import read_linear
 from raytwin.scene import Camera, Radiance, Record, Scene, Sky, Sun
 from raytwin.scene.record_base import Fraction, NonNegative
 from raytwin.scene.scene import NO_SUN
@@ -89,4 +89,4 @@ def write_light(path: str | os.PathLike, light: Light, paper: np.ndarray, commen
 
 def photo_exposure(path: str | os.PathLike, camera: Camera, board: Board, light: WrittenLight) -> np.ndarray:
     """(H, W, 3): the photo's linear value of radiance 1, by its white paper in full light and the lens's falloff."""
-    return value_of_one(read_linear([Path(path)], [camera], board)[0][0], np.array(light.paper.color))
+    return read_linear(Path(path), camera, board)[0].value_of_one(np.array(light.paper.color))

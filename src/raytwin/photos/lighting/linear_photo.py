@@ -1,9 +1,8 @@
 """A photo as linear light relative to the board's white paper.
 
 Codes become linear by sRGB's curve, colours Rec. 709's by the photo's profile. Then the lens's falloff, a power of the
-cosine of the angle off the axis, is divided out, and each photo is scaled so that white paper in full light has the
-same colour in all, of luminance 1: exposure and white balance drop out. The black and white cells of the tags are what
-all this is measured by, and checked against.
+cosine of the angle off the axis, is divided out, and the photo is scaled so that white paper in full light has
+luminance 1. The black and white cells of the tags are what all this is measured by, and checked against.
 """
 
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ import cv2
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.images.photo_files import from_bytes, photo_extras, photo_orientation, read_photo
+from raytwin.images.photo_files import from_bytes, photo_extras, read_photo
 from raytwin.photos.augment.colour import to_rec709
 from raytwin.photos.boards.board import Board, tag_cells
 from raytwin.photos.camera import lens_model
@@ -33,8 +32,12 @@ LINE = 1 << 12
 CELL_PX = 3.0
 """The least side of a tag's cell in pixels from which its middle is free of its neighbours."""
 
-FALLOFF = 1.0, 1.0
-"""Exponent of the cosine, and its standard deviation, before the photos are asked: phones correct most of cos⁴."""
+FALLOFF, FALLOFF_SD = 1.0, 1.0
+"""Exponent of the cosine, and its standard deviation, before the photo is asked: phones correct most of cos⁴."""
+
+PAPER_SCATTER, INDEPENDENT_CELLS = 0.03, 20
+"""Standard deviation of paper in full light as a share, of bounced light and hidden sky; how many cells' worth it is,
+since neighbours err together."""
 
 INK = 0.012, 0.12
 """Black over white in linear light: what ink on paper gives under any light, some glare included."""
@@ -43,8 +46,7 @@ INK = 0.012, 0.12
 @dataclass(frozen=True, eq=False)
 class LinearPhoto:
     """`light` (H, W, 3): linear, paper in full light is 1 in luminance; `clipped` (H, W); `paper` (3): linear value of
-    paper in full light as the photo has it on the lens's axis; `shade` (H, W): the falloff from there; `turn`: its EXIF
-    orientation, which is not applied."""
+    paper in full light as the photo has it on the lens's axis; `shade` (H, W): the falloff from there."""
 
     name: str
     camera: Camera
@@ -53,12 +55,20 @@ class LinearPhoto:
     pixels: np.ndarray
     paper: np.ndarray
     shade: np.ndarray
-    turn: int = 1
 
     @property
     def burnt(self) -> np.ndarray:
         """(H, W) bool: clipped in every channel. What is clipped in one alone is hardly brighter than white."""
         return self.pixels.min(axis=-1) >= BURNT
+
+    @property
+    def paper_colour(self) -> np.ndarray:
+        """(3): white paper in full light, of luminance 1."""
+        return self.paper / (self.paper @ REC_709)
+
+    def value_of_one(self, paper: np.ndarray) -> np.ndarray:
+        """(H, W, 3) float32: the photo's linear value of radiance 1, where paper in full light has `paper` (3)."""
+        return self.shade[..., None] * (self.paper / paper).astype(np.float32)
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """(n, 2) pixels of board points (n, 3)."""
@@ -69,17 +79,6 @@ class LinearPhoto:
         """(n, 3): unit directions of the pixels (n, 2), board's axes."""
         d = np.c_[lens_model.undistort(pixels, self.camera.K, self.camera.dist), np.ones(len(pixels))]
         return d / np.linalg.norm(d, axis=1, keepdims=True) @ np.array(self.camera.R_cam_board)
-
-    def at(self, pixels: np.ndarray) -> np.ndarray:
-        """(n, 3): the light at pixels (n, 2), bilinear; NaN outside the frame and where clipped."""
-        found = sample(self.light, pixels)
-        found[sample(self.clipped.astype(np.float32), pixels) > 0] = np.nan
-        return found
-
-
-def value_of_one(photo: LinearPhoto, paper: np.ndarray) -> np.ndarray:
-    """(H, W, 3) float32: the photo's linear value of radiance 1, where white paper in full light has `paper` (3)."""
-    return photo.shade[..., None] * (photo.paper / paper).astype(np.float32)
 
 
 def sample(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
@@ -94,120 +93,67 @@ def sample(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class _Cells:
-    """The middles of a board's cells in one photo: `linear` (n, 3), `white` (n,), `cosine` (n,) off the axis."""
-
-    linear: np.ndarray
-    codes: np.ndarray
-    white: np.ndarray
-    cosine: np.ndarray
-
-
-def read_linear(
-    paths: list[Path], cameras: list[Camera], board: Board
-) -> tuple[list[LinearPhoto], np.ndarray, list[str]]:
-    """The photos taken by `cameras`, what paper in full light has in each of them (3), and warnings in words.
-
-    The paper's colour is that of the first photo, of luminance 1.
-    """
-    raw = [(read_photo(p), photo_extras(p)) for p in paths]
-    linear = [from_bytes(px) @ to_rec709(x.get("icc_profile")).T.astype(np.float32) for px, x in raw]
-    cells = [
-        _cells(image, pixels, camera, board, path)
-        for image, (pixels, _), camera, path in zip(linear, raw, cameras, paths, strict=True)
-    ]
-    exponent, papers = _falloff(cells)
-    colour = papers[0] / (papers[0] @ REC_709)
-    found = []
-    for path, camera, image, (pixels, _), paper in zip(paths, cameras, linear, raw, papers, strict=True):
-        shade = _cosines(camera) ** np.float32(exponent)
-        light = image * (colour / paper).astype(np.float32) / shade[..., None]
-        clipped = pixels.max(axis=-1) >= CLIPPED
-        found.append(LinearPhoto(path.name, camera, light, clipped, pixels, paper, shade, photo_orientation(path)))
-    return found, colour, _warnings(found, cells, exponent)
-
-
-def _cells(image: np.ndarray, pixels: np.ndarray, camera: Camera, board: Board, path: Path) -> _Cells:
-    points, white = [], []
-    for tag, centre in board.centers().items():
-        cells = tag_cells(board.family, tag)
-        n = len(cells)
-        middles = ((np.arange(n) + 0.5) / n - 0.5) * board.tag_edge
-        x, y = np.meshgrid(centre[0] + middles, centre[1] - middles)
-        points.append(np.stack([x, y], axis=-1).reshape(-1, 2))
-        white.append(cells.reshape(-1) > 0.5)
-        gap = board.tag_edge / n  # paper beside the tag, half a cell out
-        ring = (board.tag_edge + gap) / 2 * np.array([(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1)])
-        points.append(np.add(centre, ring))
-        white.append(np.ones(len(ring), bool))
-    xy, is_white = np.concatenate(points), np.concatenate(white)
-    place = np.c_[xy, board.rise(xy)]
-    R, t = np.array(camera.R_cam_board), np.array(camera.t_cam_board)
-    at = lens_model.project(place, R, t, camera.K, camera.dist)
-    side = board.tag_edge / n * min(camera.fx, camera.fy) / (place @ R.T + t)[:, 2]
-    size = np.array(camera.image_size)
-    good = (at > 2).all(axis=1) & (at < size - 3).all(axis=1) & (side > CELL_PX)
-    if good.sum() < 50:
+def read_linear(path: Path, camera: Camera, board: Board) -> tuple[LinearPhoto, list[str]]:
+    """The photo taken by `camera`, and warnings in words. Raises InputError where its tags are too small."""
+    pixels, icc = read_photo(path), photo_extras(path).get("icc_profile")
+    linear = from_bytes(pixels) @ to_rec709(icc).T.astype(np.float32)
+    at, white = _cells(camera, board)
+    if len(at) < 50:
         raise InputError(path, f"tags whose cells are {CELL_PX:.0f} pixels wide, to measure light by", "smaller ones")
-    d = np.c_[lens_model.undistort(at[good], camera.K, camera.dist), np.ones(good.sum())]
-    codes = sample(pixels.max(axis=-1).astype(np.float32), at[good])
-    return _Cells(sample(image, at[good]), codes, is_white[good], 1 / np.linalg.norm(d, axis=1))
-
-
-def _falloff(cells: list[_Cells]) -> tuple[float, list[np.ndarray]]:
-    """The exponent of the cosine that all photos share, and each photo's paper in full light on the axis (3).
-
-    By white cells in full light: those within a tenth of the brightest, once the falloff is undone.
-    """
-    exponent, sd = FALLOFF
-    for _ in range(5):
-        rows, values, logs = [], [], []
-        for i, c in enumerate(cells):
-            level = np.log(np.maximum(c.linear[c.white] @ REC_709, 1e-6))
-            x = np.log(c.cosine[c.white])
-            flat = level - exponent * x
-            top = np.quantile(flat, 0.9)
-            lit = np.abs(flat - np.median(flat[flat > top - 0.2])) < 0.1
-            logs.append(lit)
-            one = np.zeros((lit.sum(), len(cells) + 1))
-            one[:, i], one[:, -1] = 1, x[lit]
-            rows.append(one)
-            values.append(level[lit])
-        scatter = 0.03  # of paper in full light: bounced light, hidden sky
-        prior = np.zeros((1, len(cells) + 1))
-        # Cells of one photo err together: as many as there are say no more than some twenty.
-        prior[0, -1] = scatter / sd * np.sqrt(sum(map(len, values)) / (20 * len(cells)))
-        A, b = np.concatenate([*rows, prior]), np.concatenate([*values, prior[0, -1:] * FALLOFF[0]])
-        exponent = float(np.clip(np.linalg.lstsq(A, b, rcond=None)[0][-1], 0, 5))
-    papers = [
-        np.median((c.linear[c.white] / c.cosine[c.white, None] ** exponent)[lit], axis=0)
-        for c, lit in zip(cells, logs, strict=True)
-    ]
-    return exponent, papers
-
-
-def _cosines(camera: Camera) -> np.ndarray:
-    """(H, W) float32: the cosine of each pixel's angle off the axis; the lens's bend is too small to matter here."""
     x = ((np.arange(camera.width) - camera.cx) / camera.fx).astype(np.float32)
     y = ((np.arange(camera.height) - camera.cy) / camera.fy).astype(np.float32)
-    return 1 / np.sqrt(1 + y[:, None] ** 2 + x**2)
-
-
-def _warnings(found: list[LinearPhoto], cells: list[_Cells], exponent: float) -> list[str]:
+    cosine = 1 / np.sqrt(1 + y[:, None] ** 2 + x**2)  # the lens's bend is too small to matter here
+    of_cells, cosines = sample(linear, at), sample(cosine, at)
+    exponent, lit = _falloff(of_cells[white] @ REC_709, cosines[white])
+    flat = of_cells / cosines[:, None] ** exponent
+    paper, shade = np.median(flat[white][lit], axis=0), cosine ** np.float32(exponent)
+    light = linear / np.float32(paper @ REC_709) / shade[..., None]
+    photo = LinearPhoto(path.name, camera, light, pixels.max(axis=-1) >= CLIPPED, pixels, paper, shade)
+    clipped = sample(photo.clipped.astype(np.float32), at[white][lit]).mean()
+    ink = np.median(flat[~white] @ REC_709) / np.median(flat[white] @ REC_709)
     warnings = []
-    for photo, c in zip(found, cells, strict=True):
-        lit = c.white & (c.linear @ REC_709 > 0.7 * (photo.paper @ REC_709))
-        if (share := (c.codes[lit] >= CLIPPED).mean()) > 0.1:
-            warnings.append(
-                f"{photo.name}: {100 * share:.0f} % of the paper in full light is clipped, so that all light comes out"
-                " too strong beside it: expose less"
-            )
-        flat = c.linear @ REC_709 / c.cosine**exponent
-        ratio = np.median(flat[~c.white]) / np.median(flat[c.white])
-        if not INK[0] < ratio < INK[1]:
-            warnings.append(
-                f"{photo.name}: the tags' black is {100 * ratio:.2g} % of their white, where ink gives"
-                f" {100 * INK[0]:.0f} to {100 * INK[1]:.0f} %: the photo was tone-mapped, or veiled by glare"
-            )
-    return warnings
+    if clipped > 0.1:
+        warnings.append(
+            f"{photo.name}: {100 * clipped:.0f} % of the paper in full light is clipped, so that all light comes out"
+            " too strong beside it: expose less"
+        )
+    if not INK[0] < ink < INK[1]:
+        warnings.append(
+            f"{photo.name}: the tags' black is {100 * ink:.2g} % of their white, where ink gives"
+            f" {100 * INK[0]:.0f} to {100 * INK[1]:.0f} %: the photo was tone-mapped, or veiled by glare"
+        )
+    return photo, warnings
+
+
+def _cells(camera: Camera, board: Board) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 2) pixels of places half a cell outside and inside the tags' edges that are seen large enough, and which are
+    white paper (n,): so a tag may be printed any way round."""
+    cells = len(tag_cells(board.family, 0))
+    side = ((np.arange(cells) + 0.5) / cells - 0.5) * board.tag_edge
+    across = np.array([[board.tag_edge * (0.5 + 0.5 / cells)], [board.tag_edge * (0.5 - 0.5 / cells)]]) + 0 * side
+    x, y = np.concatenate([across, -across]), np.tile(side, (4, 1))
+    ring = np.stack([np.concatenate([x, y]), np.concatenate([y, x])], axis=-1)
+    centers = np.array(list(board.centers().values()))
+    xy = (centers[:, None, None] + ring).reshape(-1, 2)
+    white = np.broadcast_to(np.tile([True, False], 4)[:, None], (len(centers), *ring.shape[:2])).ravel()
+    there = np.c_[xy, board.rise(xy)]
+    R, t = np.array(camera.R_cam_board), np.array(camera.t_cam_board)
+    at = lens_model.project(there, R, t, camera.K, camera.dist)
+    wide = board.tag_edge / cells * min(camera.fx, camera.fy) / (there @ R.T + t)[:, 2]
+    good = (at > 2).all(axis=1) & (at < np.array(camera.image_size) - 3).all(axis=1) & (wide > CELL_PX)
+    return at[good], white[good]
+
+
+def _falloff(white: np.ndarray, cosine: np.ndarray) -> tuple[float, np.ndarray]:
+    """The exponent of the cosine, and which of the white cells (n,) are in full light: those within a tenth of the
+    brightest, once the falloff is undone."""
+    level, x, exponent = np.log(np.maximum(white, 1e-6)), np.log(cosine), FALLOFF
+    trust = INDEPENDENT_CELLS / PAPER_SCATTER**2
+    for _ in range(5):
+        flat = level - exponent * x
+        top = np.quantile(flat, 0.9)
+        lit = np.abs(flat - np.median(flat[flat > top - 0.2])) < 0.1
+        along, up = x[lit] - x[lit].mean(), level[lit] - level[lit].mean()
+        fit = (trust * (along * up).mean() + FALLOFF / FALLOFF_SD**2) / (trust * (along**2).mean() + FALLOFF_SD**-2)
+        exponent = float(np.clip(fit, 0, 5))
+    return exponent, lit
