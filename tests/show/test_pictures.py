@@ -35,7 +35,7 @@ def test_a_small_difference_is_pale_where_it_is_allowed_and_red_where_it_is_too_
     reference = grey(np.full((60, 90), 0.5))
     for error, least_red in ((1e-6, 250), (0.1, 150)):
         test = grey(reference.mean[..., 0] + error)
-        picture = np.asarray(loaded(data_urls.error_thumb(test, reference, 1e-5, 30)).convert("RGB")).astype(int)
+        picture = data_urls.small_pictures(test, reference, 1e-5, 30)[2].astype(int)
         assert picture.shape == (20, 30, 3)
         assert (picture[..., 1] > 200).all() == (least_red == 250)
         assert (picture[..., 0] >= picture[..., 2]).all()

@@ -49,7 +49,7 @@ def small_pictures(
     step = max(1, -(-test.shape[1] // widest))
     gain = exposure(reference if reference.mean.any() else test)
     shown = [exposed(image, gain)[::step, ::step] for image in (test, reference)]
-    test, reference = (binned(Image(image.mean), max(1, round(test.shape[1] / widest))) for image in (test, reference))
+    test, reference = (binned(Image(image.mean), step) for image in (test, reference))
     scale = max(FAINT * tolerance, error_scale(test, reference))
     return shown[0], shown[1], to_bytes(error_map(test, reference, scale=scale))
 
