@@ -4,13 +4,14 @@ import os
 import sys
 from collections.abc import Sequence
 from copy import copy
+from functools import reduce
 from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 
 from raytwin.errors import MachineError
-from raytwin.tracer.arrays import library
+from raytwin.tracer.arrays import library, select
 
 
 class Engine(NamedTuple):
@@ -133,6 +134,8 @@ def gather(numbers: Any, places: Any, where: Any = True) -> Any:
     """numbers[places], of a tuple each column's; anything where `where` is false."""
     if isinstance(numbers, tuple):
         return tuple(gather(column, places, where) for column in numbers)
+    if isinstance(numbers, list):  # a few single numbers: comparing costs less than looking up
+        return reduce(lambda found, i: select(places == i, numbers[i], found), range(1, len(numbers)), numbers[0])
     if isinstance(numbers, np.ndarray):
         return np.take(numbers, places)
     xp = library(numbers)

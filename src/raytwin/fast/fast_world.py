@@ -86,14 +86,15 @@ class Objects:
     def __init__(self, scene: Scene, engine: Engine, every: bool = False) -> None:
         self.every, self.numpy = every, engine.is_numpy
         self.glossy, self.number = scene.glossy, len(scene.objects)
-        self.rows = columns(engine, np.array([facts_row(t) for t in scene.objects]).reshape(-1, 14))
-        self.objects, self.trees = scene.objects, list[Tree]()
-        if not engine.is_numpy and self.number > MAX_OBJECTS_WITHOUT_TREE:
-            kinds = [type(thing) for thing in scene.objects]
-            ids = {kind: [i for i, own in enumerate(kinds) if own is kind] for kind in dict.fromkeys(kinds)}
-            self.trees = [grow_tree(kind, ids[kind], scene.objects, engine, every) for kind in ids]
-        else:
-            self.objects = to_engine(scene.objects, engine)
+        few = not engine.is_numpy and 0 < self.number <= MAX_OBJECTS_WITHOUT_TREE
+        rows = np.array([facts_row(t) for t in scene.objects]).reshape(-1, 14)
+        one_by_one = few or engine.is_numpy
+        self.objects = to_engine(scene.objects, engine) if one_by_one else scene.objects
+        # Of a few objects each number is one of the kernel's parameters.
+        self.rows = tuple([to_engine(x, engine) for x in c] for c in rows.T.tolist()) if few else columns(engine, rows)
+        kinds = [] if one_by_one else [type(thing) for thing in scene.objects]
+        ids = {kind: [i for i, own in enumerate(kinds) if own is kind] for kind in dict.fromkeys(kinds)}
+        self.trees = [grow_tree(kind, ids[kind], scene.objects, engine, every) for kind in ids]
         self.center = np.array([thing.center for thing in scene.objects]).reshape(-1, 3)
         self.size = (1 + SIZE_MARGIN) * np.array([np.hypot.reduce(thing.sizes) for thing in scene.objects])
 
