@@ -111,7 +111,7 @@ def test_patterns_along_rows_columns_and_diagonals_repeat_and_no_filters_noise_d
 
 
 def test_independent_noise_of_any_distribution_does_not_repeat_nor_do_a_few_errors():
-    """None of 160 and 50; of the correlations of Gaussian errors one in 10^8 is 6 standard deviations from 0.
+    """None of 160 and 200; of the correlations of Gaussian errors one in 10^8 is 6 standard deviations from 0.
 
     Three errors in a picture have no products at most distances: what the transform rounds there was taken for one.
     """
@@ -128,7 +128,7 @@ def test_independent_noise_of_any_distribution_does_not_repeat_nor_do_a_few_erro
                 test = np.broadcast_to(draw((*size, channels)), (*size, 3)).astype(np.float32)
                 reference = np.full((*size, 3), test.mean(), np.float32)
                 assert not patterned(test, reference, residual(test, reference).square), (size, channels)
-    for _ in range(50):
+    for _ in range(200):
         a, b = (rng.normal(1, 0.01, (24, 32, 3)).astype(np.float32) for _ in range(2))
         variance = np.full(a.shape, 1e-4, np.float32)
         for image in (a, a, b):
