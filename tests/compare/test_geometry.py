@@ -39,7 +39,7 @@ def test_silhouette_pixels_are_counted_against_the_tolerance_and_located():
     mean[30, 10:13] = 0.9
     geometry, found = judged(s)
     assert geometry.mask_mismatch_pixels == 3
-    assert "3 pixels see another object (allowed 0)" in found[0].text
+    assert "another object is seen in 3 pixels (allowed 0)" in found[0].text
     assert "(x=10, y=30), where the test sees object 4, the reference the background" in found[0].text
     for tolerated in (2, 3):
         assert bool(judged(s, Tolerance(mask_pixels=tolerated))[1]) == (tolerated < 3)
@@ -76,7 +76,7 @@ def test_no_other_pixel_is_taken_for_a_tie():
             test.ids[:, 40] = 7
         c = compare(Image(MEAN, surface=test), Image(MEAN, surface=reference))
         assert c.verdict == "fail", wrong
-        assert "see another object" in c.reasons[0], wrong
+        assert "another object is seen" in c.reasons[0], wrong
 
 
 def test_relative_depth_is_measured_where_both_see_the_same_object():
@@ -107,7 +107,7 @@ def test_a_depth_that_is_not_a_number_and_a_surface_of_another_size_fail():
     s = surface()
     s.depth[30, 41] = np.nan
     smaller = Surface(*(a[:-1] for a in (surface().ids, surface().depth, surface().normal)))
-    for wrong, words in ((s, "depth of 1 pixel is not a number, first at (x=41, y=30)"), (smaller, "surface")):
+    for wrong, words in ((s, "depth of 1 pixel is not finite, first at (x=41, y=30)"), (smaller, "surface")):
         c = compare(Image(MEAN, surface=wrong), Image(MEAN, surface=surface()))
         assert not c.passed
         assert words in c.reasons[0]

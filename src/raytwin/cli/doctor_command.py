@@ -9,8 +9,8 @@ from raytwin.errors import EXTRAS, InputError
 USES = {
     "twin": "compare a scene with its twin; levels, bench, reference (add llvm: tens of times faster)",
     "photos": "calibrate a camera from photos of a board, draw into photos, print boards",
-    "live": "raytwin explore",
-    "notebook": "raytwin walk --notebook, and the viewer in a notebook",
+    "live": "open the live page (raytwin explore)",
+    "notebook": "run raytwin walk --notebook, and the viewer in a notebook",
 }
 """Extra -> what it is for."""
 
@@ -18,7 +18,7 @@ USES = {
 def doctor_command() -> None:
     """Show what works on this machine, and what to install.
 
-    Mitsuba's backends and why they work or not, the extras installed, the locks of the sandbox.
+    Prints Mitsuba's backends and why one fails, the extras that are installed, and which locks of the sandbox work.
     """
     from raytwin import twin
 
@@ -30,7 +30,9 @@ def _extras() -> Iterator[tuple[str, str]]:
     for extra, use in USES.items():
         absent = [module for module, brought_by in EXTRAS.items() if extra == brought_by[0] and not find_spec(module)]
         wanted = "twin,llvm" if extra == "twin" else extra
-        state = f"no {' nor '.join(absent)}: pip install 'raytwin[{wanted}]' to use" if absent else "installed:"
+        state = (
+            f"no {' nor '.join(absent)}: pip install 'raytwin[{wanted}]'; needed to:" if absent else "installed, to:"
+        )
         yield f"extra: {extra}", f"{state} {use}"
 
 

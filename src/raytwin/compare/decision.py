@@ -1,21 +1,22 @@
-"""Is t - r more than noise? Two passes, of which each sees what the other misses.
+"""Is t - r more than noise? Three of the four tests of a comparison, made in two passes.
 
     values    z = (|t - r| - granted) / sqrt(va + vb)               every value: a wrong pixel
     sums      z = (|Σ(t - r)| / n - granted) n / sqrt(Σva + Σvb)    tiles: a wrong corner; the image: its brightness
 
-With the shift between the two (shift.py), which sees a wrong camera, these are four tests. Each gets the rate
-1 - (1 - rate)^(1/4), and shares it among its own values by Sidak's formula. Tiles are of 8 x 8, 16 x 16, ... pixels;
+Values, tiles and the image are three tests; the fourth, the shift between the images (shift.py), sees a wrong camera.
+Each gets the rate 1 - (1 - rate)^(1/4), and shares it among its own values by Sidak's formula. Tiles are of 8 x 8, 16 x 16, ... pixels;
 from 16 on they overlap by half: any square of 24 pixels holds a whole one of 16.
 
-What holds the rate, and how many correct renders of which noise (tests/measure) fail without it:
+These rules hold the rate. Behind each stands how many correct renders fail without it, and with which noise
+(tests/measure/sequences.py has the kinds):
 
 - Student's t: a value has the batches' degrees of freedom, a sum (Σv)² / Σ(v² / ν) - 1: 3 of 20, four batches.
 - A value's variance is at least its block's mean, where batches agree by chance: 4 of 20, exponential.
-- A sum's z is that of its third moment, too (significance.less_skewed): 3 of 120 for 0, lognormal 1.5 at a rate of 1 %.
+- A sum's z is corrected for skewness by the third moment (significance.less_skewed): 3 of 120 for 0, lognormal 1.5 at a rate of 1 %.
 - A variance is at least what the other image's says, by the ratio of their samples: 8 of 30, fireflies that the test
   hardly catches. So is a third moment, which finds faults sooner.
 - Few events may be missed, as neighbours tell, in sums: 2 of 20, in 10 x 14 pixels; in values: 14 of 60, in a stripe.
-- Samples that all agree may have missed an event as bright as the scale: 18 of 20, one sample in 200 shaded.
+- Samples that all agree may have missed one as bright as the image's scale: 18 of 20, one sample in 200 shaded.
 - Beside an exact image few samples leave an error undecided that brighter events explain: 17 of 20, few fireflies.
 - Sums are inflated where neighbours share samples, as under a filter wider than the pixel: 20 of 20, of 1 pixel.
 
@@ -57,17 +58,18 @@ SILENT_SHARE = 0.1
 """Standard deviations below this share of the tolerance count as no noise."""
 
 FEW_EVENTS, RARE_EVENTS = 20.0, 60.0
-"""A sum that expects fewer events may have missed them all; a block that saw fewer tells of its neighbours' events."""
+"""A sum in which fewer than 20 bright events are expected may contain none. A block whose noise comes from fewer than
+60 is compared with its neighbours."""
 
 BRIGHTEST = 600.0
-"""Times the light of the brightest events that an image without noise may know, and the other may have missed."""
+"""Light of the brightest event that a noisy image may have missed, as a multiple of the mean radiance there."""
 
 FEWEST_TOLD = 3
-"""Samples or renders that tell of noise: two batches are those of a variance that was estimated."""
+"""Fewest samples or renders whose variance counts as stated. An estimated variance is marked by two batches."""
 
 ENOUGH_SAMPLES, ENOUGH_AT_ONCE = 80_000, 30_000
-"""Samples of the whole image that have met events of one in 10 000, but for exp(-8), in a sequence of looks; and in a
-comparison made once, as a sequence meets the least lucky of all numbers of samples."""
+"""Samples in the whole image after which an event of probability 1e-4 has been missed with probability exp(-8) (in a
+sequence, which meets the least lucky number of samples) or exp(-3) (in one comparison)."""
 
 DIM_SHARE = 0.1
 """Channels dimmer than this share of the channels' mean are left out of the detectable relative bias."""
@@ -152,9 +154,9 @@ class Known(NamedTuple):
     """Two images, test and reference, and what is known of their noise before anything is tested.
 
     `share`: of the false-alarm rate, each of TESTS'; `look`: the rate as a share of a whole sequence's; `ratio` of the
-    variances; `unmet`: 1 / samples per pixel of the image with fewer, 0 where no variance proves no noise; `proven`
-    (H, W, 1): where it does; `lacking`: shares of the light that the test, and the reference, may lack, since no sample
-    met a rare event.
+    variances; `unmet`: 1 / (samples per pixel), of the image with fewer samples, 0 if zero variance proves that there
+    is no noise; `proven` (H, W, 1): where it does; `lacking`: shares of the light that the test, and the reference, may
+    lack, since no sample met a rare event.
     """
 
     images: tuple[Image, Image]
@@ -233,7 +235,7 @@ def _proven(reference: Image, sampled: bool) -> Bool[np.ndarray, "h w 1"]:
 
 
 def enough_samples(look: float) -> int:
-    """Samples of the whole image from which on no error is laid to events that none of them met."""
+    """Samples of the whole image from which on no error is excused by events that no sample found."""
     return ENOUGH_SAMPLES if look < 1 else ENOUGH_AT_ONCE
 
 
@@ -370,7 +372,7 @@ class Sums(NamedTuple):
     missed_number: Float[np.ndarray, "2 *n 3"]
 
     def each(self, function: Callable[[np.ndarray], np.ndarray]) -> "Sums":
-        """The function of each of them."""
+        """Apply `function` to every field."""
         return Sums(*map(function, self))
 
 
@@ -451,14 +453,16 @@ def _with_rare_events(sums: Sums, known: Known) -> tuple[Sums, Float[np.ndarray,
 
     around = uniform_filter(sums.pixels, (3, 3, 1), mode="nearest")
 
-    def lent(seen: Float[np.ndarray, "2 by bx 3"], factor: np.ndarray | float) -> Float[np.ndarray, "2 by bx 3"]:
+    def from_neighbours(
+        seen: Float[np.ndarray, "2 by bx 3"], factor: np.ndarray | float
+    ) -> Float[np.ndarray, "2 by bx 3"]:
         neighbours = uniform_filter(seen, (1, 3, 3, 1), mode="nearest") / around
         return np.asarray(sums.pixels * np.maximum(neighbours, most * seen.sum(axis=(1, 2), keepdims=True) * factor))
 
     sums = sums._replace(
-        missed_light=lent(light, brightness),
-        missed_variance=lent(variance, np.square(brightness)),
-        missed_number=lent(number, 1.0),
+        missed_light=from_neighbours(light, brightness),
+        missed_variance=from_neighbours(variance, np.square(brightness)),
+        missed_number=from_neighbours(number, 1.0),
     )
     return sums, maximum_filter(variance / sums.pixels, (1, 3, 3, 1))
 
@@ -526,15 +530,15 @@ def _tiles(sums: Sums, known: Known, shared: float) -> Family:
         scales.append((2 * side, side, coarser))
     tests = sum(here.error.size for _, _, here in scales)
     level = sidak(known.share, tests)
-    doubtful = float(quantile(level, math.inf))
+    gaussian_limit = float(quantile(level, math.inf))
     worst, failed, sure, detectable = Worst(width=SIDE, height=SIDE), 0, 0, math.nan
     found: list[Place] = []
     for k, (side, step, here) in enumerate(scales):
         t = _deviations(here, known, shared, level)
         # Student's tails are wider than the Gaussian's: only what a Gaussian would doubt needs them.
-        unsure = t.z >= min(doubtful, float(t.z.max()))
+        needs_student_t = t.z >= min(gaussian_limit, float(t.z.max()))
         p = np.ones_like(t.z)
-        p[unsure] = two_sided(t.z[unsure], t.dof[unsure])
+        p[needs_student_t] = two_sided(t.z[needs_student_t], t.dof[needs_student_t])
         below = p < level
         failed += int(np.count_nonzero(below))
         sure += int(np.count_nonzero(below & ~known.excusable(t.error, t.radiance)))

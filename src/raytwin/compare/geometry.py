@@ -12,13 +12,13 @@ from raytwin.images.image import BACKGROUND, Image, Surface
 from raytwin.scene import Tolerance
 
 DEPTH_REL = 1e-4
-"""Bound on the 99.9 % quantile of |t - t_ref| / t_ref: rounding at a sphere's rim stays below, a wrong radius not."""
+"""Bound on the 99.9 % quantile of |t - t_ref| / t_ref: rounding at a sphere's rim stays below, a wrong radius exceeds it."""
 
 NORMAL_DEG = 0.1
 """Bound on the 99.9 % quantile of the angle between normals, degrees."""
 
-PIXELS = 1 << 14
-"""Worked on at a time: they stay in the cache."""
+PIXELS_PER_PASS = 1 << 14
+"""Pixels processed at once, so that they fit in the cache."""
 
 
 def geometry_findings(test: Image, reference: Image, tolerance: Tolerance) -> tuple[Geometry, list[Finding]]:
@@ -36,7 +36,7 @@ def geometry_findings(test: Image, reference: Image, tolerance: Tolerance) -> tu
         findings.append(
             Finding(
                 "silhouettes",
-                f"{plural(mismatch, 'pixel')} see another object (allowed {tolerance.mask_pixels}): "
+                f"another object is seen in {plural(mismatch, 'pixel')} (allowed {tolerance.mask_pixels}): "
                 f"first at {at(x, y)}, where {seen}",
                 Place(x, y),
             )
@@ -57,7 +57,7 @@ def geometry_findings(test: Image, reference: Image, tolerance: Tolerance) -> tu
             largest[what] = in_units(float(error[finite].max())) if (finite & same).any() else None
             y, x = (int(i) for i in np.argwhere(~finite)[0])
             count = plural(int((~finite).sum()), "pixel")
-            text = f"the {what} of {count} is not a number, first at {at(x, y)}"
+            text = f"the {what} of {count} is not finite, first at {at(x, y)}"
             findings.append(Finding("NaN", text, Place(x, y)))
             continue
         y, x = (int(i) for i in np.unravel_index(int(error.argmax()), error.shape))
@@ -115,7 +115,7 @@ def _errors(
     arccos(a . b) loses half of the digits of a small angle; the chord does not.
     """
     depth, chord = np.zeros(same.shape, np.float32), np.zeros(same.shape, np.float32)
-    rows = max(1, PIXELS // same.shape[1])
+    rows = max(1, PIXELS_PER_PASS // same.shape[1])
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         for y in range(0, len(same), rows):
             part = slice(y, y + rows)

@@ -7,7 +7,7 @@ from raytwin.compare.blocks import strips
 from raytwin.errors import InputError
 from raytwin.images.image import Image
 
-# Linear Rec. 709, dark end to pale centre; ends chosen dark enough to differ by lightness as well as by hue.
+# Linear Rec. 709, from white at 0 to the dark end at `scale`; ends chosen dark enough to differ by lightness as well as by hue.
 _NEGATIVE = np.array([[1.0, 1.0, 1.0], [0.25, 0.55, 0.95], [0.01, 0.06, 0.45]], np.float32)
 _POSITIVE = np.array([[1.0, 1.0, 1.0], [0.95, 0.42, 0.22], [0.42, 0.005, 0.02]], np.float32)
 _INVALID = np.array([0.0, 0.6, 0.0], np.float32)
@@ -16,7 +16,7 @@ _INVALID = np.array([0.0, 0.6, 0.0], np.float32)
 def signed_error(test: Image, reference: Image) -> Float32[np.ndarray, "h w"]:
     """(H, W): t - r in the channel that errs most; NaN where it has none."""
     out = np.empty(test.mean.shape[:2], np.float32)
-    for y0, y1, _ in strips(out.shape):  # which stay in the cache
+    for y0, y1, _ in strips(out.shape):  # strips fit in the cache
         with np.errstate(invalid="ignore", over="ignore"):
             error = np.asarray(test.mean[y0:y1], np.float32) - np.asarray(reference.mean[y0:y1], np.float32)
         worst = out[y0:y1]

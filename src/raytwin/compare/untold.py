@@ -1,9 +1,9 @@
-"""Noise that nobody states: the pixels of a tile are the sample, if the reference scatters alike.
+"""Unreported noise, estimated from the scatter within blocks of 8 x 8 pixels if the reference scatters too.
 
     dense       Does t - r scatter in most values of a block, wherever it scatters? A wrong edge or pixel does not.
     borne_out   Does the reference scatter, too? With t = s + n_t and r = s + n_r, the covariance of t - r with r is
                 -var(n_r), whatever s shows. An image without noise has none, so that wrong pixels beside it are never
-                excused; one with noise bears out at most 1 / LEVEL times its own variance.
+                excused; one with noise bears out at most 1 / MIN_REFERENCE_SHARE times its own variance.
 
 What is dense may fail an image by the means of its tiles; only what is borne out may pass one.
 """
@@ -14,22 +14,23 @@ from raytwin.array_types import Float, Float64
 from raytwin.compare.blocks import Pixels, block_counts, block_sums, strips
 from raytwin.compare.noise import Residual
 
-DENSE = 1 / 6
-"""Noise is everywhere: the effective share of a block's values that carry its scatter. Gaussian noise has a third."""
+MIN_CARRYING = 1 / 6
+"""Least effective share of a block's values that carry its scatter, if it is noise. Gaussian noise has a third."""
 
-HARDLY = 1 / 24
-"""The same for noise of one sample a pixel: the exponential's has a sixth, and its blocks scatter widely around it."""
+MIN_CARRYING_ONE_SAMPLE = 1 / 24
+"""The same for noise of one sample per pixel: the exponential's has a sixth, and its blocks scatter widely around it."""
 
-MOSTLY = 0.8
+MIN_DENSE_BLOCKS = 0.8
 """Least share of the scattering blocks that is dense, if the scatter is to count as unreported noise."""
 
-LEVEL = 1 / 16
-"""The reference's share of the scatter's variance: at least this, so at most 4 of its own standard deviations."""
+MIN_REFERENCE_SHARE = 1 / 16
+"""Least share of the scatter's variance that the reference's noise must explain, so that the scatter is at most 4 of
+its standard deviations."""
 
-REGION = 4
+REGION_BLOCKS = 4
 """Blocks of 8 x 8 pixels on the side of the region whose median block is asked."""
 
-ALMOST_ALL = 0.95
+MIN_REGIONS = 0.95
 """The share of the regions that must bear the scatter out; edges and texture make a few of them doubtful."""
 
 UNEXPLAINED = "the images differ from pixel to pixel by more than the reference's own noise explains"
@@ -40,14 +41,14 @@ ESTIMATED = "noise was estimated from the difference within 8 x 8 pixels, where 
 
 
 def dense(shown: Residual, known: Float[np.ndarray, "*blocks 3"], least: float) -> bool:
-    """Whether the scatter beyond what is `known` of is dense wherever it is.
+    """Whether scatter above the `known` variance is spread over most values of the blocks that have it.
 
-    Where most of the picture scatters, it is no edge, and may have the tails of few samples. `least`: a standard
+    Where most of the picture scatters, the scatter is not an edge, and may have the tails of few samples. `least`: a standard
     deviation below it is no scatter.
     """
     scatters = (shown.square > 1.5 * known + least**2) & (shown.pixels >= 16)
-    carried = shown.carrying >= (DENSE if scatters.mean() < 0.5 else HARDLY) * shown.pixels
-    return bool(scatters.any()) and float(carried[scatters].mean()) >= MOSTLY
+    carried = shown.carrying >= (MIN_CARRYING if scatters.mean() < 0.5 else MIN_CARRYING_ONE_SAMPLE) * shown.pixels
+    return bool(scatters.any()) and float(carried[scatters].mean()) >= MIN_DENSE_BLOCKS
 
 
 def unexplained(shown: Residual, known: Float[np.ndarray, "*blocks 3"]) -> bool:
@@ -58,16 +59,18 @@ def unexplained(shown: Residual, known: Float[np.ndarray, "*blocks 3"]) -> bool:
 
 
 def borne_out(test: Pixels, reference: Pixels, shown: Residual, least: float) -> bool:
-    """Whether the reference's own noise is LEVEL of the scatter's variance in almost all regions that scatter."""
+    """Whether the reference's own noise is MIN_REFERENCE_SHARE of the scatter's variance in almost all regions that scatter."""
     scatter = shown.square.sum(axis=-1)
     scatters = (shown.square > least**2).any(axis=-1) & (shown.pixels[..., 0] >= 16)
     share = np.divide(_own_noise(test, reference), scatter, out=np.zeros_like(scatter), where=scatters)
     high, wide = share.shape
     places = [
-        (slice(y, y + REGION), slice(x, x + REGION)) for y in range(0, high, REGION) for x in range(0, wide, REGION)
+        (slice(y, y + REGION_BLOCKS), slice(x, x + REGION_BLOCKS))
+        for y in range(0, high, REGION_BLOCKS)
+        for x in range(0, wide, REGION_BLOCKS)
     ]
     medians = [np.median(share[p][scatters[p]]) for p in places if np.count_nonzero(scatters[p]) > 1]
-    return bool(medians) and float(np.mean(np.array(medians) >= LEVEL)) >= ALMOST_ALL
+    return bool(medians) and float(np.mean(np.array(medians) >= MIN_REFERENCE_SHARE)) >= MIN_REGIONS
 
 
 def _own_noise(test: Pixels, reference: Pixels) -> Float64[np.ndarray, "by bx"]:

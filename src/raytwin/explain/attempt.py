@@ -1,4 +1,4 @@
-"""Changes of a text that are run: what a function returns with each, in the sandbox or in this process.
+"""Run edited versions of a function, and return what each gives, in the sandbox or in this process.
 
 The text of these functions is sent into the sandbox: each imports what it needs itself.
 """
@@ -7,7 +7,7 @@ from typing import Any
 
 
 def remembering(space: Any, name: Any) -> Any:
-    """The function of that name, which is asked once for the same arguments, unless it changes them."""
+    """Cache the function of that name by its arguments; never for calls that modify them."""
     import pickle
 
     kept, right = space.setdefault("raytwin_kept", {}), space[name]
@@ -39,7 +39,7 @@ def attempt(
     """What the function returns with each of `codes` run in `space`; the `names` that it binds are put back after.
 
     A list of arrays or None: it raised, it took too long, it changed its arguments, or, if `changed`, it returns what
-    it does without. What `innocent` functions return is kept.
+    it does without. `innocent` are functions known to be correct, whose results are cached.
     """
     import contextlib
     import io

@@ -41,18 +41,18 @@ PART, SPARED = 0.4, 0.99
 FEWEST_PIXELS = 6
 """Wrong pixels below which nothing is named: rounding on outlines."""
 ALTERNATIVES = 3
-"""Causes that explain it as well, at most so many of which are told."""
+"""Most alternative causes that are reported."""
 RARE_SHARE = 3e-3
 """Share of a picture's pixels: up to here, only single faults without fitted numbers are tried."""
 SPECKLED = 0.1
-"""What `mixed` says from which on chance is asked: acne of seven tracers in five scenes has .11 to .26, and 981
+"""Least `mixed` value at which acne is tested: acne of seven tracers in five scenes has .11 to .26, and 981
 of 1006 pictures with faults of shapes and light have less."""
 MAX_PIXELS = 25_000
-"""Pixels of a picture that are looked at in the end."""
+"""Pixels of a picture that are checked for leftover errors."""
 DOUBTED = 0.1
 """Share of the pixels: if more stay wrong, differences between correct tracers do not explain it."""
 BRIGHTEST_WHITE = 1e6
-"""What is stored as white may be anything up to this."""
+"""Upper bound assumed for a reference value that was clipped to white."""
 
 PLAIN = tuple(
     fault for fault in FAULTS
@@ -72,7 +72,7 @@ def explain(
     sampled: Sampled | None = None,
     of_reference: Rounding = Rounding(),  # noqa: B008 (frozen)
 ) -> tuple[Finding, ...]:
-    """Why an image is not its reference: of a known scene any fault, else what a writer does wrong.
+    """Why an image is not its reference: with a scene, any fault; without, only errors in writing the image.
 
     Of an unknown scene only a cause that explains it is told. `rounding`, `of_reference`: what the formats of test and
     reference round off. `sampled`: the parts of light that chance finds, for the factors of light that are told where
@@ -131,7 +131,7 @@ def diagnose(
 ) -> Explanation:
     """The cause of what is wrong in the views of one submission.
 
-    Give the views that are correct too: a fault that would have spoiled them is none.
+    Give the correct views too: a fault that would change one of them is ruled out.
     """
     samples = [sample_pixels(view, seed) for view in views]
     where = whereabouts(samples, [s.errors(RIGHT) for s in samples])
@@ -143,10 +143,10 @@ def diagnose(
     if count < FEWEST_PIXELS:
         return Explanation("unknown", where=where)
     if words := points_of_misses(samples):
-        text = f"rays that meet nothing have points, too ({words}): NaN is wanted there"
+        text = f"rays that miss everything have hit points ({words}): return NaN for them"
         return Explanation("proved", (Cause("points-of-misses", ORDER, text),), (text,), where, 1.0)
     if words := border_alone(samples):
-        text = f"{words} of the image are wrong, and nothing else: show all rows and columns, none is left out"
+        text = f"only {words} of the image are wrong: render every row and column"
         return Explanation("likely", (Cause("border-alone", OUTPUT, text),), (text,), explained=1.0)
     samples = [s for s in samples if s.weight.size]
     if (share := _acne(samples)) > 0:
@@ -231,12 +231,12 @@ def _unknown(found: list[Hypothesis], samples: list[PixelSample], where: str) ->
     lit = [(s, s.view.scene) for s in samples if s.view.scene and s.view.scene.objects and not s.view.points]
     parts = "; ".join(f"{scene.name}: {words}" for s, scene in lit if (words := split(s).words))
     where = f"{where}; as if {parts}" if parts else where
-    closest = f"closest to it, but not all of it: {nearest.cause.sentence}"
+    closest = f"closest known fault, which explains only part of the error: {nearest.cause.sentence}"
     return Explanation("unknown", sentences=(closest,) if share >= MATCHED else (), where=where, explained=share)
 
 
 def _rather_than_a_fact(found: list[Hypothesis], samples: list[PixelSample]) -> Hypothesis:
-    """The best guess; not one that says only what is seen where another one leaves nothing, and that does."""
+    """The best guess. If it is a symptom (FACTS) and not exact, an exact cause stands in its place."""
     best = found[0]
     if best.cause.name in FACTS and not fit_of(samples, best.steps).exact:
         return next((g for g in found[1:] if fit_of(samples, g.steps).exact), best)
@@ -271,6 +271,6 @@ def left_over(samples: Sequence[PixelSample], steps: Pipeline) -> tuple[int, str
 
 
 def _most(sample: PixelSample) -> int:
-    """Pixels that are looked at in the end: fewer where a scene has many objects."""
+    """Pixels that are checked for leftover errors: fewer where a scene has many objects."""
     objects = len(sample.view.scene.objects) if sample.view.scene else 0
     return min(MAX_PIXELS, max(MET // max(objects, 1), 1))

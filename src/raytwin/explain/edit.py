@@ -1,4 +1,4 @@
-"""A change of a syntax tree: an `Edit` puts other nodes in the place of some; and what operators ask of trees."""
+"""A change of a syntax tree: an `Edit` puts other nodes in the place of some. Below it, queries on trees."""
 
 import ast
 import copy
@@ -19,7 +19,7 @@ Part = tuple[ast.AST, New]
 class Edit:
     """`old`, a node of the tree, becomes `new`. `operator`: what was wrong, in words. `also`: what changes with it.
 
-    `weight`: how far-fetched it is, by how often such slips are seen (1: every term). `moved`: the statement that the
+    `weight`: a penalty, larger for rarer slips (1: every term; COPIED to FAR in forms.py). `moved`: the statement that the
     edit moves, if it is not `old`.
     """
 
@@ -42,7 +42,7 @@ class Edit:
         return tree
 
     def locate(self) -> None:
-        """Give what is new its place in the text, which it is compiled with."""
+        """Copy line numbers from the old nodes to the new, so that they compile."""
         for old, new in self.parts:
             for tree in new if isinstance(new, list) else [new]:
                 locate(tree, old)
@@ -85,7 +85,7 @@ PLACE = ("lineno", "col_offset", "end_lineno", "end_col_offset")
 
 
 def locate(tree: ast.AST, like: ast.AST) -> None:
-    """Give what is new in the tree the place of another node; below nodes that have one nothing is new."""
+    """Give the tree's new nodes the place of another node. Descend only into nodes without a place."""
     place = {name: getattr(like, name) for name in PLACE if hasattr(like, name)}
     todo = [tree]
     while todo:
@@ -97,7 +97,7 @@ def locate(tree: ast.AST, like: ast.AST) -> None:
 
 
 def code_of(statements: list[ast.stmt]) -> bytes:
-    """The compiled statements; empty where they are no Python."""
+    """The compiled statements; empty where they do not compile."""
     tree = ast.Module(statements, [])
     try:
         with warnings.catch_warnings():
@@ -149,7 +149,7 @@ def code(tree: ast.AST) -> Iterator[ast.AST]:
 
 
 def blocks(node: ast.AST) -> Iterator[list[ast.stmt]]:
-    """The lists of statements that the node has."""
+    """The node's `body` and `orelse`; blocks of `except`, `finally` and `case` are not searched."""
     for block in (getattr(node, "body", None), getattr(node, "orelse", None)):
         if isinstance(block, list) and block:
             yield block
@@ -165,5 +165,5 @@ def names_in(tree: ast.AST, use: type[ast.expr_context] = ast.expr_context) -> s
 
 
 def form(tree: ast.AST) -> str:
-    """The tree's form, whatever its names, numbers and words are."""
+    """The tree's structure, with names and constants masked."""
     return re.sub(r"Name\(id='\w+'|Constant\(value=[^,)]*", "_(", ast.dump(tree))

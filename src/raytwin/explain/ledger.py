@@ -1,4 +1,4 @@
-"""The ledger: the error of a rung against the whole light, as named parts that add up to it pixel by pixel.
+"""The ledger: the error of a light level against the full global illumination, as named parts that add up to it pixel by pixel.
 
 What the tracer shows, minus all light over the pixel's area, is
 
@@ -24,8 +24,9 @@ LEFT_OUT = {
     "sun's shadow": "shadow", "sky's occlusion": "occlusion", "bounce 1": "bounce 1", "bounce 2": "bounce 2",
     "bounces 3 and more": "bounce 3+",
 }  # fmt: skip
-"""A part of the error -> the part of the light that is missing in it."""
-OWN, SAMPLES = "the subject's own error", "its own samples"
+"""Name of an error part -> name of the missing light part."""
+OWN_ERROR, SAMPLE_NOISE = "the subject's own error", "its own samples"
+"""Names of the parts that are the subject's: what it does wrong, and the noise of its samples."""
 ROUNDING = 1e-5
 """Share of the image's 99 % quantile: a larger error of a subject that fails is not rounding."""
 
@@ -34,7 +35,7 @@ ROUNDING = 1e-5
 class Ledger:
     """`parts` as comparison.json has them; `pictures`: each part of the error (h, w, 3), whose sum is `error`.
 
-    Of every `step`-th pixel.
+    All of them hold every `step`-th pixel.
     """
 
     parts: tuple[Part, ...]
@@ -49,7 +50,7 @@ def make_ledger(scene: Scene, shown: Image, rung: str, engine: str, depth: int =
 
 
 def split_error(light: WholeLight, shown: Image, rung: str, faulty: bool = False) -> Ledger:
-    """The parts of the error of `shown`, a picture of the light's scene that stands on `rung`.
+    """The parts of the error of `shown`, a picture of the light's scene at light level `rung`.
 
     `faulty`: it fails on its own rung. What is not rounding is then the subject's own error; where its light is
     sampled, that error and the samples' noise are one part.
@@ -83,17 +84,17 @@ def split_error(light: WholeLight, shown: Image, rung: str, faulty: bool = False
 def _split(
     seen: np.ndarray, exact: np.ndarray | None, light: Mapping[str, np.ndarray], rung: str, faulty: bool
 ) -> dict[str, np.ndarray]:
-    """The parts of what is seen; `exact`: its rung without error, where no samples make it."""
+    """The parts of what is seen; `exact`: the exact picture at this light level, None if it is sampled."""
     lacks = RUNGS[rung].lacks
     over_area = _sum((part for name, part in light.items() if not lacks(name)), seen)
     if exact is None:
-        own = {f"{OWN} and {SAMPLES}" if faulty else SAMPLES: seen - over_area}
+        own = {f"{OWN_ERROR} and {SAMPLE_NOISE}" if faulty else SAMPLE_NOISE: seen - over_area}
     else:
         own = {"numerics": seen - exact, "pixel sampling": exact - over_area}
         if faulty:
             scale = float(np.quantile(exact, 0.99)) or 1.0
             far = np.abs(own["numerics"]).max(axis=-1, keepdims=True) > ROUNDING * scale
-            own = {OWN: np.where(far, own["numerics"], 0)} | own | {"numerics": np.where(far, 0, own["numerics"])}
+            own = {OWN_ERROR: np.where(far, own["numerics"], 0)} | own | {"numerics": np.where(far, 0, own["numerics"])}
     return own | {name: -light[part] for name, part in LEFT_OUT.items() if lacks(part)}
 
 

@@ -14,7 +14,9 @@ Call = Callable[[int], Image]
 
 @dataclass(frozen=True)
 class Renderer(ABC):
-    """A frozen record a kind, whose fields say what varies; `method(scene, seed)` makes the image. `rung`: of RUNGS.
+    """One frozen record per kind, whose fields say what varies; `method(scene, seed)` makes the image.
+
+    `rung`: a name in RUNGS.
 
     To add a kind, write a record with a `name` made of its fields and a `prepare`, and add its rows to RENDERERS.
     """
@@ -27,11 +29,11 @@ class Renderer(ABC):
     @property
     @abstractmethod
     def name(self) -> str:
-        """Its own, made of its fields: how the command line, the bench and its saved runs call it."""
+        """Unique name, built from the fields: how the command line, the bench and its saved runs call it."""
 
     @property
     def family(self) -> str:
-        """What a chart joins by a line: the name without the value that varies in it."""
+        """The name without its varying value; charts join a family by a line."""
         if not self.VARIED:
             return self.name
         before, _, after = self.name.rpartition(str(getattr(self, self.VARIED)))
@@ -49,7 +51,7 @@ class Renderer(ABC):
 
     @property
     def sampling(self) -> str:
-        """What its pixel holds: what one ray through the `center` sees, or the mean over the pixel's `area`."""
+        """`center`: one ray through each pixel's centre; `area`: the mean over the pixel."""
         return "center"
 
     @property
@@ -64,11 +66,11 @@ class Renderer(ABC):
 
     @property
     def samples(self) -> int:
-        """Rays of each pixel."""
+        """Rays per pixel."""
         return 1
 
     def with_samples(self, samples: int) -> "Renderer":
-        """Return the same with another number of samples, which must be a field of its."""
+        """Return the same with another number of samples, which must be a field of this class."""
         fields: dict[str, Any] = {"samples": samples}
         return replace(self, **fields)
 
