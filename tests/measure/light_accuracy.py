@@ -169,7 +169,9 @@ def report(rows: list[dict], first: int) -> None:
             f"{rms['z_Ls']:.2f}", f"{100 * rms['irradiance']:.1f} %", f"{np.median(column['codes']):.1f}",
             f"{np.median(column['codes_true']):.1f}",
         ))  # fmt: skip
-    record.table("light", "lights", COLUMNS, table, f"python -m measure.light_accuracy judge FOLDER --first {first}")
+    record.table(
+        "light", f"lights-{first}", COLUMNS, table, f"python -m measure.light_accuracy judge FOLDER --first {first}"
+    )
 
 
 def main() -> None:

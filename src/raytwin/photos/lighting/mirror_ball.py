@@ -208,7 +208,7 @@ def find_ball(photo: LinearPhoto, board: Board, center: np.ndarray, radius: floa
 
     low, high = numbers - SEARCH_SIGMAS * given.sigma, numbers + SEARCH_SIGMAS * given.sigma
     best = differential_evolution(
-        unlikely, list(zip(low, high, strict=True)), rng=0, popsize=8, maxiter=40, tol=1e-5, polish=False, init="sobol"
+        unlikely, list(zip(low, high, strict=True)), rng=0, popsize=16, maxiter=40, tol=1e-5, polish=False, init="sobol"
     ).x
     away = best[:3] - photo.camera.eye
     sigma = np.hypot(EDGE_PX * np.linalg.norm(away) / photo.camera.fx, RADIUS_SD * away)

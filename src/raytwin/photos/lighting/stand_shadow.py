@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.special import expit
+from scipy.special import ndtr
 
 from raytwin.errors import InputError
 from raytwin.photos.boards.board import PAPER, Board, draw_board
@@ -106,13 +106,13 @@ def find_shadow(photo: LinearPhoto, board: Board, stand: tuple[float, float, flo
         """How much of the streak lies at each place: a bar whose edges fade."""
         length, slope, offset, width, blur = x
         across, to_end = np.abs(beside - offset - slope * along), along - length - width / 2  # that of its top
-        bar = expit((width / 2 - across) / blur) - expit((-width / 2 - across) / blur)
-        return bar * expit(-to_end / blur)
+        bar = ndtr((width / 2 - across) / blur) - ndtr((-width / 2 - across) / blur)
+        return bar * ndtr(-to_end / blur)
 
     def off(x: np.ndarray) -> np.ndarray:
         return np.concatenate([(x[5] * cover(x[:5]) - dark[near][place]) / NOISE, (x - start) / sd])
 
-    start = np.array([length, 0, 0, 0.05 * height, 0.3 * pixel, top])
+    start = np.array([length, 0, 0, 0.05 * height, 0.4 * pixel, top])
     sd = np.array([0.3 * length, 0.1, PLACE_SD, 0.05 * height, 0.1 * pixel, 0.3])
     low, high = start - 6 * sd, start + 6 * sd
     low[3:5] = 1e-4, 0.1 * pixel
