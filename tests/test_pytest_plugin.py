@@ -374,13 +374,13 @@ def lambert(scene):
 """
 
 
-def test_one_image_is_accepted_with_its_reason_and_laws_are_judged_in_a_test(warm, tmp_path):
+def test_one_image_is_accepted_with_its_reason_and_laws_are_judged_in_a_test(tmp_path):
     source = "import raytwin\n" + REVIEWED
     (tmp_path / "value").write_text("0.25")
-    run(warm, tmp_path, "--raytwin-update", "-k", "image", test_review=source).assert_outcomes(passed=2)
+    run(tmp_path, "--raytwin-update", "-k", "image", test_review=source).assert_outcomes(passed=2)
     (tmp_path / "value").write_text("0.3")
     options = "--raytwin-report", "pages"
-    result = run(warm, tmp_path, *options, test_review=source)
+    result = run(tmp_path, *options, test_review=source)
     result.assert_outcomes(passed=1, failed=3)
     result.stdout.fnmatch_lines(
         [
@@ -397,7 +397,7 @@ def test_one_image_is_accepted_with_its_reason_and_laws_are_judged_in_a_test(war
     assert taken.returncode == 0, taken.stderr
     assert "because: brighter | on purpose, was nothing" in taken.stdout
     assert references.load(tmp_path / "reference/mine/path.exr").header["because"] == "brighter | on purpose"
-    run(warm, tmp_path, "-k", "image", test_review=source).assert_outcomes(passed=2)
+    run(tmp_path, "-k", "image", test_review=source).assert_outcomes(passed=2)
 
 
 SPOILS = """
