@@ -1,6 +1,7 @@
 """What a calibration says of itself holds: its sigmas, the board's bend, and which photo or board is at fault."""
 
 import re
+from types import SimpleNamespace
 
 import cv2
 import msgspec
@@ -10,7 +11,7 @@ from photo_helpers import BOARD, SMALL, a_camera, seen
 
 from raytwin.errors import InputError
 from raytwin.photos.boards import Board, BoardTag, Grid
-from raytwin.photos.camera import calibrate_detections, lens_model, pose_of_tags
+from raytwin.photos.camera import calibrate_detections, lens_model, model, pose_of_tags
 from raytwin.photos.camera.fit import Fit, ModelSpec, fit, matched
 from raytwin.photos.camera.model import FEW_PHOTOS, covariance, select_model
 from raytwin.photos.synthetic_photos import bow_of, poses
@@ -214,13 +215,19 @@ def test_on_photos_of_a_bent_board_the_bend_and_the_camera_are_the_truth(shoot, 
 
 
 def test_of_few_photos_auto_fits_all_coefficients_and_from_four_on_a_bend():
-    for count, model in ((FEW_PHOTOS - 1, "full5"), (FEW_PHOTOS, "k1k2")):
-        assert calibrate_detections(views(1, count), SIZE, SMALL).model == model
+    for count, lens in ((FEW_PHOTOS - 1, "full5"), (FEW_PHOTOS, "k1k2")):
+        assert calibrate_detections(views(1, count), SIZE, SMALL).model == lens
     for count in (3, 4):
         found = calibrate_detections(views(2, count, bend=3e-3, noise=0.05), SIZE, SMALL)
         assert (found.board.offsets is not None) == (count == 4)
     assert found.board.bend_mm == pytest.approx(3, rel=0.3)
     assert np.abs(z_of(found)).max() < 3.5
+
+
+def test_of_lenses_that_predict_alike_one_that_folds_back_in_the_frame_is_the_last_choice(monkeypatch):
+    folds = {2: "pixel (0, 0)"}
+    monkeypatch.setattr(model, "undone", lambda K, dist, size: SimpleNamespace(fault=folds.get(len(dist), "")))
+    assert calibrate_detections(views(1, FEW_PHOTOS), SIZE, SMALL).model == "full5"
 
 
 def test_one_spoilt_photo_does_not_make_auto_fit_a_lens_too_small():
