@@ -4,15 +4,16 @@
     sums      z = (|Σ(t - r)| / n - granted) n / sqrt(Σva + Σvb)    tiles: a wrong corner; the image: its brightness
 
 Values, tiles and the image are three tests; the fourth, the shift between the images (shift.py), sees a wrong camera.
-Each gets the rate 1 - (1 - rate)^(1/4), and shares it among its own values by Sidak's formula. Tiles are of 8 x 8, 16 x 16, ... pixels;
-from 16 on they overlap by half: any square of 24 pixels holds a whole one of 16.
+Each gets the rate 1 - (1 - rate)^(1/4), and shares it among its own values by Sidak's formula. Tiles are of 8 x 8,
+16 x 16, ... pixels; from 16 on they overlap by half: any square of 24 pixels holds a whole one of 16.
 
 These rules hold the rate. Behind each stands how many correct renders fail without it, and with which noise
 (tests/measure/sequences.py has the kinds):
 
 - Student's t: a value has the batches' degrees of freedom, a sum (Σv)² / Σ(v² / ν) - 1: 3 of 20, four batches.
 - A value's variance is at least its block's mean, where batches agree by chance: 4 of 20, exponential.
-- A sum's z is corrected for skewness by the third moment (significance.less_skewed): 3 of 120 for 0, lognormal 1.5 at a rate of 1 %.
+- A sum's z is corrected for skewness by its third moment (significance.less_skewed): 3 of 120, where 0 fail with it,
+  lognormal 1.5 at a rate of 1 %.
 - A variance is at least what the other image's says, by the ratio of their samples: 8 of 30, fireflies that the test
   hardly catches. So is a third moment, which finds faults sooner.
 - Few events may be missed, as neighbours tell, in sums: 2 of 20, in 10 x 14 pixels; in values: 14 of 60, in a stripe.

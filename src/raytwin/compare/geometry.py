@@ -12,7 +12,7 @@ from raytwin.images.image import BACKGROUND, Image, Surface
 from raytwin.scene import Tolerance
 
 DEPTH_REL = 1e-4
-"""Bound on the 99.9 % quantile of |t - t_ref| / t_ref: rounding at a sphere's rim stays below, a wrong radius exceeds it."""
+"""Bound on the 99.9 % quantile of |t - t_ref| / t_ref: rounding at a sphere's rim stays below."""
 
 NORMAL_DEG = 0.1
 """Bound on the 99.9 % quantile of the angle between normals, degrees."""

@@ -7,7 +7,7 @@ from raytwin.compare.blocks import strips
 from raytwin.errors import InputError
 from raytwin.images.image import Image
 
-# Linear Rec. 709, from white at 0 to the dark end at `scale`; ends chosen dark enough to differ by lightness as well as by hue.
+# Linear Rec. 709, from white at 0 to the end at `scale`, dark enough that the ends differ by lightness and hue.
 _NEGATIVE = np.array([[1.0, 1.0, 1.0], [0.25, 0.55, 0.95], [0.01, 0.06, 0.45]], np.float32)
 _POSITIVE = np.array([[1.0, 1.0, 1.0], [0.95, 0.42, 0.22], [0.42, 0.005, 0.02]], np.float32)
 _INVALID = np.array([0.0, 0.6, 0.0], np.float32)

@@ -15,10 +15,10 @@ from raytwin.compare.blocks import Pixels, block_counts, block_sums, strips
 from raytwin.compare.noise import Residual
 
 MIN_CARRYING = 1 / 6
-"""Least effective share of a block's values that carry its scatter, if it is noise. Gaussian noise has a third."""
+"""Least effective share of a block's values that carry its scatter, if it is noise; Gaussian noise has a third."""
 
 MIN_CARRYING_ONE_SAMPLE = 1 / 24
-"""The same for noise of one sample per pixel: the exponential's has a sixth, and its blocks scatter widely around it."""
+"""The same for noise of one sample per pixel: the exponential's has a sixth, and blocks differ widely."""
 
 MIN_DENSE_BLOCKS = 0.8
 """Least share of the scattering blocks that is dense, if the scatter is to count as unreported noise."""
@@ -43,8 +43,8 @@ ESTIMATED = "noise was estimated from the difference within 8 x 8 pixels, where 
 def dense(shown: Residual, known: Float[np.ndarray, "*blocks 3"], least: float) -> bool:
     """Whether scatter above the `known` variance is spread over most values of the blocks that have it.
 
-    Where most of the picture scatters, the scatter is not an edge, and may have the tails of few samples. `least`: a standard
-    deviation below it is no scatter.
+    Where most of the picture scatters, the scatter is not an edge, and may have the tails of few samples.
+    `least`: a standard deviation below it is no scatter.
     """
     scatters = (shown.square > 1.5 * known + least**2) & (shown.pixels >= 16)
     carried = shown.carrying >= (MIN_CARRYING if scatters.mean() < 0.5 else MIN_CARRYING_ONE_SAMPLE) * shown.pixels
@@ -59,7 +59,7 @@ def unexplained(shown: Residual, known: Float[np.ndarray, "*blocks 3"]) -> bool:
 
 
 def borne_out(test: Pixels, reference: Pixels, shown: Residual, least: float) -> bool:
-    """Whether the reference's own noise is MIN_REFERENCE_SHARE of the scatter's variance in almost all regions that scatter."""
+    """Whether the reference's noise explains its share of the scatter in almost all regions that scatter."""
     scatter = shown.square.sum(axis=-1)
     scatters = (shown.square > least**2).any(axis=-1) & (shown.pixels[..., 0] >= 16)
     share = np.divide(_own_noise(test, reference), scatter, out=np.zeros_like(scatter), where=scatters)

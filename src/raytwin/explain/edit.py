@@ -19,8 +19,8 @@ Part = tuple[ast.AST, New]
 class Edit:
     """`old`, a node of the tree, becomes `new`. `operator`: what was wrong, in words. `also`: what changes with it.
 
-    `weight`: a penalty, larger for rarer slips (1: every term; COPIED to FAR in forms.py). `moved`: the statement that the
-    edit moves, if it is not `old`.
+    `weight`: a penalty, larger for rarer slips (1: every term; COPIED to FAR in forms.py). `moved`: the
+    statement that the edit moves, if it is not `old`.
     """
 
     operator: str

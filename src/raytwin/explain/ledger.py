@@ -1,4 +1,4 @@
-"""The ledger: the error of a light level against the full global illumination, as named parts that add up to it pixel by pixel.
+"""The ledger: the error of a light level against all light, as named parts that add up to it pixel by pixel.
 
 What the tracer shows, minus all light over the pixel's area, is
 
