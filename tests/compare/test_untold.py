@@ -11,7 +11,7 @@ from scipy.ndimage import uniform_filter
 from raytwin.compare import compare
 from raytwin.compare.noise import residual
 from raytwin.compare.patterns import patterned
-from raytwin.compare.untold import LEVEL, borne_out
+from raytwin.compare.untold import MIN_REFERENCE_SHARE, borne_out
 from raytwin.images.image import Image
 
 TRUTH = picture(48, 64)
@@ -80,8 +80,8 @@ def test_noise_that_nobody_tells_is_judged_by_the_scatter():
 
 
 def test_the_references_own_noise_is_read_off_its_covariance_with_the_difference():
-    """Shares of the scatter's variance: 1/2, 1/6, 1/41; LEVEL is 1/16. Texture has none, nor has noise elsewhere."""
-    assert 1 / 41 < LEVEL < 1 / 6
+    """Shares of the scatter's variance: 1/2, 1/6, 1/41; MIN_REFERENCE_SHARE is 1/16. Texture has none, nor has noise elsewhere."""
+    assert 1 / 41 < MIN_REFERENCE_SHARE < 1 / 6
     rng = np.random.default_rng(5)
     test = render(rng, TRUTH, samples=64).mean
     texture = (TRUTH * rng.uniform(0.5, 1.5, TRUTH.shape)).astype(np.float32)
