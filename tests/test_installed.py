@@ -170,7 +170,7 @@ def test_every_extra_that_is_missing_is_named_at_once_in_one_line(run):
     assert code == 0
     assert re.search(r"^backend +none: .*pip install 'raytwin\[twin,llvm\]'", doctor, re.MULTILINE)
     for extra, use in (("twin,llvm", "compare a scene"), ("photos", "calibrate"), ("live", "explore")):
-        assert re.search(rf"pip install 'raytwin\[{extra}\]' to use .*{use}", doctor), doctor
+        assert re.search(rf"pip install 'raytwin\[{extra}\]'; needed to: .*{use}", doctor), doctor
 
 
 def test_the_wheels_types_hold_where_nothing_but_its_dependencies_is_installed(environment_with, tmp_path):

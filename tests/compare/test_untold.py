@@ -80,7 +80,7 @@ def test_noise_that_nobody_tells_is_judged_by_the_scatter():
 
 
 def test_the_references_own_noise_is_read_off_its_covariance_with_the_difference():
-    """Shares of the scatter's variance: 1/2, 1/6, 1/41; MIN_REFERENCE_SHARE is 1/16. Texture has none, nor has noise elsewhere."""
+    """Of the variance of the scatter: 1/2, 1/6, 1/41. Texture has none, nor has noise elsewhere."""
     assert 1 / 41 < MIN_REFERENCE_SHARE < 1 / 6
     rng = np.random.default_rng(5)
     test = render(rng, TRUTH, samples=64).mean

@@ -304,7 +304,7 @@ def test_a_row_and_a_column_that_are_left_out_are_named_and_no_others():
             picture[-1 - inner, :30] = 0
         made.append(diagnose(views(pictures)))
     assert names(made[0]) == ["border-alone"]
-    assert made[0].sentences[0].startswith("the last row and the last column of the image are wrong")
+    assert made[0].sentences[0].startswith("only the last row and the last column of the image are wrong")
     assert names(made[1]) != ["border-alone"]
 
 

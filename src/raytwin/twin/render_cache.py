@@ -37,16 +37,16 @@ def cached(about: dict[str, str], use: bool, make: Callable[[], Image]) -> Image
 
 def load(path: Path) -> Image | None:
     """The image that `store` has written; None where there is none, or a damaged one."""
-    if not path.is_file():  # reading a pipe would never end
-        return None
     try:
+        if not path.is_file():  # reading a pipe would never end
+            return None
         with (
             path.open("rb") as file,
             np.load(file, allow_pickle=False) as stored,
         ):  # the archive has a checksum of each array
             found = {name: stored[name] for name in PARTS if name in stored}
             surface = Surface(stored["ids"], stored["depth"], stored["normal"])
-    except Exception:  # encrypted, cut off, of an unknown compression, no array, ...: each has an error of its own
+    except Exception:  # encrypted, cut off, of an unknown compression, no array, ...: each has an error of its own; a home whose name is too long
         return None
     os.utime(path)
     parts: dict[str, Any] = {name: part if part.ndim else int(part) for name, part in found.items()}

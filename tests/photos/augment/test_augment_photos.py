@@ -16,7 +16,7 @@ from raytwin.images.photo_files import from_bytes, list_photos, read_photo, to_b
 from raytwin.photos import synthetic_photos
 from raytwin.photos.augment import to_rec709
 from raytwin.scene import Camera
-from raytwin.scene.scene_files import read_scene, write_camera
+from raytwin.scene.scene_files import read_scene, scene_and_photos, write_camera
 from raytwin.scene.toml_json import read_toml, write_toml
 from raytwin.study.augment_photos import augment_photos
 from raytwin.study.photograph import photograph_board
@@ -52,7 +52,7 @@ def taken(scenes, tmp_path_factory):
 @pytest.mark.nightly
 def test_an_augmented_photo_is_near_the_true_one_in_every_region(taken, scenes, tmp_path):
     """Away from the corners, which the lens darkens. What is printed on the board is known by its mean alone."""
-    scene, truth = read_scene(scenes / "desk"), synthetic_photos.read_truth(taken / "without" / "truth.toml")
+    (scene, _), truth = scene_and_photos(scenes / "desk"), synthetic_photos.read_truth(taken / "without" / "truth.toml")
     rows = augment_photos(list_photos(taken / "without"), scenes / "desk", tmp_path, camera=taken / "camera.toml")
     assert [row["photo"] for row in rows] == sorted(truth.photos)
     assert json.loads(json.dumps(rows)) == rows
