@@ -46,7 +46,7 @@ def load(path: Path) -> Image | None:
         ):  # the archive has a checksum of each array
             found = {name: stored[name] for name in PARTS if name in stored}
             surface = Surface(stored["ids"], stored["depth"], stored["normal"])
-    except Exception:  # encrypted, cut off, of an unknown compression, no array, ...: each has an error of its own; a home whose name is too long
+    except Exception:  # encrypted, cut off, of an unknown compression, no array, ...: each has an error of its own
         return None
     os.utime(path)
     parts: dict[str, Any] = {name: part if part.ndim else int(part) for name, part in found.items()}
