@@ -14,7 +14,6 @@ from raytwin.explain.pixel_sample import traced_once
 from raytwin.images.image import Image
 from raytwin.renderers import references
 from raytwin.renderers.scene_exchange import as_arrays
-from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Sphere, Tolerance
 from raytwin.teach.contract.stage import Case
 from raytwin.teach.contract.stage_table import LESSONS
@@ -73,7 +72,7 @@ def _around_eye(scene: Scene) -> Scene:
 def _reference_question(rubric: Rubric, exercise: Exercise, name: str) -> Question:
     found = _load_reference(reference_path(rubric, name, exercise.rung))
     asked = _picture_question(exercise, found.origin(), np.asarray(found.image.mean, float), found.tolerance)
-    return replace(asked, reference=found.image) if RUNGS[exercise.rung].noisy else asked
+    return replace(asked, reference=found.image) if exercise.sampled else asked
 
 
 def reference_path(rubric: Rubric, name: str, rung: str) -> Path:
