@@ -105,13 +105,14 @@ def starter_command(
     from raytwin.teach.contract.starter import starter
     from raytwin.teach.grade.rubric import READY
 
-    for name in stage or ():
+    stages = [name.strip() for some in stage or CONTRACT for name in some.split(",")]
+    for name in stages:
         check_one_of("--stage", name, LESSONS)
     out = out or Path("rubric.toml" if rubric else "tracer.py")
     check_outputs(files=(out,))
     if out.is_file() and not force:
         raise InputError(out, "exists. --force overwrites it.")
-    write_text(out, READY.read_text(encoding="utf-8") if rubric else starter(out.name, stage or tuple(CONTRACT)))
+    write_text(out, READY.read_text(encoding="utf-8") if rubric else starter(out.name, stages))
     if rubric:
         say(f"{out}: change it, then raytwin grade SUBMISSIONS --rubric {out}")
         return

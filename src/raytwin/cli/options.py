@@ -293,7 +293,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "junit": _opt("Write JUnit XML.", "FILE"),
         "for_students": _opt("Also write a page per student to hand out, to for-students/.", None, "--for-students"),
         "force": _opt("Overwrite an existing file.", None, "--force"),
-        "stage": _opt("Function to include; repeatable (default: the six)."),
+        "stage": _opt("Functions to include: names with commas between, or repeat it (default: the six)."),
         "wheel": _opt("Install this wheel of raytwin instead of the released version.", "FILE"),
     },
     "grade.starter": {

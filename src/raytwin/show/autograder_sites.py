@@ -111,7 +111,7 @@ def _lines(e: Marked, hidden: Collection[str] = ()) -> list[str]:
     if e.expected and e.status != "pass":
         lines += [e.inputs, f"expected {e.expected}", f"got      {e.got}"]
     for p in e.parts:
-        error = "" if p.error is None or p.passed else f", error {p.error:.3g} {e.unit}"
+        error = "" if p.error is None or p.passed or e.judged_by else f", error {p.error:.3g} {e.unit}"
         problem = f": {p.problem}" if p.problem and p.problem not in e.sentences else ""
         lines.append(f"{'✓' if p.passed else '✗'} {p.shows}{error}{problem}")
     text = "\n".join(line for line in lines if line)

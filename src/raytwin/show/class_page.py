@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from raytwin.safe_write import write_text
@@ -60,6 +61,7 @@ def write_class(results: Sequence[Result], rubric: Rubric, folder: Path, for_stu
         "grade_class.html.j2",
         results=results,
         columns=rubric.exercises,
+        median=median(r.points for r in results) if results else 0.0,
         bins=histogram(r.points / r.of if r.of else 0 for r in results),
         by_exercise=by_exercise(results, rubric),
         faults=faults(results),

@@ -145,12 +145,15 @@ def test_a_students_page_says_first_what_to_do_and_speaks_to_the_student(graded)
     assert "Run render yourself" in graded.page("raises")
 
 
-def test_the_class_page_has_certainty_dates_histograms_and_links(graded):
+def test_the_class_page_has_certainty_dates_a_median_histograms_and_links(graded, tmp_path):
     index = (graded.out / "index.html").read_text()
     for said in ('<b class="sure">proved</b>', 'href="results.csv"', "Graded 20", 'class="spark"', 'id="h-fast"'):
         assert said in index
     some = [graded.results["right"], graded.results["pi"]]
     assert [count for _, count, _ in pages.by_exercise(some, graded.rubric)] == [2, 1, 1]
+    pages.write_class(some, graded.rubric, tmp_path)
+    middle = pages.of_points(sum(r.points for r in some) / 2)
+    assert f"<dt>Median</dt><dd>{middle} <small>" in (tmp_path / "index.html").read_text()
 
 
 def test_near_identical_wrong_pictures_are_found_and_right_ones_are_none(graded):

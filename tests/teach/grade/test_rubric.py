@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 from raytwin.cli import app
 from raytwin.errors import InputError
 from raytwin.teach.contract.stage_table import CONTRACT, LESSONS
+from raytwin.teach.grade.class_run import jobs_of
 from raytwin.teach.grade.rubric import READY, Exercise, Speed, read_rubric
 from raytwin.teach.grade.submission_code import code_of
 
@@ -98,10 +99,10 @@ def test_a_walks_lessons_are_stages_too_and_the_starter_has_those_that_are_asked
     lessons = [name for name in LESSONS if name not in CONTRACT]
     rows = "".join(f'[[exercises]]\nstage = "{name}"\npoints = 1\n' for name in lessons)
     assert read('title = "t"\n' + rows).stages == tuple(lessons)
-    words = [word for name in lessons[:2] for word in ("--stage", name)]
+    words = ["--stage", f"{lessons[0]}, {lessons[1]}", "--stage", lessons[2]]
     CliRunner().invoke(app, ["grade", "starter", "-o", str(tmp_path / "mine.py"), *words])
     written = (tmp_path / "mine.py").read_text()
-    assert re.findall(r"^def (\w+)", written, re.MULTILINE)[1:] == lessons[:2]  # the first is the example
+    assert re.findall(r"^def (\w+)", written, re.MULTILINE)[1:] == lessons[:3]  # the first is the example
     assert "scene[" not in written
 
 
@@ -111,6 +112,14 @@ def test_the_starter_writes_it_and_nothing_over_it(tmp_path, monkeypatch):
     assert "change it" in run(app, ["grade", "starter", "--rubric"]).output
     assert read_rubric(tmp_path / "rubric.toml").exercises == read_rubric(READY).exercises
     assert isinstance(run(app, ["grade", "starter", "--rubric"]).exception, InputError)
+
+
+def test_a_scene_that_render_cannot_be_called_with_is_refused_before_anybody_is_graded(tmp_path):
+    (tmp_path / "a.py").touch()
+    for name in ("studio", "gloss"):
+        (tmp_path / "r.toml").write_text(GOOD.replace("single", f'overlap", "{name}'))
+        with pytest.raises(InputError, match=rf"r\.toml: exercises\[1\]\.scenes: scene {name}"):
+            jobs_of(tmp_path / "a.py", tmp_path / "r.toml")
 
 
 def test_a_pipe_handed_in_is_refused_and_not_waited_for(read, tmp_path):

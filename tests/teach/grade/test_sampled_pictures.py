@@ -7,8 +7,10 @@ import numpy as np
 
 from raytwin.images.image import Image
 from raytwin.parallel import Workers
+from raytwin.show.student_page import student_page
 from raytwin.teach.grade.class_run import jobs_of, run
-from raytwin.teach.grade.sampled_picture import MOST_RENDERS, render_until_certain
+from raytwin.teach.grade.rubric import read_rubric
+from raytwin.teach.grade.sampled_picture import MOST_RENDERS, SAME_NUMBERS, render_until_certain
 from raytwin.teach.sandbox.sandbox import Answer
 
 RUBRIC = """
@@ -52,7 +54,7 @@ def test_a_correct_path_tracer_has_all_points_and_one_that_drops_a_bounce_has_fe
         assert (found.status, found.points) == ("pass", 10), found.sentences
     found = graded(tmp_path, WEDGE.replace('"path": 7', '"path": 2'), "path")
     assert (found.status, found.parts[0].passed) == ("fail", False)
-    assert 4 < found.points < 9  # 5/16 for 1/3: 6 %, which credit counts
+    assert found.points == 0  # 5/16 for 1/3: 6 %, for which a picture without noise has credit
     assert "too dark" in found.sentences[0]
     assert (found.causes, found.fingerprint) == ((), "")
 
@@ -60,7 +62,7 @@ def test_a_correct_path_tracer_has_all_points_and_one_that_drops_a_bounce_has_fe
 def test_a_fixed_seed_is_undecided_and_a_crash_is_what_it_is(tmp_path):
     fixed = graded(tmp_path, WEDGE.replace("    shape =", "    np.random.seed(1)\n    shape ="), "path")
     assert (fixed.status, fixed.points) == ("fail", 0)
-    assert "undecided" in fixed.sentences[0]
+    assert fixed.sentences[0] == f"undecided: {SAME_NUMBERS}"
     crashed = graded(tmp_path, WEDGE.replace("    shape =", "    shape = undefined\n    shape ="), "path")
     assert crashed.status == "error"
     assert "NameError" in crashed.sentences[0]
@@ -102,3 +104,46 @@ def test_a_sampler_is_graded_by_what_it_draws(tmp_path):
     assert [e.points for e in result.exercises] == [4, 0]
     assert result.exercises[1].causes == ("Lambert's density",)
     assert "chi-square p" in result.exercises[1].got
+
+
+SAMPLING = """
+import numpy as np
+
+
+def sample_cosine(u):
+    a, b = u.T
+    z, r = np.sqrt(1 - a), np.sqrt(a)
+    directions = np.stack([r * np.cos(2 * np.pi * b), r * np.sin(2 * np.pi * b), z], axis=-1)
+    return directions, z / np.pi, np.ones(len(u))
+
+
+def render(scene):
+    height, width = scene["height"], scene["width"]
+    light, weight = np.zeros(height * width), np.ones(height * width)
+    for surface in range(7 if scene["rung"] == "path" else 1):
+        directions, _, more = sample_cosine(np.random.uniform(size=(height * width, 2)))
+        weight = weight * more * 0.5
+        sky = directions[:, 0] < 0
+        light += np.where(sky, weight, 0)
+        weight = np.where(sky, 0, weight)
+    return np.repeat(light.reshape(height, width, 1), 3, axis=2)
+"""
+"""The wedge's walk of light, whose other half is where the directions' x is positive."""
+
+
+def test_a_wrong_sampler_costs_its_own_points_and_no_picture(tmp_path):
+    """The submission's own samplers are replaced before a sampled picture is judged again."""
+    rubric = '[[exercises]]\nstage = "sample_cosine"\npoints = 5\n' + RUBRIC.split("\n", 2)[2].replace("{rung}", "path")
+    (tmp_path / "r.toml").write_text(f'title = "t"\nhints = 0\nfollow_through = 1\n{rubric}')
+    short = SAMPLING.replace("range(7 if", "range(2 if")
+    wrong = SAMPLING.replace("np.ones(len(u))", "np.full(len(u), 0.5)")
+    for text, points in ((SAMPLING, [5, 10]), (short, [5, 0]), (wrong, [0, 10])):
+        (tmp_path / "a.py").write_text(text)
+        (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers(), again=True)
+        assert [e.points for e in result.exercises] == points, [e.said for e in result.exercises]
+        assert [e.fingerprint for e in result.exercises] == ["", ""]
+        page = student_page(result, read_rubric(tmp_path / "r.toml"))
+        assert "judged by a chi-square test" in page
+        assert ("judged by the sequential verdict" in page) == result.exercises[1].parts[0].passed
+        assert "allowed" not in page
+    assert result.exercises[1].because == ("sample_cosine",)

@@ -143,7 +143,7 @@ def judge(stage: Stage, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> S
     arrays = [got for got in checked if not isinstance(got, str)]
     numbers = "" if broken is not None else stage.tells(cases, arrays)
     if base.passed:
-        said = f"correct in all {len(cases)} cases, to {error:.2g} {stage.unit}"
+        said = f"correct in all {len(cases)} cases" + ("" if stage.judged_by else f", to {error:.2g} {stage.unit}")
         return replace(base, sentence="; ".join(filter(None, (said, numbers))))
     if broken is not None:
         where = "" if all(isinstance(got, str) for got in checked) else f" ({cases[worst].shows})"

@@ -129,6 +129,7 @@ class Stage:
     `in_other_forms`: variants made of other correct functions, tried where none of them alone explains what is wrong.
     `by_values(cases, got)`: a variant that the values themselves tell, such as the number by which misses are marked.
     `tells(cases, got)`: numbers in words, said of what passes and of what no mistake explains.
+    `judged_by`: the statistical test that decides beside the tolerance.
     `last(seed)`: calls that are made only once all others are correct: what is wrong there is one mistake by itself.
     `hints`: what another number of arrays, or shape of the first, is likely to be, where `shape_hint` says less.
     """
@@ -145,6 +146,7 @@ class Stage:
     columns: bool = False
     by_values: Callable[[Sequence[Case], Sequence[Arrays]], Variant | None] = lambda cases, got: None
     tells: Callable[[Sequence[Case], Sequence[Arrays]], str] = lambda cases, got: ""
+    judged_by: str = ""
     last: Callable[[int], list[Case]] = lambda seed: []
     hints: Mapping[Any, str] = field(default_factory=dict)
 

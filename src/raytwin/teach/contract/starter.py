@@ -39,8 +39,9 @@ SCENE = """
 (3,); "spheres", a list of {"center" (3,), "radius", "albedo" (3,)}; "planes", a list of {"center", "half_u",
 "half_v", "albedo"}, rectangles whose half_u and half_v are at right angles; both lists may be empty; "sun",
 {"to_light" (3,), unit, "irradiance" (3,)}; "sky", {"radiance" (3,)}; "rung", "lambert" or "shadow", or where your
-instructor asks for sampled light "sky" or "path". Lengths are in metres; the scene's places and directions are in the
-board's frame, and p_cam = R_cam_board @ p_board + t_cam_board takes them to the camera's.
+instructor asks for sampled light "sky" or "path". At both, draw new random numbers in each call. At "path", light meets
+at most seven surfaces (depth 8). Lengths are in metres; the scene's places and directions are in the board's frame, and
+p_cam = R_cam_board @ p_board + t_cam_board takes them to the camera's.
 
 Graded pictures have up to about 340 x 250 pixels. Where speed counts they have about 120 x 88. Unless your
 instructor changed it, up to 0.1 CPU seconds per picture earn the whole bonus, and 5 or more earn none.

@@ -37,7 +37,7 @@ def jobs_of(submissions: Path, rubric_path: Path, whole: bool = False) -> list[J
     Raises InputError for faults of the rubric and its references, before anything is graded.
     """
     rubric = read_rubric(rubric_path)
-    references_of(rubric)
+    references_of(rubric, rubric_path)
     if not submissions.exists():
         raise InputError(submissions, "submissions: files, or folders, of students", "no such folder")
     if not (submissions.is_dir() or submissions.is_file()):

@@ -2,7 +2,8 @@
 
 Wrong pictures are asked for once more, with the correct function in the failed one's place, wherever the submission's
 modules have its name. What is correct then needs no other cause; what is still wrong has a second one. Of a picture
-that is made of functions alone, the share of those that are the submission's own counts.
+that is made of functions alone, the share of those that are the submission's own counts. Of a sampled picture the
+samplers are replaced, too.
 """
 
 import inspect
@@ -15,6 +16,7 @@ import msgspec
 
 from raytwin.explain import textbook
 from raytwin.teach.contract.composed_tracer import NEEDED, PARTS
+from raytwin.teach.contract.stages import samplers
 from raytwin.teach.grade.check_picture import CheckedPicture, check_picture
 from raytwin.teach.grade.questions import Question
 from raytwin.teach.grade.result import Again, Marked
@@ -75,10 +77,10 @@ def ask_again(
 
     `child_with(names)`: the submission in a process, with correct functions of these names in place of its own.
     """
-    names = tuple(name for name in PARTS if name in failed)
+    names = tuple(name for name in (*PARTS, *samplers.NAMES) if name in failed)
     wrong = [
         q for q in asked if id(q) in checked and not checked[id(q)].part.passed
-        and set(NEEDED[q.exercise.stage]) & set(names) and q.answer.sort in ("", "error")
+        and set(_parts_of(q)) & set(names) and q.answer.sort in ("", "error")
     ]  # fmt: skip
     if not (wrong and code.kind == "python"):
         return Rerun()
@@ -88,6 +90,11 @@ def ask_again(
         ask(copy, child, code, names)
         again[id(question)] = copy, check_picture(copy)
     return Rerun(names, again)
+
+
+def _parts_of(question: Question) -> tuple[str, ...]:
+    """The functions that its picture may be made of."""
+    return (*NEEDED[question.exercise.stage], *(samplers.NAMES if question.exercise.sampled else ()))
 
 
 def with_again(marked: Marked, asked: Sequence[Question], helped: Rerun) -> Marked:
@@ -113,11 +120,12 @@ def _again(question: Question, helped: Rerun) -> Again | None:
 def source_of(names: Sequence[str]) -> str:
     """The text of the textbook's functions, with all that they call."""
     found: dict[str, Callable[..., object]] = {}
-    todo = list(names)
+    todo = [name for name in names if name not in samplers.NAMES]
     while todo:
         function = getattr(textbook, name := todo.pop())
         if name not in found and isinstance(function, FunctionType):
             found[name] = function
             todo += [n for n in function.__code__.co_names if isinstance(vars(textbook).get(n), FunctionType)]
     texts = [textwrap.dedent(inspect.getsource(f)) for f in found.values()]
-    return "\n\n".join(["from typing import Any\nimport numpy as np", *texts])
+    drawn = samplers.source_of([name for name in names if name in samplers.NAMES])
+    return "\n\n".join(["from typing import Any\nimport numpy as np", *texts, drawn])

@@ -56,7 +56,7 @@ def write_zip(rubric_path: Path, out: Path, wheel: Path | None = None) -> list[s
     Raises InputError where a scene of the rubric has no reference, and where the wheel cannot be built.
     """
     rubric = read_rubric(rubric_path)
-    stored = {f"reference/{n}/{r}.exr": path for n, r, path in references_of(rubric)}
+    stored = {f"reference/{n}/{r}.exr": path for n, r, path in references_of(rubric, rubric_path)}
     if wheel is not None and (wheel.suffix != ".whl" or not wheel.is_file()):
         raise InputError("--wheel", "a wheel of raytwin (python -m build)", wheel)
     with tempfile.TemporaryDirectory() as folder:

@@ -9,12 +9,12 @@ import msgspec
 import numpy as np
 
 from raytwin.compare import Comparison
+from raytwin.errors import InputError
 from raytwin.explain.draw_scene import LARGER, SIZE, draw_scene
 from raytwin.explain.pixel_sample import traced_once
 from raytwin.images.image import Image
 from raytwin.renderers import references
 from raytwin.renderers.scene_exchange import as_arrays
-from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Sphere, Tolerance
 from raytwin.teach.contract.stage import Case
 from raytwin.teach.contract.stage_table import LESSONS
@@ -73,7 +73,7 @@ def _around_eye(scene: Scene) -> Scene:
 def _reference_question(rubric: Rubric, exercise: Exercise, name: str) -> Question:
     found = _load_reference(reference_path(rubric, name, exercise.rung))
     asked = _picture_question(exercise, found.origin(), np.asarray(found.image.mean, float), found.tolerance)
-    return replace(asked, reference=found.image) if RUNGS[exercise.rung].noisy else asked
+    return replace(asked, reference=found.image) if exercise.sampled else asked
 
 
 def reference_path(rubric: Rubric, name: str, rung: str) -> Path:
@@ -82,11 +82,21 @@ def reference_path(rubric: Rubric, name: str, rung: str) -> Path:
     return own if own.is_file() else references.path_of(references.SHIPPED, name, rung)
 
 
-def references_of(rubric: Rubric) -> list[tuple[str, str, Path]]:
-    """Return (scene, rung, file) of all named scenes, each read once. Raises InputError where one is missing."""
-    found = [(name, e.rung, reference_path(rubric, name, e.rung)) for e in rubric.exercises for name in e.scenes]
-    for _, _, path in found:
-        _load_reference(path)
+def references_of(rubric: Rubric, file: Path) -> list[tuple[str, str, Path]]:
+    """Return (scene, rung, reference) of all named scenes, each read once.
+
+    Raises InputError, which names the field of the rubric's file, where a reference is missing or of a scene that a
+    submission cannot be called with.
+    """
+    found = []
+    for number, exercise in enumerate(rubric.exercises):
+        for name in exercise.scenes:
+            path = reference_path(rubric, name, exercise.rung)
+            try:
+                as_arrays(_load_reference(path).origin(), exercise.rung)
+            except InputError as error:
+                raise error.at(f"{file}: exercises[{number}].scenes: ") from None
+            found.append((name, exercise.rung, path))
     return found
 
 

@@ -54,6 +54,7 @@ class Marked(Record, frozen=True):
     in each of three levels of detail. `mistakes`: what each explains all that is wrong here, and shows elsewhere, too.
     `because`: functions that failed on their own, with correct ones of which this picture is correct. `same_as`: the
     exercise that pays for the same mistake. `followed`: of the points, those that are kept since it is paid for.
+    `judged_by`: the statistical test that decides in place of a tolerance; such an exercise has no fingerprint.
     """
 
     name: str
@@ -64,6 +65,7 @@ class Marked(Record, frozen=True):
     visibility: Visibility = "visible"
     unit: str = ""
     tolerance: float = 0.0
+    judged_by: str = ""
     sentences: tuple[str, ...] = ()
     causes: tuple[str, ...] = ()
     sureness: str = ""

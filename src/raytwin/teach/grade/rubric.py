@@ -46,7 +46,7 @@ class Exercise(Record, frozen=True):
     `inside`: the drawn scenes are seen from inside a sphere, whose wall hides the sun.
     A case or scene that passes earns its share of the points whole; one that does not earns what `credit` says of its
     error (`measure`: `wrong`, the share of values that are off), interpolated over the error's logarithm: the first
-    row's share below it, nothing above the last.
+    row's share below it, nothing above the last. A sampled picture that fails earns nothing.
     """
 
     stage: str
@@ -61,6 +61,11 @@ class Exercise(Record, frozen=True):
     credit: tuple[tuple[Positive, Share], ...] = ()
     measure: Literal["error", "wrong"] = "error"
 
+    @property
+    def sampled(self) -> bool:
+        """Whether its pictures are noisy, and judged by the sequential verdict."""
+        return self.stage == "render" and RUNGS[self.rung].noisy
+
     def share(self, passed: bool, error: float | None, wrong: float | None) -> float:
         """What one case or scene earns, 0 to 1.
 
@@ -70,7 +75,7 @@ class Exercise(Record, frozen=True):
         value = error if self.measure == "error" else wrong
         if passed:
             return 1.0
-        if not self.credit or value is None or not math.isfinite(value) or value > self.credit[-1][0]:
+        if self.sampled or not self.credit or value is None or not math.isfinite(value) or value > self.credit[-1][0]:
             return 0.0
         below = self.credit[0]
         for above in self.credit:

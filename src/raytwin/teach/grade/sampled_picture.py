@@ -2,10 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from hashlib import sha256
 
 import numpy as np
 
 from raytwin.compare import Comparison, SequentialComparison
+from raytwin.compare.finding import notes
 from raytwin.images.image import Image
 from raytwin.teach.sandbox.sandbox import Answer
 
@@ -13,12 +15,14 @@ MOST_RENDERS = 64
 """Renders of one picture; what is undecided then is not passed."""
 FALSE_ALARMS = 1e-5
 """Share of the correct pictures that fail by chance."""
+SAME_NUMBERS = "each call of `render` drew the same random numbers: use np.random.default_rng() without a seed"
 
 
 def render_until_certain(call: Callable[[], Answer], reference: Image) -> tuple[Answer, Comparison | None]:
     """The mean of all renders, and the verdict on them; None where a call gave no picture of the reference's shape."""
     check = SequentialComparison(reference, false_alarm_rate=FALSE_ALARMS)
     total, seconds, renders = np.zeros(reference.shape), 0.0, 0
+    different: set[bytes] = set()
     while not check.decided and renders < MOST_RENDERS:
         answer = call()
         seconds += answer.seconds
@@ -26,6 +30,10 @@ def render_until_certain(call: Callable[[], Answer], reference: Image) -> tuple[
             return replace(answer, seconds=seconds), None
         picture = np.asarray(answer.arrays[0], np.float64)
         total, renders = total + picture, renders + 1
+        different.add(sha256(picture.tobytes()).digest())
         with np.errstate(over="ignore"):
             check.add(Image(picture.astype(np.float32), samples=0))
-    return replace(answer, arrays=(total / renders,), seconds=seconds), check.conclude()
+    verdict = check.conclude()
+    if verdict.verdict == "undecided" and len(different) < renders:
+        verdict = verdict.judged("undecided", *notes([f"undecided: {SAME_NUMBERS}"]))
+    return replace(answer, arrays=(total / renders,), seconds=seconds), verdict

@@ -149,7 +149,7 @@ class SecondLook:
         too small to show it.
         """
         wrong = [e for e in exercises if e.status in ("fail", "error")]
-        unnamed = {e.stage for e in wrong if self.code and not (e.faults or e.fingerprint)}
+        unnamed = {e.stage for e in wrong if self.code and not (e.faults or e.fingerprint or e.judged_by)}
         tried = [e for e in wrong if self.hints and e.stage not in self.found]
         prints: dict[str, str] = {}
         if tried or unnamed - set(self.found):
@@ -243,7 +243,7 @@ def _fingerprint(child: Sandbox, stage: str) -> str:
 
 def _with_hint(exercise: Marked, repair: Repair | None, level: int, found: str) -> Marked:
     """The exercise with a repair in its place among the sentences."""
-    exercise = msgspec.structs.replace(exercise, fingerprint=found)
+    exercise = msgspec.structs.replace(exercise, fingerprint="" if exercise.judged_by else found)
     if repair is None:
         return exercise
     raised = exercise.status == "error"

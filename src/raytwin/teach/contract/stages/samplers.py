@@ -5,6 +5,7 @@ for is correct: for cos θ / π Malley's map, Shirley and Chiu's concentric one,
 To add a sampler, write its function, its row of SAMPLERS and of STAGES, and its mistakes in sampler_faults.tsv.
 """
 
+import inspect
 from collections.abc import Callable, Sequence
 from functools import cache, partial
 from pathlib import Path
@@ -122,6 +123,18 @@ def sample_phong(u: Any, exponent: float) -> Any:
     is sampled is Phong's lobe, (n + 2) / 2π cosⁿ α. The weight is that divided by the pdf.
     """
     return SAMPLERS["sample_phong"](u, exponent)
+
+
+NAMES = tuple(SAMPLERS)
+"""The samplers, each of which may be a part of a sampled picture."""
+
+
+def source_of(names: Sequence[str]) -> str:
+    """The text of these samplers, with all that they need."""
+    head = "from functools import cache\nfrom typing import Any, NamedTuple\nimport numpy as np\nArrays = Any"
+    known = f"COSINE = {COSINE!r}\nSAMPLERS = {SAMPLERS!r}"
+    texts = [inspect.getsource(globals()[name]) for name in names]
+    return "\n\n".join([head, inspect.getsource(Sampler), inspect.getsource(_compiled), known, *texts])
 
 
 # ------------------------------------------------------------------------------------------ what is drawn
@@ -275,6 +288,7 @@ def _stage(reference: Callable[..., Any], *shown: tuple[str, tuple[float, ...]])
     return Stage(
         reference, returns, cases, errors, TOLERANCE, "of 1",
         columns=True, by_values=partial(_named, name), tells=partial(_told, name),
+        judged_by="a chi-square test of the directions",
     )  # fmt: skip
 
 
