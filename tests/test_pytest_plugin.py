@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from raytwin.cli import app
 from raytwin.images.exr import read_exr
 from raytwin.renderers import references
+from raytwin.show import check_page
 
 pytestmark = pytest.mark.nightly
 
@@ -374,6 +375,12 @@ def lambert(scene):
 """
 
 
+def test_a_summary_counts_in_words_and_does_not_pass_without_a_comparison():
+    row = check_page.CheckRow("test_a", 0, "mine", "path", "pass", ())
+    said = [check_page.summary([row] * count, 0).strip() for count in range(4)]
+    assert said == ["Nothing was compared.", "1 comparison passes."] + [f"All {n} comparisons pass." for n in (2, 3)]
+
+
 def test_one_image_is_accepted_with_its_reason_and_laws_are_judged_in_a_test(tmp_path):
     source = "import raytwin\n" + REVIEWED
     (tmp_path / "value").write_text("0.25")
@@ -389,7 +396,15 @@ def test_one_image_is_accepted_with_its_reason_and_laws_are_judged_in_a_test(tmp
             "E * <lambda>: expected an image (108, 144, 3), got float64 (1, 1, 3)",
         ]
     )
-    assert (tmp_path / "pages/laws/test_laws_of_a_tracer_without_shadows/laws.html").is_file()
+    summary = (tmp_path / "pages/summary.md").read_text().splitlines()
+    assert summary[0] == "**3 of 5 comparisons failed.**"  # laws count, and what renders nothing is an error
+    (row,) = (line for line in summary if "without" in line)
+    assert "| fail |" in row
+    assert "Something casts or gets no shadow." in row
+    (page,) = re.findall(r"\]\((laws/[^)]+/laws\.html)\)", row)
+    assert f'href="{page}"' in (tmp_path / "pages/index.html").read_text()
+    assert "FAIL" in (tmp_path / "pages" / page).read_text().upper()
+    assert sum("nothing" in line and "expected an image (108" in line for line in summary) == 1
     new = "pages/new/mine/path.exr"
     assert [f"pages/new/{p.relative_to(tmp_path / 'pages/new')}" for p in tmp_path.glob("pages/new/*/*")] == [new]
     assert f"raytwin reference accept {new}" in (tmp_path / "pages/summary.md").read_text().replace("\\", "")

@@ -95,17 +95,19 @@ def raytwin_laws(request: pytest.FixtureRequest) -> "Callable[..., Laws]":
         __tracebackhide__ = True
         from raytwin.errors import InputError
         from raytwin.renderers.user_renderers import of_function
-        from raytwin.show import laws_page
+        from raytwin.show import check_page, laws_page
         from raytwin.study.laws import laws
 
         try:
             found = laws(of_function(render, "", rung, sampling), scene)
+            text = laws_page.laws_summary(found)
+            if (folder := _report_folder(request.config)) is not None:
+                page = check_page.write_laws(folder, *_numbered(request.node, found.verdict), found)
+                text += f"\n  page: {page}"
         except InputError as error:
             pytest.fail(str(error))
-        if (folder := _report_folder(request.config)) is not None:
-            laws_page.write_laws(found, folder / "laws" / request.node.name)
         if found.verdict != "pass":
-            pytest.fail(laws_page.laws_summary(found))
+            pytest.fail(text)
         return found
 
     return judge
@@ -376,14 +378,18 @@ class ReferenceCheck:
         from raytwin.errors import InputError
         from raytwin.show import check_page
 
-        self._node.stash[_FAILED] = self._node.stash.get(_FAILED, False) or made.verdict not in ("pass", "differs")
-        number = self._node.stash.setdefault(_COUNTER, itertools.count())
         report = Report(self.name, self.rung, made)
         try:
-            return check_page.write_check(folder, self._node.nodeid, next(number), report, notes, *images)
+            return check_page.write_check(folder, *_numbered(self._node, made.verdict), report, notes, *images)
         except InputError as error:
             wrong = f"{self.name}/{self.rung}: {made.verdict}, but its page cannot be written: {error}"
         pytest.fail("\n  ".join((wrong, *made.reasons)))
+
+
+def _numbered(node: pytest.Item, verdict: str) -> tuple[str, int]:
+    """The test's name and the number of its next row, whose verdict is kept."""
+    node.stash[_FAILED] = node.stash.get(_FAILED, False) or verdict not in ("pass", "differs")
+    return node.nodeid, next(node.stash.setdefault(_COUNTER, itertools.count()))
 
 
 @pytest.hookimpl(wrapper=True)
@@ -391,17 +397,16 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     """List a test that ended by an error of its own, too: it compared nothing, and would be missing in the index."""
     report = yield
     folder = _report_folder(item.config)
-    ours = {"raytwin_case", "raytwin_reference"} & set(getattr(item, "fixturenames", ()))
+    ours = {"raytwin_case", "raytwin_laws", "raytwin_reference"} & set(getattr(item, "fixturenames", ()))
     if folder is not None and ours and report.failed and call.excinfo and not item.stash.get(_FAILED, False):
         from raytwin.errors import InputError
         from raytwin.show import check_page
 
-        text = call.excinfo.exconly(tryshort=True).splitlines()
+        text = call.excinfo.exconly(tryshort=True).removeprefix("Failed: ").splitlines()
         case = getattr(item, "callspec", None)
-        number = item.stash.setdefault(_COUNTER, itertools.count())
         reason = f"{'' if call.when == 'call' else f'in {call.when}: '}{text[0] if text else 'an error'}"
         try:
-            check_page.write_crash(folder, item.nodeid, next(number), case.id if case else "", reason)
+            check_page.write_crash(folder, *_numbered(item, "error"), case.id if case else "", reason)
         except InputError as error:
             report.sections.append(("raytwin", f"the report lacks this test: {error}"))
     return report
@@ -499,7 +504,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
         try:
             count, failed = check_page.write_index(folder)
-            told = f"{count} comparison{'s' * (count != 1)}, {failed} failed: {folder / check_page.INDEX}"
+            told = f"{check_page.counted(count)}, {failed} failed: {folder / check_page.INDEX}"
         except InputError as error:
             told = f"no report: {error}"
             session.exitstatus = session.exitstatus or pytest.ExitCode.USAGE_ERROR

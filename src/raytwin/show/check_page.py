@@ -9,6 +9,7 @@ import html
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -19,11 +20,14 @@ from raytwin.images.photo_files import write_picture
 from raytwin.safe_write import write_text
 from raytwin.scene import Tolerance
 from raytwin.scene.toml_json import write_json
-from raytwin.show import data_urls, viewer
+from raytwin.show import data_urls, laws_page, viewer
 from raytwin.show.compare_page import write_report
 from raytwin.show.page import write_page
 from raytwin.show.view import Names, PairView, in_radiance, numbered, tiles
 from raytwin.study.compared import Compared
+
+if TYPE_CHECKING:
+    from raytwin.study.laws import Laws
 
 THUMB = 150
 """Pixels across a small picture in the index."""
@@ -88,6 +92,16 @@ def write_check(
     return page
 
 
+def write_laws(folder: Path, test: str, number: int, found: "Laws") -> Path:
+    """The laws that a test judged its renderer by: their row, and their page, whose path is returned."""
+    stem = _stem(test, number)
+    page = f"laws/{stem}/laws.html"
+    laws_page.write_laws(found, (folder / page).parent)
+    row = CheckRow(test, number, "laws", found.rung, found.verdict, laws_page.answer(found), page=page)
+    write_json(folder / f"{stem}.json", row)
+    return folder / page
+
+
 def write_crash(folder: Path, test: str, number: int, case: str, reason: str) -> None:
     """Write the row of a test that ended before it had compared anything, or failed beside its comparisons."""
     write_json(folder / f"{_stem(test, number)}.json", CheckRow(test, number, case, "", "error", (reason,)))
@@ -102,7 +116,7 @@ def prepare(folder: Path) -> None:
     """Make the folder, without what an earlier run wrote. Raises InputError for a folder that cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        written = [old for kind in ("check-*.*", f"{NEW}/*/*.exr") for old in folder.glob(kind)]
+        written = [old for kind in ("check-*.*", f"{NEW}/*/*.exr", "laws/*/laws.*") for old in folder.glob(kind)]
         for old in [*written, folder / INDEX, folder / SUMMARY, folder / SCRIPT]:
             old.unlink(missing_ok=True)
     except OSError as error:
@@ -131,15 +145,26 @@ def read_rows(folder: Path) -> list[CheckRow]:
 
 def summary(rows: list[CheckRow], failed: int) -> str:
     """Return a table in Markdown of what failed, with small pictures, which are files beside it."""
-    lines = [f"**{failed} of {len(rows)} comparisons failed.**" if failed else f"All {len(rows)} comparisons pass.", ""]
+    compared = counted(len(rows))
     if failed:
+        lines = [f"**{failed} of {compared} failed.**", ""]
         lines += ["| verdict | test | cause | expected | got | difference |", "| --- " * 6 + "|"]
+    else:
+        lines = [
+            f"All {compared} pass." if len(rows) > 1 else f"{compared} passes." if rows else "Nothing was compared."
+        ]
     for row in rows[:failed]:
         files = {"expected": row.reference, "got": row.picture, "difference": row.error}
         shown = [f"![{name}]({file})" if file else "" for name, file in files.items()]
-        what = cell(row.test.rpartition("/")[2], " ".join(filter(None, (row.scene, row.rung))))
+        name, scene = cell(row.test.rpartition("/")[2]), cell(" ".join(filter(None, (row.scene, row.rung))))
+        what = "<br>".join(filter(None, (f"[{name}]({row.page})" if row.page else name, scene)))
         lines.append(f"| {' | '.join((row.verdict, what, cell(*row.reasons[:1], *row.notes), *shown))} |")
     return "\n".join(lines) + "\n"
+
+
+def counted(rows: int) -> str:
+    """Return "1 comparison", "2 comparisons"."""
+    return f"{rows} comparison{'s' * (rows != 1)}"
 
 
 def cell(*texts: str) -> str:
