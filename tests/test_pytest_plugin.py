@@ -1,11 +1,12 @@
 """The pytest plugin as its users meet it: small test files, run by a pytest of their own."""
 
 import re
+import shlex
 import subprocess
 import sys
 
 import pytest
-from program import raytwin
+from program import raytwin, refused
 from typer.testing import CliRunner
 
 from raytwin.cli import app
@@ -381,6 +382,24 @@ def test_a_summary_counts_in_words_and_does_not_pass_without_a_comparison():
     assert said == ["Nothing was compared.", "1 comparison passes."] + [f"All {n} comparisons pass." for n in (2, 3)]
 
 
+def test_references_in_a_folder_of_ones_own_are_accepted_there_and_an_update_tells_which_it_wrote(tmp_path):
+    (tmp_path / "pytest.ini").write_text("[pytest]\nraytwin_references = tests/golden\n")
+    (below := tmp_path / "below").mkdir()
+    for value, expected in (("0.25", ["made", "made"]), ("0.25", []), ("0.4", ["replaced"])):
+        (below / "value").write_text(value)
+        found = run(below, "--raytwin-update", "-k", "image", "-n", "2", test_review="import raytwin\n" + REVIEWED)
+        lines = "\n".join(found.outlines)
+        told = re.findall(r"^raytwin: (\w+) \.\./tests/golden/\w+/path\.exr$", lines, re.MULTILINE)
+        assert told == expected, value
+    (below / "value").write_text("0.3")
+    lines = "\n".join(run(below, "--raytwin-report", "pages", "-k", "image").outlines)
+    (command,) = re.findall(r"note: to take it for the reference: raytwin (.*)", lines)
+    taken = raytwin(*shlex.split(command), cwd=below)
+    assert taken.returncode == 0, taken.stderr
+    assert references.load(tmp_path / "tests/golden/mine/path.exr").header["because"] == "why"
+    assert not (below / "reference").exists()
+
+
 def test_one_image_is_accepted_with_its_reason_and_laws_are_judged_in_a_test(tmp_path):
     source = "import raytwin\n" + REVIEWED
     (tmp_path / "value").write_text("0.25")
@@ -408,9 +427,15 @@ def test_one_image_is_accepted_with_its_reason_and_laws_are_judged_in_a_test(tmp
     new = "pages/new/mine/path.exr"
     assert [f"pages/new/{p.relative_to(tmp_path / 'pages/new')}" for p in tmp_path.glob("pages/new/*/*")] == [new]
     assert f"raytwin reference accept {new}" in (tmp_path / "pages/summary.md").read_text().replace("\\", "")
-    taken = raytwin("reference", "accept", new, "--because", "brighter | on purpose", cwd=tmp_path)
+    (tmp_path / "elsewhere").mkdir()
+    for folder in (("--folder", "elsewhere"), ()):
+        taken = raytwin("reference", "accept", new, "--because", "brighter | on purpose", *folder, cwd=tmp_path)
+        if folder:
+            refused(taken, "the reference that the image replaces")
+            refused(raytwin("reference", "accept", new, cwd=tmp_path), "--because: expected the reason")
     assert taken.returncode == 0, taken.stderr
-    assert "because: brighter | on purpose, was nothing" in taken.stdout
+    assert "because: brighter | on purpose (before: none)" in taken.stdout
+    assert "differs from the old" in taken.stdout
     assert references.load(tmp_path / "reference/mine/path.exr").header["because"] == "brighter | on purpose"
     run(tmp_path, "-k", "image", test_review=source).assert_outcomes(passed=2)
 

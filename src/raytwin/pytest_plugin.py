@@ -240,8 +240,10 @@ class ReferenceCheck:
         if not made.passed and known.golden and (folder := _report_folder(self._node.config)):
             new = self._as_reference(taken.image, folder / "new")
             references.save(new)
-            place = os.path.relpath(new.path, self._node.config.invocation_params.dir)
-            notes.append(f"to take it for the reference: raytwin reference accept {shlex.quote(place)}")
+            place, own = self._from_here(new.path), self._from_here(self._folders.own)
+            command = f"raytwin reference accept {shlex.quote(place)} --because 'why'"
+            command += "" if own == "reference" else f" --folder {shlex.quote(own)}"
+            notes.append(f"to take it for the reference: {command}")
         text = f"{self.name}/{self.rung}{because(made) or f': {made.verdict}'}\n"
         text += "".join(f"  {reason}\n" for reason in further(made)) + "".join(f"  note: {n}\n" for n in notes)
         if page := self._report(made, tuple(notes), taken.image, shown, allowed):
@@ -303,7 +305,7 @@ class ReferenceCheck:
 
             made = make_reference.make(scene, self.rung, folders.own)
             print("\n".join(made.lines()))
-            references.save(made.new)
+            self._write(made.new)
             return made.new
         if folders.update and own and (self._of_an_image or (found is not None and found.golden)):
             return None
@@ -352,9 +354,22 @@ class ReferenceCheck:
             return self.reference.header["renderer"]
         finally:
             own.unlink()
-        self.reference = made
-        references.save(made)
+        old, self.reference = self.reference, made
+        # What has not changed keeps its file, and the reason in it.
+        if old is None or references.checksum(old.image, {}) != references.checksum(made.image, {}):
+            self._write(made)
         return None
+
+    def _write(self, made: "Reference") -> None:
+        """Write the reference, and tell it at the end of the run."""
+        from raytwin.renderers import references
+
+        did = "replaced" if made.path.exists() else "made"
+        references.save(made)
+        self._node.user_properties.append(("raytwin", f"{did} {self._from_here(made.path)}"))
+
+    def _from_here(self, path: Path) -> str:
+        return os.path.relpath(path, self._node.config.invocation_params.dir)
 
     def _as_reference(self, image: "Image", folder: Path) -> "Reference":
         from raytwin.renderers import references
@@ -389,7 +404,8 @@ class ReferenceCheck:
 def _numbered(node: pytest.Item, verdict: str) -> tuple[str, int]:
     """The test's name and the number of its next row, whose verdict is kept."""
     node.stash[_FAILED] = node.stash.get(_FAILED, False) or verdict not in ("pass", "differs")
-    return node.nodeid, next(node.stash.setdefault(_COUNTER, itertools.count()))
+    counter = node.stash.setdefault(_COUNTER, itertools.count())
+    return node.nodeid, next(counter)
 
 
 @pytest.hookimpl(wrapper=True)
@@ -514,3 +530,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
     if told := config.stash.get(_TOLD, None):
         terminalreporter.write_line(f"raytwin: {told}")
+    reports = itertools.chain.from_iterable(terminalreporter.stats.values())
+    told_of = [own for report in reports for own in getattr(report, "user_properties", ())]
+    for written in dict.fromkeys(text for name, text in told_of if name == "raytwin"):
+        terminalreporter.write_line(f"raytwin: {written}")

@@ -226,7 +226,7 @@ def test_a_change_is_told_in_words(overlap, folder):
     edit(overlap, "irradiance = [3.0, 2.9, 2.7]", "irradiance = [3.3, 3.19, 2.97]")
     text = "\n".join(make(overlap, "shadow", folder).lines())
     assert "scene_hash" in text
-    assert "the new beside the old: fail" in text
+    assert "differs from the old" in text
     assert "ratio of the means 1.0" in text
 
 
@@ -308,7 +308,7 @@ def test_the_command_replaces_only_when_told_to(overlap, folder, tmp_path):
 
     refused = raytwin("reference", "make", "overlap", "--rung", "shadow", cwd=tmp_path)
     assert refused.returncode == 2
-    assert "the new beside the old: fail" in refused.stdout
+    assert "differs from the old" in refused.stdout
     assert refused.stderr.count("\n") == 1
     assert "--yes" in refused.stderr
     assert (folder / "overlap" / "shadow.exr").read_bytes() == before
@@ -320,7 +320,7 @@ def test_the_command_replaces_only_when_told_to(overlap, folder, tmp_path):
 
 def test_accept_takes_one_reference_with_the_reason_in_its_header(overlap, tmp_path):
     folder, where = tmp_path / "reference", "scenes/overlap/lambert"
-    make(overlap, "lambert", folder)
+    make(overlap, "lambert", folder, size=(160, 120), sampling="area", samples=64)
     make(overlap, "surface", folder)
     edit(overlap, "radius = 0.05", "radius = 0.045")
     done = raytwin("reference", "accept", where, "--because", "a smaller ball", cwd=tmp_path)
@@ -328,10 +328,12 @@ def test_accept_takes_one_reference_with_the_reason_in_its_header(overlap, tmp_p
     assert "spheres[1].radius 0.05 -> 0.045" in done.stdout
     found = references.load(folder / "overlap" / "lambert.exr")
     assert found.header["because"] == "a smaller ball"
+    assert [found.header[key] for key in ("size", "sampling", "samples")] == ["160 x 120", "area", "64"]
     assert references.stale(found, overlap) is None
     assert "stale" in make_reference.check(overlap, "surface", folder).problems[0]
-    again = raytwin("reference", "accept", where, cwd=tmp_path)  # the reason of an earlier time is none of this one
-    assert "because: nothing, was a smaller ball" in again.stdout
+    refused(raytwin("reference", "accept", where, cwd=tmp_path), "--because: expected the reason why")
+    again = raytwin("reference", "accept", where, "--because", "once more", cwd=tmp_path)
+    assert "because: once more (before: a smaller ball)" in again.stdout
     refused(raytwin("reference", "accept", "scenes/overlap/shadwo", cwd=tmp_path), "did you mean shadow?")
     refused(raytwin("reference", "accept", "missing.exr", cwd=tmp_path), "expected a reference, got no such file")
 

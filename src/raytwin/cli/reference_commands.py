@@ -57,7 +57,8 @@ def make_command(
 def accept_command(new: Path, because: str = "", folder: Path = REFERENCES, allow: list[str] | None = None) -> None:
     """Take one new image or reference, with the reason why.
 
-    An image that a test run kept (its summary.md names the file), or SCENE/RUNG, which is rendered anew.
+    An image that a test run kept (its summary.md names the file), or SCENE/RUNG, which is rendered anew, in the old
+    one's size. To replace an old one takes --because.
     """
     from raytwin.renderers import references
     from raytwin.rungs import RUNGS
@@ -67,10 +68,17 @@ def accept_command(new: Path, because: str = "", folder: Path = REFERENCES, allo
     check_outputs(folders=(folder,))
     if new.suffix == ".exr":
         found = references.load(new)
+        old = references.path_of(folder, found.header["scene"], found.header["rung"])
+        if found.golden and not old.exists():
+            raise InputError(old, "the reference that the image replaces", "no such file. --folder says where it is")
     else:
         check_one_of(f"{new}: the light level", new.name, RUNGS)
+        scene = find_scene(new.parent)
+        old = references.path_of(folder, _name(scene), new.name)
+    if old.exists() and not because:
+        raise InputError("--because", f"the reason why {old} is replaced", "none")
+    if new.suffix != ".exr":
         with show_progress() as progress:
-            scene = find_scene(new.parent)
             found = make_reference.make(scene, new.name, folder.absolute(), progress=progress).new
     change = make_reference.accept(found, folder.absolute(), because)
     references.save(change.new)

@@ -36,6 +36,7 @@ PIXELS = 336 * 252
 SAMPLES, CHECKED_SAMPLES = 4096, 256
 STINTS, BATCHES = 8, 8
 """A long render comes in STINTS pieces, each cached when done, each of BATCHES independent batches."""
+BESIDE_THE_OLD = {"pass": "agrees with the old", "fail": "differs from the old", "undecided": "may differ from the old"}
 LEVEL = "path"
 """The light level that the reference of a Mitsuba file is stored under; its integrator decides what it is."""
 
@@ -130,7 +131,7 @@ class Change:
         lines = [f"{where}: {self.kind}", *(f"  {note}" for note in self.notes)]
         if c := self.comparison:
             r = c.radiance
-            lines.append(f"  the new beside the old: {c.verdict}")
+            lines.append(f"  {BESIDE_THE_OLD[c.verdict]}")
             lines += [f"    {reason}" for reason in c.reasons]
             if r.rmse is not None:
                 lines.append(f"    rmse {r.rmse:.3g}, worst {r.max_abs:.3g}, ratio of the means {r.mean_ratio:.6g}")
@@ -222,23 +223,26 @@ def _placed(
     if known is not None and same and size in (None, known.origin().camera.image_size):
         return found.with_camera(known.origin().camera)
     camera = found.camera
-    return found.with_camera(camera.resized(*(size or size_of(camera.image_size))))
+    width, height = size_of(camera.image_size) if known is None else known.origin().camera.image_size
+    if round(width * camera.image_size[1] / camera.image_size[0]) != height:  # the camera has another aspect ratio now
+        width, height = size_of(camera.image_size)
+    return found.with_camera(camera.resized(*(size or (width, height))))
 
 
 _DECIDES = ("scene_hash", "rung", "sampling", "samples", "seed", "depth", "size")
 
 
 def header_changes(old: dict[str, str], new: dict[str, str]) -> Iterator[str]:
-    """`samples: 4096, was 1024`, for every key that differs."""
+    """`samples: 4096 (before: 1024)`, for every key that differs."""
     for key in sorted(old.keys() | new.keys()):
-        a, b = old.get(key, "nothing"), new.get(key, "nothing")
+        a, b = old.get(key, "none"), new.get(key, "none")
         if a == b or key == "checksum":
             continue
-        if key == "set_up" and "nothing" not in (a, b):
+        if key == "set_up" and "none" not in (a, b):
             scenes = (to_record(key, msgspec.json.decode(text), Scene) for text in (a, b))
             yield from changes(*scenes)
         else:
-            yield f"{key}: {b}, was {a}"
+            yield f"{key}: {b} (before: {a})"
 
 
 # ------------------------------------------------------------------------------------------ check
