@@ -85,13 +85,15 @@ def raytwin_reference(request: pytest.FixtureRequest) -> "Callable[..., Referenc
 
 @pytest.fixture
 def raytwin_laws(request: pytest.FixtureRequest) -> "Callable[..., Laws]":
-    """`raytwin_laws(render, rung="shadow")`: fail unless `render` keeps the laws that need no reference.
+    """`raytwin_laws(render, rung="shadow", without="")`: fail unless `render` keeps the laws that need no reference.
 
     `render` is a function as `raytwin.method` takes it; `scene` is changed in the place of the built-in one, `sampling`
-    says where rays go. Returns what was found.
+    says where rays go, and `without="planes"` that the renderer has no rectangles. Returns what was found.
     """
 
-    def judge(render: Any, rung: str = "shadow", scene: "Scene | None" = None, sampling: str = "center") -> "Laws":
+    def judge(
+        render: Any, rung: str = "shadow", scene: "Scene | None" = None, sampling: str = "center", without: str = ""
+    ) -> "Laws":
         __tracebackhide__ = True
         from raytwin.errors import InputError
         from raytwin.renderers.user_renderers import of_function
@@ -99,7 +101,7 @@ def raytwin_laws(request: pytest.FixtureRequest) -> "Callable[..., Laws]":
         from raytwin.study.laws import laws
 
         try:
-            found = laws(of_function(render, "", rung, sampling), scene)
+            found = laws(of_function(render, "", rung, sampling), scene, without=without)
             text = laws_page.laws_summary(found)
             if (folder := _report_folder(request.config)) is not None:
                 page = check_page.write_laws(folder, *_numbered(request.node, found.verdict), found)

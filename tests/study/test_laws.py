@@ -159,6 +159,25 @@ def test_laws_that_break_together_name_the_cause(subtests):
     assert {law for together in CAUSES for law in together} <= set(LAWS)
 
 
+def test_a_renderer_of_spheres_alone_is_told_so_and_can_be_judged_without_planes():
+    spheres = planted(lambda scene, rung: trace(scene.with_(objects=scene.spheres), rung))
+    fuzzy = method(
+        lambda scene, samples, seed: noisy().render(scene.with_(objects=scene.spheres), samples, seed),
+        rung="shadow",
+        records=True,
+    )
+    for renderer in (spheres, fuzzy):
+        assert "rectangles are not drawn" in laws(renderer, size=SIZE).cause
+    found = laws(spheres, size=SIZE, without="planes")
+    assert found.verdict == "pass"
+    skipped = {row.law: row.reasons for row in found.rows if row.verdict == "skipped"}
+    assert skipped == dict.fromkeys(("frame", "curtain", "covered", "plate"), ("the renderer has no rectangles",))
+    clamped = planted(lambda scene, rung: BREAKS["light doubled"](scene.with_(objects=scene.spheres), rung))
+    assert "clamp" in laws(clamped, size=SIZE, without="planes").cause
+    with pytest.raises(InputError, match="--without: expected one of planes"):
+        laws(spheres, size=SIZE, without="spheres")
+
+
 def test_a_renderer_that_ends_in_a_changed_scene_breaks_its_law():
     def fragile(scene: Scene) -> np.ndarray:
         if len(scene.planes) == 3:

@@ -43,8 +43,8 @@ def levels_command(
 
 
 def laws_command(
-    settings: CompareSettings, renderer: str | None = None, scene: Path | None = None, json: Path | None = None,
-    out: Path | None = None,
+    settings: CompareSettings, renderer: str | None = None, scene: Path | None = None, without: str = "",
+    json: Path | None = None, out: Path | None = None,
 ) -> None:  # fmt: skip
     """Judge a renderer without a reference.
 
@@ -64,7 +64,7 @@ def laws_command(
             from raytwin.teach.contract.subject import find_subject
         subject = find_subject(what[0], settings.rung, settings.sampling)
         read = read_scene(scene) if scene else None
-        found = laws(subject, read, size=settings.size, budget=settings.spending, progress=progress)
+        found = laws(subject, read, size=settings.size, budget=settings.spending, without=without, progress=progress)
         folder = out or Path("out") / "laws"
         laws_page.write_laws(found, folder)
     if json:

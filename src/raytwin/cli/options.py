@@ -175,6 +175,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "scene": _opt("Scene to change.", "SCENE", among=_scenes, callback=_known_scene, kind=Path | None),
         "subject": _opt("Renderer to judge; see `raytwin compare --subject`.", "WHAT", kind=str | None),
         "rung": _opt("Light level that it renders: lambert, shadow, sky or path.", among=LEVELS),
+        "without": _opt("Leave out `planes`, for a renderer that has no rectangles.", "planes", among=("planes",)),
         "out": _opt("Folder for laws.html and laws.json (out/laws).", "DIR", *OUT),
         **{field.name: None for field in dataclasses.fields(CompareSettings) if field.name not in OF_LAWS},
     },

@@ -15,7 +15,7 @@ import numpy as np
 
 from raytwin.compare import Comparison, Judging, SequentialComparison, Verdict, compare
 from raytwin.compare.finding import notes
-from raytwin.errors import InputError
+from raytwin.errors import InputError, check_one_of
 from raytwin.images.image import Image
 from raytwin.progress import Progress, Stages, silent
 from raytwin.renderers.renderer import Renderer
@@ -25,7 +25,7 @@ from raytwin.scene import Rectangle, Scene
 from raytwin.scene.record_base import Row
 from raytwin.scene.scene_files import read_scene
 from raytwin.study.rounds import Budget, Rounds, calls_per_round, sample_more
-from raytwin.study.scene_laws import CAUSES, LAWS, Level, View, placed
+from raytwin.study.scene_laws import CAUSES, LAWS, OF_RECTANGLES, Level, View, curtained, placed
 from raytwin.teach.contract.submission import Shown
 
 FALSE_ALARM_RATE = 1e-3
@@ -54,13 +54,17 @@ class LawRow(Row, frozen=True):
 
 @dataclass(frozen=True, eq=False)
 class Laws:
-    """What came of all laws. `pictures`: law -> the changed scene's picture, and what it must be."""
+    """What came of all laws. `pictures`: law -> the changed scene's picture, and what it must be.
+
+    `undrawn`: rectangles change no pixel.
+    """
 
     subject: str
     scene: Scene
     rung: str
     rows: tuple[LawRow, ...]
     pictures: dict[str, tuple[Image, Image]]
+    undrawn: bool = False
 
     @property
     def broken(self) -> tuple[LawRow, ...]:
@@ -78,7 +82,13 @@ class Laws:
     @property
     def cause(self) -> str:
         """What a renderer does that breaks just these laws; empty where none is broken."""
+        if self.undrawn:
+            return (
+                'rectangles are not drawn: if the renderer has none, say --without planes (in pytest: without="planes")'
+            )
         names = {row.law for row in self.broken}
+        if "disc" in names and any(row.law == "frame" and row.verdict == "skipped" for row in self.rows):
+            names.add("frame")  # both show the sky beside a black body
         together = (cause for laws, cause in CAUSES.items() if names.issuperset(laws))
         return next(together, self.broken[0].cause if self.broken else "")
 
@@ -100,15 +110,20 @@ def builtin_scene() -> Scene:
 
 def laws(
     subject: Renderer, scene: Scene | None = None, *, size: tuple[int, int] | None = None, budget: Budget = Budget(),  # noqa: B008 (immutable)
-    progress: Progress = silent,
+    without: str = "", progress: Progress = silent,
 ) -> Laws:  # fmt: skip
     """Return which laws the subject keeps on a scene, by default `builtin_scene`; `size` (width, height) in pixels.
 
     Laws that do not hold for the scene or the subject's light level are skipped, with the reason. `budget`: samples or
-    seconds per law of a renderer with noise. Raises InputError for a subject that cannot render the scene itself, or is
-    an image; for a scene with a sky map, highlights or no object; and for a light level without light.
+    seconds per law of a renderer with noise. `without="planes"`: for one that has no rectangles. Raises
+    InputError for a subject that cannot render the scene itself, or is an image; for a scene with a sky map, highlights
+    or no object; and for a light level without light.
     """
-    trial = _Trial(subject, _checked(subject, scene or builtin_scene(), size), budget)
+    base = scene or builtin_scene()
+    if without:
+        check_one_of("--without", without, ("planes",))
+        base = base.with_(objects=base.spheres)
+    trial = _Trial(subject, _checked(subject, base, size), budget)
     own = trial.render(trial.base, 1, REFERENCE_SEEDS)
     found = compare(own, own, noise="none")
     if found.passed and not np.ptp(own.mean, axis=(0, 1)).any():
@@ -121,7 +136,8 @@ def laws(
     level = Level(RUNGS[subject.rung], subject.sampling, subject.noisy)
     for number, law in enumerate(LAWS.values() if found.passed else ()):
         progress("laws", number, len(LAWS))
-        views = law.views(trial.base, level)
+        no_rectangles = without and law.name in OF_RECTANGLES
+        views = "the renderer has no rectangles" if no_rectangles else law.views(trial.base, level)
         if isinstance(views, str):
             rows.append(LawRow(law.name, law.does, "skipped", (views,)))
             continue
@@ -133,7 +149,8 @@ def laws(
         cause = law.cause if judged.verdict == "fail" else ""
         rows.append(LawRow(law.name, law.does, judged.verdict, judged.reasons, cause))
     progress("laws", len(LAWS), len(LAWS))
-    return Laws(subject.name, trial.base, subject.rung, tuple(rows), pictures)
+    undrawn = any(row.law in OF_RECTANGLES and row.verdict == "fail" for row in rows) and not trial.draws_rectangles()
+    return Laws(subject.name, trial.base, subject.rung, tuple(rows), pictures, undrawn)
 
 
 def _checked(subject: Renderer, scene: Scene, size: tuple[int, int] | None) -> Scene:
@@ -177,6 +194,17 @@ class _Trial:
         calls = calls_per_round(self.subject)
         found = Rounds(check, *sides, 0, Stages(), calls, calls).decide(self.budget)
         return check.image("test"), check.image("reference"), found
+
+    def draws_rectangles(self) -> bool:
+        """Whether one before the camera, or the scene's own, changes a pixel of a picture with the same seed."""
+        bare = (self.base.with_(objects=self.base.spheres),) if self.base.spheres and self.base.planes else ()
+        try:
+            own, *others = (
+                self.render(one, 1, REFERENCE_SEEDS).mean for one in (self.base, *bare, curtained(self.base))
+            )
+        except InputError:  # it looks at them, at least
+            return True
+        return not all(np.array_equal(own, other) for other in others)
 
     def _image(self, view: View, samples: int, seeds: Iterator[int]) -> Image:
         """Return the view's picture from independent renders: what adds pictures adds their variances too."""

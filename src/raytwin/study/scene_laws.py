@@ -159,11 +159,12 @@ def _plate(scene: Scene, level: Level) -> Pair:
     return View((scene.with_(objects=[plate], sun=sun, sky=None),)), View(value=np.array(SUNLIGHT) / (2 * np.pi))
 
 
-def _curtain(scene: Scene, level: Level) -> Pair:
+def curtained(scene: Scene) -> Scene:
+    """Return the scene behind a black rectangle that fills the picture."""
     width, height = scene.image_size
     near = np.linalg.norm(_reached(scene) - scene.camera.eye, axis=1).min()
     curtain = screen(scene, (-width, -height, 2 * width, 2 * height), BLACK, near / 100)
-    return View((scene.with_(objects=[*scene.objects, curtain]),)), View()
+    return scene.with_(objects=[*scene.objects, curtain])
 
 
 def _sun_behind(scene: Scene, level: Level) -> Pair:
@@ -247,7 +248,8 @@ LAWS: dict[str, Law] = {
         Law("disc", "a black ball on the camera's axis is the disc that its radius and distance give",
             "a sphere's outline is wrong: its radius, or the quadratic", _disc),
         Law("curtain", "a black screen in front of everything is all that is seen",
-            "another object than the nearest is seen", _curtain),
+            "another object than the nearest is seen",
+            lambda scene, level: (View((curtained(scene),)), View())),
         Law("order", "objects in reverse order", "what is seen depends on the objects' order: keep the nearest hit",
             _reordered),
         Law("behind the eye", "the same objects are added behind the camera, half as far",
@@ -291,6 +293,8 @@ LAWS: dict[str, Law] = {
 }  # fmt: skip
 """name -> law, in the order in which a break names the cause. To add one, add its row."""
 
+OF_RECTANGLES = "frame", "curtain", "plate", "covered"
+"""Laws that put a rectangle into the scene."""
 CAUSES: dict[tuple[str, ...], str] = {
     ("halves", "light doubled"): "pixels depend on the whole picture: values are divided by its maximum",
     ("black", "light doubled"): "light is added that comes from no source: an offset, or a background of its own",
