@@ -190,7 +190,8 @@ def test_the_instructors_test_passes_with_a_right_renderer_and_fails_with_a_wron
     code = next(block for block in blocks(DOCS / "renderer.md", "python") if "raytwin_reference" in block)
     code = code[code.index("def test_my_renderer") :]
     for rung in ("shadow", "lambert"):
-        render = f'import raytwin\n\n\ndef my_render(scene):\n    return raytwin.trace(scene, "{rung}").mean\n\n\n'
+        imports = "import raytwin\nfrom raytwin.renderers.scene_exchange import as_scene\n\n\n"
+        render = f'{imports}def render(scene):\n    return raytwin.trace(as_scene(scene), "{rung}").mean\n\n\n'
         write([(f"class/test_{rung}.py", render + code)], checkout)
     told = pytest_says("class", checkout)
     assert "1 failed, 1 passed" in told

@@ -2,7 +2,7 @@
 
     def test_my_renderer(raytwin_reference):
         reference = raytwin_reference("overlap", "shadow")
-        reference.check(my_render(reference.scene))
+        reference.check(render(reference.scene_dict))
 
 Loaded by every pytest run on a machine that has raytwin: so this file imports nothing but pytest at load.
 """
@@ -242,10 +242,8 @@ class ReferenceCheck:
         if not made.passed and known.golden and (folder := _report_folder(self._node.config)):
             new = self._as_reference(taken.image, folder / "new")
             references.save(new)
-            place, own = self._from_here(new.path), self._from_here(self._folders.own)
-            command = f"raytwin reference accept {shlex.quote(place)} --because 'why'"
-            command += "" if own == "reference" else f" --folder {shlex.quote(own)}"
-            notes.append(f"to take it for the reference: {command}")
+            command = f"raytwin reference accept {shlex.quote(self._from_here(new.path))} --because 'why'"
+            notes.append(f"to take it for the reference: {command}{self._folder_option()}")
         text = f"{self.name}/{self.rung}{because(made) or f': {made.verdict}'}\n"
         text += "".join(f"  {reason}\n" for reason in further(made)) + "".join(f"  note: {n}\n" for n in notes)
         if page := self._report(made, tuple(notes), taken.image, shown, allowed):
@@ -314,16 +312,13 @@ class ReferenceCheck:
         self._fail(f"{why}\n  {self._remedy(scene)}")
 
     def _remedy(self, scene: Path | None) -> str:
-        here = Path.cwd()
-        paths = scene or self._folders.scenes / self.name, self._folders.own
-        shown = [os.path.relpath(p, here) if p.is_relative_to(here) else str(p) for p in paths]
-        folder = "" if shown[1] == "reference" else f" --folder {shlex.quote(shown[1])}"
-        command = f"raytwin reference make {shlex.quote(shown[0])} --rung {self.rung}{folder}"
+        where = self._from_here(scene or self._folders.scenes / self.name)
+        command = f"raytwin reference make {shlex.quote(where)} --rung {self.rung}{self._folder_option()}"
         if scene is not None:
             return f"To make it: {command}"
         there = ", ".join(dict.fromkeys(name for name, _ in self._folders.cases(None, None)))
         return (
-            f"There: {there or 'none'}. To make it, write {shown[0]}/scene.toml, then: {command}\n"
+            f"There: {there or 'none'}. To make it, write {where}/scene.toml, then: {command}\n"
             f"  Where it is to be an image of no scene: raytwin_reference({self.name!r}, {self.rung!r}, image=True), "
             "and pytest --raytwin-update"
         )
@@ -369,6 +364,10 @@ class ReferenceCheck:
         did = "replaced" if made.path.exists() else "made"
         references.save(made)
         self._node.user_properties.append(("raytwin", f"{did} {self._from_here(made.path)}"))
+
+    def _folder_option(self) -> str:
+        folder = self._from_here(self._folders.own)
+        return "" if folder == "reference" else f" --folder {shlex.quote(folder)}"
 
     def _from_here(self, path: Path) -> str:
         return os.path.relpath(path, self._node.config.invocation_params.dir)

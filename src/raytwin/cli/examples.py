@@ -20,7 +20,7 @@ EXAMPLES = {
     "photo.simulate": "raytwin photo simulate --board board.toml --count 20 -o photos",
     "reference": "raytwin reference make overlap --rung shadow",
     "reference.make": "raytwin reference make overlap --rung shadow",
-    "reference.accept": "raytwin reference accept pages/new/logo/shadow.exr --because 'new logo'",
+    "reference.accept": "raytwin reference accept pages/new/logo/lambert.exr --because 'new logo'",
     "reference.merge": "raytwin reference merge linux mac windows",
     "reference.check": "raytwin reference check overlap",
     "reference.show": "raytwin reference show overlap",

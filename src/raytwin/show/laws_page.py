@@ -1,5 +1,6 @@
 """What `raytwin laws` found: its page, a row per law with both pictures, and its lines for the terminal."""
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,22 +27,16 @@ def write_laws(found: "Laws", folder: Path) -> None:
 
 def answer(found: "Laws") -> tuple[str, str, str]:
     """Return the cause, how many laws hold, and what the worst shows: three sentences."""
-    count = {sign: [row for row in found.rows if row.verdict == sign] for sign in SIGN}
-    told, skipped = len(found.rows) - len(count["skipped"]), count["skipped"]
-    decided = [*count["fail"], *count["undecided"]]
-    first = f"{found.cause[:1].upper()}{found.cause[1:]}." if found.cause else ""
-    names = f" Broken: {', '.join(row.law for row in count['fail'])}." if count["fail"] else ""
-    held = f"{len(count['pass'])} of {told} laws hold{f'; not applicable: {len(skipped)}' if skipped else ''}."
-    worst = (
-        f"{decided[0].law}: {(*decided[0].reasons, decided[0].cause)[0]}."
-        if decided
-        else "What errs alike in all pictures no law sees."
-    )
-    return (
-        first or {"pass": "No law is broken."}.get(found.verdict, "Not every law can be decided."),
-        held + names,
-        worst,
-    )
+    count = Counter(row.verdict for row in found.rows)
+    cause = found.cause or {"pass": "no law is broken"}.get(found.verdict, "not every law can be decided")
+    skipped = f"; not applicable: {count['skipped']}" if count["skipped"] else ""
+    held = f"{count['pass']} of {len(found.rows) - count['skipped']} laws hold{skipped}."
+    if found.broken:
+        held += f" Broken: {', '.join(row.law for row in found.broken)}."
+    worst = "What errs alike in all pictures no law sees."
+    if decided := [*found.broken, *(row for row in found.rows if row.verdict == "undecided")]:
+        worst = f"{decided[0].law}: {(*decided[0].reasons, decided[0].cause)[0]}."
+    return f"{cause[:1].upper()}{cause[1:]}.", held, worst
 
 
 def laws_summary(found: "Laws") -> str:

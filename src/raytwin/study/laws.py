@@ -54,10 +54,7 @@ class LawRow(Row, frozen=True):
 
 @dataclass(frozen=True, eq=False)
 class Laws:
-    """What came of all laws. `pictures`: law -> the changed scene's picture, and what it must be.
-
-    `undrawn`: rectangles change no pixel.
-    """
+    """What came of all laws. `pictures`: law -> the changed one, and what it must be; `undrawn`: no rectangle is."""
 
     subject: str
     scene: Scene
@@ -197,11 +194,9 @@ class _Trial:
 
     def draws_rectangles(self) -> bool:
         """Whether one before the camera, or the scene's own, changes a pixel of a picture with the same seed."""
-        bare = (self.base.with_(objects=self.base.spheres),) if self.base.spheres and self.base.planes else ()
+        scenes = self.base, self.base.with_(objects=self.base.spheres), curtained(self.base)
         try:
-            own, *others = (
-                self.render(one, 1, REFERENCE_SEEDS).mean for one in (self.base, *bare, curtained(self.base))
-            )
+            own, *others = (self.render(scene, 1, REFERENCE_SEEDS).mean for scene in scenes)
         except InputError:  # it looks at them, at least
             return True
         return not all(np.array_equal(own, other) for other in others)
@@ -220,8 +215,7 @@ class _Trial:
 
     def render(self, scene: Scene, samples: int, seed: int) -> Image:
         key = (samples, seed) if self.subject.noisy else (1, 0)
-        if scene is not self.base:
-            return sample_more(self.subject, scene)(*key)
-        if key not in self._known:
-            self._known[key] = sample_more(self.subject, scene)(*key)
-        return self._known[key]
+        known = self._known if scene is self.base else {}
+        if key not in known:
+            known[key] = sample_more(self.subject, scene)(*key)
+        return known[key]
