@@ -107,7 +107,7 @@ def raytwin_laws(request: pytest.FixtureRequest) -> "Callable[..., Laws]":
                 page = check_page.write_laws(folder, *_numbered(request.node, found.verdict), found)
                 text += f"\n  page: {page}"
         except InputError as error:
-            pytest.fail(str(error))
+            raise pytest.fail.Exception(str(error)) from None
         if found.verdict != "pass":
             pytest.fail(text)
         return found

@@ -150,9 +150,8 @@ def summary(rows: list[CheckRow], failed: int) -> str:
         lines = [f"**{failed} of {compared} failed.**", ""]
         lines += ["| verdict | test | cause | expected | got | difference |", "| --- " * 6 + "|"]
     else:
-        lines = [
-            f"All {compared} pass." if len(rows) > 1 else f"{compared} passes." if rows else "Nothing was compared."
-        ]
+        said = f"All {compared} pass." if len(rows) > 1 else f"{compared} passes."
+        lines = [said if rows else "Nothing was compared."]
     for row in rows[:failed]:
         files = {"expected": row.reference, "got": row.picture, "difference": row.error}
         shown = [f"![{name}]({file})" if file else "" for name, file in files.items()]
