@@ -183,3 +183,24 @@ def test_a_last_row_or_column_alone_is_compared_like_any(shape):
     rng = np.random.default_rng(12)
     a, b = (untold(render(rng, picture(*shape), samples=16)) for _ in range(2))
     assert compare(a, b).verdict in ("pass", "undecided")
+
+
+def test_unreported_noise_of_few_samples_is_undecided_and_what_it_does_not_explain_fails():
+    """Events of three kinds of pixels in half of the picture, of which one sample sees few; the other half is exact."""
+    rng = np.random.default_rng(11)
+    chance = np.where(np.arange(64)[:, None, None] < 32, rng.choice([0.05, 0.3, 1.0], (64, 64, 1)), 0.0)
+
+    def render(samples, gain=1.0):
+        light = rng.gamma(np.maximum(4 * rng.binomial(samples, chance, (64, 64, 3)), 1e-9), 0.25)
+        return (gain * (light / samples + 1)).astype(np.float32)
+
+    batches = np.array([render(32) for _ in range(16)])
+    reference = Image(batches.mean(axis=0), batches.var(axis=0, ddof=1) / 16, 512, batches=16)
+    for samples in (1, 2, 4):
+        found = compare(Image(render(samples)), reference)
+        assert found.verdict == "undecided", (samples, found.reasons)
+        assert "states no noise" in found.reasons[0], found.reasons
+        assert compare(Image(render(samples, 1.1)), reference).verdict == "fail"
+        patch = Image(render(samples))
+        patch.mean[40:56, 8:24] *= 1.2  # where the reference has no noise
+        assert compare(patch, reference).verdict == "fail"

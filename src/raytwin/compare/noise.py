@@ -112,6 +112,25 @@ def equivalent_samples(test: Image, reference: Image) -> float | None:
     return known * reference.samples / scatter if scatter > 0.1 * known > 0 else None
 
 
+MOST_ALIKE, ALIKE = 16, (0.5, 1.5)
+"""Samples per pixel up to which unreported noise is recognised by its distribution, and the median block's share of
+what so many samples scatter: 0.67 to 1.06 in correct renders of 1 to 16 samples, at most 0.35 for wrong patches, edges
+and brightness beside them."""
+
+
+def few_samples(test: Image, reference: Image) -> int:
+    """Return n if t - r is spread over the blocks as the noise of n samples of the reference's renderer is, else 0."""
+    n = equivalent_samples(test, reference)
+    if n is None or not ALIKE[0] <= n <= MOST_ALIKE:
+        return 0
+    assert reference.variance is not None  # or n were None
+    known = block_means(reference.variance)
+    noisy = known > 0
+    shown = (residual(test.mean, reference.mean).square - known)[noisy] / known[noisy]
+    median = float(np.median(shown)) * n / reference.samples
+    return max(1, round(n)) if ALIKE[0] <= median <= ALIKE[1] else 0
+
+
 def block_means(x: Pixels) -> Float64[np.ndarray, "by bx 3"]:
     """(H, W, 3) to (by, bx, 3): the means of its 8 x 8 blocks."""
     return np.concatenate([block_sums(x[a:b], rows) / block_counts(x[a:b], rows) for a, b, rows in strips(x.shape)])

@@ -9,10 +9,10 @@ from raytwin.compare.blocks import Pixels
 from raytwin.compare.comparison import Statistics
 from raytwin.compare.decision import TESTS, Decision, Rounding, decide, enough_samples
 from raytwin.compare.exact import NoiseFree, count_noise_free
-from raytwin.compare.finding import Finding, Place, notes
+from raytwin.compare.finding import Finding, Place, notes, plural
 from raytwin.compare.messages import agreement, noise_findings, percent, what_could_be_seen
 from raytwin.compare.metrics import METRICS, p999_abs
-from raytwin.compare.noise import Residual, block_means, capped, estimated, rare_light, residual
+from raytwin.compare.noise import Residual, block_means, capped, estimated, few_samples, rare_light, residual
 from raytwin.compare.patterns import patterned
 from raytwin.compare.scale import Bound
 from raytwin.compare.shift import Shift, shift_findings
@@ -55,6 +55,11 @@ UNSAMPLED = (
 SCALED = (
     "undecided: single pixels are off by more than the other image's noise, scaled by the samples, explains, but that "
     "says nothing of rare events: give a variance or several renders"
+)
+
+LIKE_FEW = (
+    "undecided: the test states no noise, and differs from the reference as {} of the reference's renderer would: "
+    + GIVE
 )
 
 MOSTLY_RARE = 0.25
@@ -114,6 +119,8 @@ class RadianceTest:
             first = first._replace(findings=sums, doubts=first.doubts if sums else (SCALED,))
         if first.findings and any(hardly_sampled(image) for _, image in sides):
             return first._replace(doubts=(FEW_SAMPLES,))
+        if first.findings and self.test.variance is None and (few := self._like_few_samples()):
+            return first._replace(doubts=(LIKE_FEW.format(few),))
         claims = [block_means(i.variance) for i in (self.test, self.reference) if i.variance is not None]
         if not unstated or not (claims or first.findings):
             return first
@@ -121,6 +128,15 @@ class RadianceTest:
         doubtful = bool(first.findings) or unexplained(shown, known)
         noisy = doubtful and dense(shown, known, self.bound.least)
         return self._by_scatter(first, unstated, shown) if noisy else first
+
+    def _like_few_samples(self) -> str:
+        """How many samples of the reference's renderer explain tiles and image by their noise; empty where none do."""
+        n = few_samples(self.test, self.reference)
+        if not n:
+            return ""
+        noisy = replace(self, test=_with_noise_of(replace(self.test, samples=n), self.reference))
+        excused = all(f.kind == "value" for f in noisy._by_stated_noise().findings)  # of rare events n says nothing
+        return f"{plural(n, 'sample')} per pixel" if excused else ""
 
     def exactly(self) -> Outcome:
         """Compare images without noise, value by value."""

@@ -131,7 +131,9 @@ def _side(thing: Any, name: str, chosen: DiffSettings, i: int) -> Side:
         return Side(title, LoadedImage(thing.image), scene=thing.scene, rung=thing.path.stem, tolerance=thing.tolerance)
     if not _is_path(thing):
         own = getattr(thing, "__name__", name)
-        return Side(own, as_image(thing, chosen.variances[i], chosen.renders))
+        loaded = as_image(thing, chosen.variances[i], chosen.renders)
+        image = replace(loaded.image, samples=loaded.image.samples or chosen.samples[i])
+        return Side(own, loaded._replace(image=image))
     path = Path(thing)
     loaded = read_side(path, chosen.part, chosen.layer, chosen.variances[i], chosen.samples[i])
     return Side(path.name, loaded, *(_scene_of(path, chosen.part) if i else ()))

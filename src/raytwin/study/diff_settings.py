@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from raytwin.errors import InputError, check_one_of
 from raytwin.judging import Judging
 from raytwin.rungs import RUNGS
@@ -32,8 +34,9 @@ class DiffSettings(Judging):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if min(self.samples) < 0:
-            raise InputError("samples", "numbers of rays per pixel, or 0 if unknown", self.samples)
+        if not (np.shape(self.samples) == (2,) and all(isinstance(n, int) and n >= 0 for n in self.samples)):
+            expected = "rays per pixel of both images, as (4, 512); 0 if unknown"
+            raise InputError("samples", expected, repr(self.samples))
         if self.rung is not None:
             check_one_of("rung", self.rung, RUNGS)
 
