@@ -165,7 +165,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "out": _opt("Folder for report.html, heatmap.png, comparison.json.", "DIR", *OUT),
     },
     "levels": {
-        "tolerance": _opt("Largest error, in the metric's units."),
+        "tolerance": _opt("Largest error (RMSE in radiance, unless --metric says otherwise)."),
         "metric": _opt(f"{', '.join(METRICS[:-1])} or {METRICS[-1]}.", among=METRICS),
         "size": _opt("Size of the pictures; 320 wide by default.", "WxH", callback=_size, kind=str | None),
         "out": _opt("Folder for page and chart (in out/).", "DIR", *OUT),

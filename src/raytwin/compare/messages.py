@@ -97,9 +97,12 @@ def _share(part: int, whole: int) -> str:
 
 def what_could_be_seen(image: float, tile: float, inflation: float, rate: float) -> tuple[Finding, ...]:
     """Return which errors of the `image` and a `tile` a pass would have caught; a note where neighbours share noise."""
+    of_tile = f"or of {percent(tile)} in any 24 x 24 patch"
+    if not math.isfinite(tile):
+        of_tile = "but perhaps none in a 24 x 24 patch, however large"
     text = (
         f"no difference beyond noise (false-alarm rate {rate:g}); would have caught, {10 * POWER:g} times in 10, a "
-        f"brightness error of {percent(image)}, or of {percent(tile)} in any 24 x 24 patch"
+        f"brightness error of {percent(image)}, {of_tile}"
     )
     if inflation < 1.2:
         return notes([text])
