@@ -4,8 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from raytwin.errors import InputError, check_one_of
 from raytwin.judging import Judging
 from raytwin.rungs import RUNGS
@@ -34,7 +32,7 @@ class DiffSettings(Judging):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not (np.shape(self.samples) == (2,) and all(isinstance(n, int) and n >= 0 for n in self.samples)):
+        if not (isinstance(self.samples, tuple) and len(self.samples) == 2 and all(map(_is_count, self.samples))):
             expected = "rays per pixel of both images, as (4, 512); 0 if unknown"
             raise InputError("samples", expected, repr(self.samples))
         if self.rung is not None:
@@ -43,3 +41,7 @@ class DiffSettings(Judging):
     @property
     def judging(self) -> Judging:
         return Judging(*(getattr(self, field) for field in Judging.__dataclass_fields__))
+
+
+def _is_count(n: object) -> bool:
+    return isinstance(n, int) and n >= 0

@@ -272,10 +272,8 @@ class _Survey:
     def cheapest(self, tolerance: float, floor: float) -> tuple[Row | None, str]:
         """The first method in order of cost that meets the tolerance, once all cheaper ones are known to fail."""
         if floor > FLOOR[1] * tolerance:
-            return (
-                None,
-                f"cannot tell: the reference's own floor is {floor:.2g} {self.metric}, over a third of it. Ask for a tolerance of at least {3 * floor:.2g}",
-            )
+            own = f"the reference's own floor is {floor:.2g} {self.metric}, over a third of it"
+            return None, f"cannot tell: {own}. Ask for a tolerance of at least {3 * floor:.2g}"
         queue: list[Renderer] = [m for m in _table(self.engine) if m.samples == 1 or not m.noisy]
         while queue:
             method = queue.pop(min(range(len(queue)), key=lambda i: self.rays(queue[i])))
