@@ -181,7 +181,9 @@ def graded_class(folder: Path, make_result, scenes) -> list[Path]:
     exercises = (Exercise("shade", 10, name=EVIL), Exercise("render", 20, name="image", drawn=1))
     rubric = Rubric(EVIL, exercises, speed=Speed("image", bonus=2), feedback=(Feedback("shade", "0", EVIL, EVIL),))
     parts = (MarkedPart(EVIL, False, 0.25, 0.1, 0.5, problem=EVIL),)
-    image = Marked("image", "render", "fail", 0, 20, "hidden", EVIL, 1e-5, (EVIL,), fingerprint="1 2 " * 8, parts=parts)
+    image = Marked(
+        "image", "render", "fail", 0, 20, "hidden", EVIL, 1e-5, sentences=(EVIL,), fingerprint="1 2 " * 8, parts=parts
+    )
     shade = msgspec.structs.replace(
         image, name=EVIL, stage="shade", of=10, visibility="visible", causes=("pi",), sureness="proved",
         faults=((EVIL, EVIL),), inputs=EVIL, expected=EVIL, got=EVIL,
