@@ -100,35 +100,31 @@ def residual(test: Pixels, reference: Pixels, carrying: bool = False) -> Residua
         return Residual(np.where(n > 1, s / (n - 1), np.inf), np.where(f > 0, s * s / f, 0), n)
 
 
+ALIKE, FEW = (0.5, 1.5), 16
+"""The median block's share of what so many samples scatter: 0.67 to 1.06 in correct renders of 1 to 16 samples, at most
+0.35 or at least 1.6 in most wrong images. Samples per pixel up to which noise is too sparse for `untold.dense`."""
+
+
 def equivalent_samples(test: Image, reference: Image) -> float | None:
     """How many samples per pixel of the reference's renderer scatter as t - r does within 8 x 8 pixels.
 
-    None where the reference tells no noise, or the test has less than a tenth of its variance.
+    None where the reference tells no noise, where the test has less than a tenth of its variance, and where t - r is
+    spread over the blocks otherwise than the reference's noise.
     """
     if reference.variance is None or reference.samples < 2:
         return None
-    known = float(block_means(reference.variance).sum())
-    scatter = float(residual(test.mean, reference.mean).square.sum()) - known
-    return known * reference.samples / scatter if scatter > 0.1 * known > 0 else None
-
-
-MOST_ALIKE, ALIKE = 16, (0.5, 1.5)
-"""Samples per pixel up to which unreported noise is recognised by its distribution, and the median block's share of
-what so many samples scatter: 0.67 to 1.06 in correct renders of 1 to 16 samples, at most 0.35 for wrong patches, edges
-and brightness beside them."""
+    known = block_means(reference.variance)
+    noisy, beyond = known > 0, residual(test.mean, reference.mean).square - known
+    ratio = float(beyond.sum() / max(known.sum(), TINY))
+    if ratio <= 0.1 or not ALIKE[0] <= float(np.median(beyond[noisy] / known[noisy])) / ratio <= ALIKE[1]:
+        return None
+    return reference.samples / ratio
 
 
 def few_samples(test: Image, reference: Image) -> int:
-    """Return n if t - r is spread over the blocks as the noise of n samples of the reference's renderer is, else 0."""
+    """Those samples, where they are few: a rounded number from 1 to FEW, else 0."""
     n = equivalent_samples(test, reference)
-    if n is None or not ALIKE[0] <= n <= MOST_ALIKE:
-        return 0
-    assert reference.variance is not None  # or n were None
-    known = block_means(reference.variance)
-    noisy = known > 0
-    shown = (residual(test.mean, reference.mean).square - known)[noisy] / known[noisy]
-    median = float(np.median(shown)) * n / reference.samples
-    return max(1, round(n)) if ALIKE[0] <= median <= ALIKE[1] else 0
+    return max(1, round(n)) if n is not None and ALIKE[0] <= n <= FEW else 0
 
 
 def block_means(x: Pixels) -> Float64[np.ndarray, "by bx 3"]:
