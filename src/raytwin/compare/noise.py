@@ -114,9 +114,13 @@ def equivalent_samples(test: Image, reference: Image) -> float | None:
     if reference.variance is None or reference.samples < 2:
         return None
     known = block_means(reference.variance)
-    noisy, beyond = known > 0, residual(test.mean, reference.mean).square - known
-    ratio = float(beyond.sum() / max(known.sum(), TINY))
-    if ratio <= 0.1 or not ALIKE[0] <= float(np.median(beyond[noisy] / known[noisy])) / ratio <= ALIKE[1]:
+    shown = residual(test.mean, reference.mean)
+    noisy = (known > 0) & (shown.pixels > 1)
+    if not noisy.any():
+        return None
+    known, beyond = known[noisy], shown.square[noisy] - known[noisy]
+    ratio = float(beyond.sum() / known.sum())
+    if ratio <= 0.1 or not ALIKE[0] <= float(np.median(beyond / known)) / ratio <= ALIKE[1]:
         return None
     return reference.samples / ratio
 
