@@ -54,7 +54,7 @@ def make_command(
         raise InputError(_count(refused), "would be replaced, and there is no terminal to ask. --yes replaces them.")
 
 
-def accept_command(new: Path, because: str = "", folder: Path = REFERENCES, allow: list[str] | None = None) -> None:
+def accept_command(new: Path, because: str = "", folder: Path = REFERENCES) -> None:
     """Take one new image or reference, with the reason why.
 
     An image that a test run kept (its summary.md names the file), or SCENE/RUNG, which is rendered anew, in the old

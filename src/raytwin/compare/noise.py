@@ -125,9 +125,8 @@ def equivalent_samples(test: Image, reference: Image) -> float | None:
     return reference.samples / ratio
 
 
-def few_samples(test: Image, reference: Image) -> int:
-    """Those samples, where they are few: a rounded number from 1 to FEW, else 0."""
-    n = equivalent_samples(test, reference)
+def few_samples(n: float | None) -> int:
+    """Return equivalent samples where they are few: a rounded number from 1 to FEW, else 0."""
     return max(1, round(n)) if n is not None and ALIKE[0] <= n <= FEW else 0
 
 

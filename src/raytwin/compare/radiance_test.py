@@ -86,7 +86,7 @@ class Outcome(NamedTuple):
 class RadianceTest:
     """Two finite images of one shape, in units of `unit`, and how closely they must agree.
 
-    `look`: the false-alarm rate as a share of that of a whole sequence of looks.
+    `look`: the false-alarm rate as a share of a whole sequence's. `of_samples`: see `equivalent_samples`.
     """
 
     test: Image
@@ -98,6 +98,7 @@ class RadianceTest:
     half_steps: tuple[Pixels | None, Pixels | None]
     excused: int
     shift: Shift | None
+    of_samples: float | None
 
     @property
     def rate(self) -> float:
@@ -131,7 +132,7 @@ class RadianceTest:
 
     def _like_few_samples(self) -> str:
         """How many samples of the reference's renderer explain tiles and image by their noise; empty where none do."""
-        n = few_samples(self.test, self.reference)
+        n = few_samples(self.of_samples)
         if not n:
             return ""
         noisy = replace(self, test=_with_noise_of(replace(self.test, samples=n), self.reference))

@@ -91,7 +91,7 @@ def compare(
     mismatch = geometry.mask_mismatch_pixels or 0
     excused = mismatch if mismatch <= tolerance.mask_pixels else 0
     bound = Bound(tolerance.p999_abs, scale)
-    asked = RadianceTest(test, reference, judging, bound, unit, look, half_steps, excused, shift)
+    asked = RadianceTest(test, reference, judging, bound, unit, look, half_steps, excused, shift, of_samples)
     outcome = asked.exactly() if noise == "none" else asked.run()
     findings += outcome.findings
     different, unknown = alpha_findings(test, reference, judging, half_steps)
