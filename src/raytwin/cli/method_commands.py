@@ -22,7 +22,7 @@ def levels_command(
     """Find how much light a scene needs.
 
     Every light level is measured against all light, with its cost. With --tolerance the answer is the cheapest method
-    that meets it, and what can be dropped. Exit code 2 means that none does. The folder gets levels.html and
+    that meets it, and what can be left out. Exit code 2 means that none does. The folder gets levels.html and
     levels.json.
     """
     check_outputs(folders=(out or Path("out"),), files=(json,))

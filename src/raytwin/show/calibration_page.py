@@ -1,4 +1,4 @@
-"""A calibration's own page: how far off it may be, what it rests on, and what speaks against it."""
+"""The page of a calibration: its uncertainty, its photos, and its warnings."""
 
 import os
 from pathlib import Path
