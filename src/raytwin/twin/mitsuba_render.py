@@ -1,4 +1,4 @@
-"""Mitsuba's own sensor, film and integrator: of a Mitsuba file, or of raytwin's scene as a baseline of speed."""
+"""A Mitsuba file, rendered by its own sensor, film and integrator."""
 
 import re
 from dataclasses import replace
@@ -10,17 +10,13 @@ from raytwin.errors import InputError
 from raytwin.images.image import Image, Surface
 from raytwin.images.image_pool import ImagePool
 from raytwin.progress import Progress, silent
-from raytwin.scene import MitsubaScene, Scene
+from raytwin.scene import MitsubaScene
 from raytwin.twin import render_cache
 from raytwin.twin.backend import activate, made_with
-from raytwin.twin.opencv_sensor import sensor_at
 from raytwin.twin.rendering import BATCHES
-from raytwin.twin.twin_scene import load, place_of, translate
 
 VERSION = "4"
 """Part of every cache key: raise it when a change moves a pixel."""
-INTEGRATORS = {"direct": {"type": "direct"}, "path": {"type": "path", "max_depth": 8, "rr_depth": 8}}
-"""name -> Mitsuba's: light that met one surface (the rung `sky`), and up to seven (the rung `path`)."""
 LANES = 1 << 24
 """Most rays in one launch: Mitsuba keeps the state of every sample of a launch in memory."""
 
@@ -73,19 +69,6 @@ def named_shapes(scene: MitsubaScene) -> tuple[str, ...]:
     """The names of the file's shapes in the order of their ids. Raises InputError where Mitsuba refuses the scene."""
     activate()
     return tuple(shape.id() or f"shape-{i}" for i, shape in enumerate(_loaded(scene).shapes()))
-
-
-def load_plain(scene: Scene, integrator: str = "direct", variant: str | None = None) -> Any:
-    """A Mitsuba scene with its own sensor, box filter and integrator, to hand to `render_plain`.
-
-    The sensor is `perspective` where pixels are square and nothing is distorted; else one that undoes the distortion
-    (about half as slow again).
-    """
-    activate(variant)
-    place = place_of(scene)
-    world: dict[str, Any] = translate(scene, place, {}) | {"integrator": INTEGRATORS[integrator]}
-    world["sensor"] = sensor_at(scene.camera, np.asarray(scene.camera.R_cam_board), place.eye, place.unit)
-    return load(world)
 
 
 def render_plain(loaded: Any, samples: int = 1, seed: int | tuple[int, ...] = 0) -> np.ndarray:
