@@ -85,15 +85,18 @@ class TwinLight:
         u, v = self.double(pixel - row * self.width), self.double(row)
         return seen_along(self.scene, self.lens.ray(u + self.double(du), v + self.double(dv)))
 
-    def ids(self, seen: Seen) -> Any:
-        return ids_of(self.scene, seen, lambda _, shape: number_of(shape.id()))
+    def surface(self, seen: Seen, size: tuple[int, int]) -> Surface:
+        """What is seen through each of size = (width, height) pixels: depth in metres, normals in the board's frame."""
+        ids = ids_of(self.scene, seen, lambda _, shape: number_of(shape.id()))
+        return surface_of(seen, ids, (self.double(seen.hit.t) + self.lens.start) / self.place.unit, size)
 
-    def at(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Ids (k,) and the sun's light (k, 3) at these places of the image."""
+    def at(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Ids (k,), depth (k,), normals (k, 3) and the sun's light (k, 3) at these places of the image."""
         seen = seen_along(self.scene, self.lens.ray(self.double(u), self.double(v)))
-        ids, light = self.ids(seen), self.sunlight(seen, True)
-        dr.eval(ids, light)
-        return np.array(ids), np.array(light).T
+        light = self.sunlight(seen, shadows=True)
+        dr.schedule(light)
+        surface = self.surface(seen, (len(u), 1))
+        return surface.ids[0], surface.depth[0], surface.normal[0], np.array(light).T
 
     def onward(self, seen: Seen, d: Any) -> Any:
         """Rays that go on along d."""
@@ -133,8 +136,7 @@ class TwinLight:
         seen = self.seen(dr.arange(mi.UInt32, n))
         exact = self.unsampled(rung, seen) if rung.lit and by_centre else dr.zeros(mi.Color3f, n)
         dr.schedule(exact)
-        depth = (self.double(seen.hit.t) + self.lens.start) / self.place.unit
-        surface = surface_of(seen, self.ids(seen), depth, self.size)
+        surface = self.surface(seen, self.size)
         mean = np.array(exact).T.reshape(shape).copy()
         if not rung.lit:
             mean = np.where(surface.mask[..., None], (surface.normal + 1) / 2, np.float32(0))
