@@ -17,8 +17,8 @@ from raytwin.twin.twin_scene import SHADOW_OFFSET, SPHERE_OFFSET, place_of
 ROUNDING = 2.0**-22
 """δ as a part of these lengths: four roundings of a float32 coordinate."""
 MAX_DISTANCE, MAX_RADIUS = 128.0, 16.0
-"""A sphere is extreme if it lies beyond so many of its radii, or if its radius exceeds so many times the distance of the
-eye from its surface. At 128 a rim's normal is off by 5e-6; at 16 the surface by 1e-6 of its distance."""
+"""A sphere is extreme if it lies beyond so many of its radii, or if its radius is so many times the eye's distance
+to its surface. At 128 a rim's normal is off by 5e-6; at 16 the surface by 1e-6 of its distance."""
 LEAST_CHANGE = 1e-3
 """Share of the sun's irradiance: smaller changes of radiance are no shadow."""
 MAX_RATIO = 2.0
@@ -77,7 +77,7 @@ def _offsets(scene: Scene) -> np.ndarray:
 def _taken(
     test: Image, reference: Image, scene: Scene, asked: np.ndarray, other: np.ndarray, apart: np.ndarray
 ) -> tuple[Image, np.ndarray]:
-    """The test with the twin's answer in those of the pixels `asked` that differ by rounding alone, and which these are.
+    """The test with the twin's answer in those of the pixels `asked` that differ by rounding, and which these are.
 
     All masks are (H, W). `other`: pixels that see another object. `apart`: these, and those with another shadow.
     """

@@ -70,8 +70,7 @@ class TwinLight:
         self.sun = next((e for e in self.scene.emitters() if not e.is_environment()), None)
         self.sky = self.scene.environment()
         self.path: Any = load({"type": "path", "max_depth": depth - 1, "rr_depth": depth}) if depth else None
-        R = np.asarray(camera.R_cam_board)
-        self.lens: Any = mi.load_dict(lens_at(camera, R, self.place.eye, self.place.start))
+        self.lens: Any = mi.load_dict(lens_at(camera, self.place.eye, self.place.start))
         self.size, self.width = camera.image_size, dr.opaque(mi.UInt32, camera.width)
         largest = max((ball.radius for ball in scene.spheres), default=0.0)
         self.offset = dr.opaque(mi.Float, SPHERE_OFFSET * self.place.unit * largest)
