@@ -97,9 +97,11 @@ def _taken(
     beside = [twin.at(u + du * hair, v + dv * hair) for du, dv in places]
     ids, far, normal, light = (np.stack(part) for part in zip(*beside, strict=True))
     turn = np.ptp(normal, axis=0)
-    bound = MAX_RATIO * np.maximum(np.ptp(light, axis=0), turn / 2)  # at `surface` the light is (n + 1) / 2
+    spread = np.ptp(light, axis=0)
+    bound = MAX_RATIO * np.maximum(spread, turn / 2)  # at `surface` the light is (n + 1) / 2
     found = (ids == own.ids[asked]).any(axis=0)
     shade = (np.abs(test.mean - reference.mean)[asked] <= bound).all(axis=-1)
+    shade &= ~apart | (spread.max(axis=-1) > LEAST_CHANGE * max(scene.sun.irradiance))
     near = np.abs(own.depth - seen.depth)[asked] <= off + np.ptp(far, axis=0)
     near &= (np.abs(own.normal - seen.normal)[asked] <= turn).all(axis=-1)
     lit, alike = np.zeros((2, *asked.shape), bool)
