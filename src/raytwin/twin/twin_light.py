@@ -1,6 +1,6 @@
 """The light levels in Mitsuba: its intersector, emitters, shadow test, BSDFs and path tracer behind OpenCV's camera."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import pi
 from typing import Any, NamedTuple
 
@@ -37,23 +37,18 @@ def seen_along(loaded: Any, ray: Any) -> Seen:
     return Seen(ray, hit, hit.is_valid(), dr.select(dr.dot(hit.n, ray.d) > 0, -hit.n, hit.n))
 
 
-def ids_of(loaded: Any, seen: Seen, number: Callable[[int, Any], int]) -> Any:
-    """The ids of what is seen, by `number`: (index, Mitsuba's shape) -> its id."""
-    # Mitsuba's pointers to shapes are small integers, which index a table of ids.
+def surface_of(loaded: Any, seen: Seen, numbers: Sequence[int], depth: Any, size: tuple[int, int]) -> Surface:
+    """What is seen through each of size = (width, height) pixels; `numbers`: the ids of Mitsuba's shapes in order."""
+    # Mitsuba's pointers to shapes are small integers, and 0 is none.
     keys = dr.reinterpret_array(mi.UInt32, loaded.shapes_dr()).numpy()
     table = np.full(keys.max(initial=0) + 1, BACKGROUND, np.int32)
-    table[keys] = [number(i, shape) for i, shape in enumerate(loaded.shapes())]
-    ids = dr.gather(mi.Int32, mi.Int32(table), dr.reinterpret_array(mi.UInt32, seen.hit.shape), seen.any)
-    return dr.select(seen.any, ids, BACKGROUND)
-
-
-def surface_of(seen: Seen, ids: Any, depth: Any, size: tuple[int, int]) -> Surface:
-    """What is seen through each of size = (width, height) pixels, with these ids, at this depth."""
-    found = ids, mi.Float(dr.select(seen.any, depth, 0)), dr.select(seen.any, seen.n, 0)
+    table[keys] = numbers
+    shape = dr.select(seen.any, dr.reinterpret_array(mi.UInt32, seen.hit.shape), 0)
+    found = shape, mi.Float(dr.select(seen.any, depth, 0)), dr.select(seen.any, seen.n, 0)
     dr.eval(found)
-    shape = size[::-1]
-    ids, depth, normal = (np.array(part) for part in found)
-    return Surface(ids.reshape(shape), depth.reshape(shape), normal.T.reshape(*shape, 3).copy())
+    key, distance, normal = (np.array(part) for part in found)
+    rows = size[::-1]
+    return Surface(table[key].reshape(rows), distance.reshape(rows), normal.T.reshape(*rows, 3).copy())
 
 
 class TwinLight:
@@ -85,8 +80,9 @@ class TwinLight:
 
     def surface(self, seen: Seen, size: tuple[int, int]) -> Surface:
         """What is seen through each of size = (width, height) pixels: depth in metres, normals in the board's frame."""
-        ids = ids_of(self.scene, seen, lambda _, shape: number_of(shape.id()))
-        return surface_of(seen, ids, (self.double(seen.hit.t) + self.lens.start) / self.place.unit, size)
+        numbers = [number_of(shape.id()) for shape in self.scene.shapes()]
+        depth = (self.double(seen.hit.t) + self.lens.start) / self.place.unit
+        return surface_of(self.scene, seen, numbers, depth, size)
 
     def at(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, ...]:
         """Ids (k,), depth (k,), normals (k, 3) and the sun's light (k, 3) at these places of the image."""
