@@ -81,7 +81,7 @@ SCALAR = "removed in 0.2.0. Use llvm_ad_rgb: pip install 'raytwin[llvm]' brings 
 
 RENDERERS: dict[str, str] = {
     "twin-scalar-": "Use the same name with llvm.",
-    "mitsuba-scalar-": "Use the same name with llvm.",
+    "mitsuba-": "Use twin-llvm-direct-N or twin-llvm-path-N: the same Mitsuba, with its variance.",
 }
 """How the names of removed renderers begin -> what to use instead, a sentence."""
 

@@ -20,7 +20,7 @@ from raytwin.study.bench import Bench
 
 FRONTIER = (
     "raytwin bench scenes/desk --sizes 0.05 --budget 300"
-    " --methods 'numpy32-*-conic,drjit32-*,loop-shadow-conic,mitsuba-llvm-*'"
+    " --methods 'numpy32-*-conic,drjit32-*,loop-shadow-conic,twin-llvm-*'"
 )
 EDGES = "raytwin stability"
 """What makes each file again."""

@@ -18,7 +18,7 @@ from raytwin.renderers.python_loop import loop
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.renderer_table import RENDERERS, renderers_of
 from raytwin.renderers.subject_renderers import Filled, SmoothedSpeculation, Speculated
-from raytwin.renderers.twin_renderers import Plain, Twin
+from raytwin.renderers.twin_renderers import Twin
 from raytwin.scene.scene_files import read_scene
 from raytwin.study import bench
 from raytwin.study.bench import bench_run as run
@@ -61,7 +61,7 @@ def test_a_family_is_the_name_without_what_varies():
         "fill": "fill", "loop-shadow-conic": "loop-shadow", "drjit32-shadow-conic": "drjit32-shadow",
         "drjit32-shadow-inplace": "drjit32-shadow-inplace", "drjit32-shadow-16spp": "drjit32-shadow-spp",
         "drjit32-path-16": "drjit32-path", "numpy32-shadow-paper4-nlm": "numpy32-shadow-paper-nlm",
-        "twin-llvm-shadow": "twin-llvm-shadow", "mitsuba-llvm-direct-4": "mitsuba-llvm-direct",
+        "twin-llvm-shadow": "twin-llvm-shadow", "twin-llvm-direct-4": "twin-llvm-direct",
     }  # fmt: skip
     assert {name: RENDERERS[name].family for name in families} == families
 
@@ -100,13 +100,13 @@ def test_every_kind_of_method_gives_an_image_near_its_truth(view, truth, kind):
         image = call(1).mean
         assert image.shape == (36, 48, 3)
         assert image.dtype == np.float32
-        bound = {Filled: 1.0, Plain: 0.3, Speculated: 0.2, SmoothedSpeculation: 0.2, Twin: 0.1}
+        bound = {Filled: 1.0, Speculated: 0.2, SmoothedSpeculation: 0.2, Twin: 0.1}
         assert METRICS["rmse"].function(image, truth(reference_of(method))) < bound.get(kind, 0.03), method.name
 
 
 def test_exact_methods_do_not_depend_on_the_seed_and_noisy_ones_do(view):
     scene = view("overlap")
-    for name, same in (("drjit32-shadow-conic", True), ("twin-llvm-path-4", False), ("mitsuba-llvm-direct-4", False)):
+    for name, same in (("drjit32-shadow-conic", True), ("twin-llvm-path-4", False)):
         method = renderers_of((name,))[0]
         call = method.prepare(scene)
         assert method.noisy == (not same)

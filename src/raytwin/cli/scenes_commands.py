@@ -12,9 +12,6 @@ from raytwin.errors import InputError
 
 app = group("list", alone=True)
 
-SEEN = 0.01
-"""Pixels: what a lens that is left out may move without a word."""
-
 
 def list_command() -> None:
     """List the built-in scenes, and those in a folder scenes/ here."""
@@ -46,7 +43,6 @@ def export_command(
     from raytwin.scene.scene_files import scene_and_photos
     from raytwin.scene.toml_json import json_text
     from raytwin.twin.mitsuba_xml import mitsuba_xml as as_xml
-    from raytwin.twin.mitsuba_xml import moved_by
     from raytwin.twin.rounding import extreme_spheres
 
     if json == mitsuba_xml:
@@ -65,11 +61,8 @@ def export_command(
         text = json_text(as_json(as_arrays(made, rung or "shadow")))
     else:
         text = as_xml(made, rung or "path")
-        if (moved := moved_by(made)) > SEEN:
-            say(
-                f"raytwin: the XML has neither distortion nor a second focal length: it sees up to {moved:.1f} px off",
-                err=True,
-            )
+        if any(made.camera.coefficients) or made.camera.fx != made.camera.fy:
+            say("raytwin: the XML has no lens distortion and one focal length, so its image is another", err=True)
         if coarse := extreme_spheres(made):
             names = ", ".join(f"object-{i}" for i in coarse)
             say(f"raytwin: very large or very far away, Mitsuba's float32 may shade them falsely: {names}", err=True)

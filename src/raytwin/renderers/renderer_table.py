@@ -15,7 +15,7 @@ from raytwin.renderers.subject_renderers import (
     Supersampled,
     Traced,
 )
-from raytwin.renderers.twin_renderers import Plain, Twin
+from raytwin.renderers.twin_renderers import Twin
 
 COUNTS = (1, 4, 16, 64, 256, 1024)
 VARIANTS = "llvm_ad_rgb", "cuda_ad_rgb"
@@ -43,8 +43,6 @@ RENDERERS: dict[str, Renderer] = {
         # The twin, as `raytwin compare` renders it.
         *(Twin("shadow", variant) for variant in VARIANTS),
         *(Twin(rung, variant, n) for variant in VARIANTS for rung in ("sky", "path") for n in COUNTS),
-        # Mitsuba left to itself.
-        *(Plain(rung, variant, n) for variant in VARIANTS for rung in ("sky", "path") for n in COUNTS),
     )
 }  # fmt: skip
 """name -> method, in the order in which the bench lists them."""

@@ -5,7 +5,7 @@ imported when the first of them is called, not before; `chosen()` does without.
 """
 
 from raytwin.twin.backend import activate, chosen, doctor, versions
-from raytwin.twin.mitsuba_render import load_plain, mitsuba_provenance, named_shapes, render_mitsuba, render_plain
+from raytwin.twin.mitsuba_render import mitsuba_provenance, named_shapes, render_mitsuba
 from raytwin.twin.opencv_sensor import mitsuba_sensor
 from raytwin.twin.rendering import MOST_SAMPLES, SAMPLINGS, provenance, render
 from raytwin.twin.rounding import settle

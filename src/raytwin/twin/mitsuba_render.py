@@ -1,4 +1,4 @@
-"""Mitsuba's own sensor, film and integrator: of a Mitsuba file, or of raytwin's scene as a baseline of speed."""
+"""A Mitsuba file, rendered by its own sensor, film and integrator."""
 
 import re
 from dataclasses import replace
@@ -10,17 +10,13 @@ from raytwin.errors import InputError
 from raytwin.images.image import Image, Surface
 from raytwin.images.image_pool import ImagePool
 from raytwin.progress import Progress, silent
-from raytwin.scene import MitsubaScene, Scene
+from raytwin.scene import MitsubaScene
 from raytwin.twin import render_cache
 from raytwin.twin.backend import activate, made_with
-from raytwin.twin.opencv_sensor import sensor_at
 from raytwin.twin.rendering import BATCHES
-from raytwin.twin.twin_scene import load, place_of, translate
 
 VERSION = "4"
 """Part of every cache key: raise it when a change moves a pixel."""
-INTEGRATORS = {"direct": {"type": "direct"}, "path": {"type": "path", "max_depth": 8, "rr_depth": 8}}
-"""name -> Mitsuba's: light that met one surface (the rung `sky`), and up to seven (the rung `path`)."""
 LANES = 1 << 24
 """Most rays in one launch: Mitsuba keeps the state of every sample of a launch in memory."""
 
@@ -75,19 +71,6 @@ def named_shapes(scene: MitsubaScene) -> tuple[str, ...]:
     return tuple(shape.id() or f"shape-{i}" for i, shape in enumerate(_loaded(scene).shapes()))
 
 
-def load_plain(scene: Scene, integrator: str = "direct", variant: str | None = None) -> Any:
-    """A Mitsuba scene with its own sensor, box filter and integrator, to hand to `render_plain`.
-
-    The sensor is `perspective` where pixels are square and nothing is distorted; else one that undoes the distortion
-    (about half as slow again).
-    """
-    activate(variant)
-    place = place_of(scene)
-    world: dict[str, Any] = translate(scene, place, {}) | {"integrator": INTEGRATORS[integrator]}
-    world["sensor"] = sensor_at(scene.camera, np.asarray(scene.camera.R_cam_board), place.eye, place.unit)
-    return load(world)
-
-
 def render_plain(loaded: Any, samples: int = 1, seed: int | tuple[int, ...] = 0) -> np.ndarray:
     """`samples` a pixel by its own integrator and film: (H, W, channels) float64. The variant must be active."""
     import mitsuba as mi
@@ -128,7 +111,7 @@ def _surface(loaded: Any) -> Surface:
     import drjit as dr
     import mitsuba as mi
 
-    from raytwin.twin.twin_light import ids_of, seen_along, surface_of
+    from raytwin.twin.twin_light import seen_along, surface_of
 
     sensor = loaded.sensors()[0]
     width, height = (int(side) for side in sensor.film().crop_size())
@@ -140,7 +123,7 @@ def _surface(loaded: Any) -> Surface:
     depth = seen.hit.t
     if "Orthographic" not in str(sensor):  # whose rays begin at no common point
         depth = depth + dr.norm(ray.o - sensor.world_transform().translation())
-    return surface_of(seen, ids_of(loaded, seen, lambda i, _: i), depth, (width, height))
+    return surface_of(loaded, seen, range(len(loaded.shapes())), depth, (width, height))
 
 
 def _refused(scene: MitsubaScene, error: Exception) -> InputError:
