@@ -60,7 +60,7 @@ def test_an_objects_number_counts_spheres_and_then_planes_in_whatever_order_they
     assert (scene.objects, scene.numbers) == ((A, B, LEAF), ("sphere 0", "sphere 1", "plane 0"))
     assert Scene("x", CAMERA).with_(objects=(A, LEAF, B)) == scene
     assert scene.with_camera(CAMERA.resized(10, 10)).camera.image_size == (10, 10)
-    with pytest.raises(InputError, match=r"Scene\.spheres\[1\]: expected a Sphere, got Rectangle"):
+    with pytest.raises(InputError, match=r"spheres\[1\]: expected a Sphere, got Rectangle"):
         Scene("x", CAMERA, (A, LEAF), (B,))
 
 

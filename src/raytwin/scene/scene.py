@@ -3,6 +3,7 @@
 from typing import Annotated, Any, Self
 
 import msgspec
+from msgspec import UNSET, UnsetType
 
 from raytwin.errors import InputError
 from raytwin.scene.camera import Camera
@@ -65,15 +66,14 @@ class Scene(Record, frozen=True):
     pyramids: tuple[Pyramid, ...] = ()
 
     def __post_init__(self) -> None:
+        taken: set[str | UnsetType] = set()
         for field, kind in (("spheres", Sphere), ("planes", Rectangle)):
             for i, thing in enumerate(getattr(self, field)):
-                if not isinstance(thing, kind):
-                    raise InputError(f"Scene.{field}[{i}]", f"a {kind.__name__}", type(thing).__name__)
-
-    @property
-    def scene(self) -> Self:
-        """Return itself: what `read_scene(path).scene` was in 0.1."""
-        return self
+                if type(thing) is not kind:
+                    raise InputError(f"{field}[{i}]", f"a {kind.__name__}", type(thing).__name__)
+                if thing.name in taken and thing.name is not UNSET:
+                    raise InputError(f"{field}[{i}].name", "a name that no other object has", repr(thing.name))
+                taken.add(thing.name)
 
     @property
     def image_size(self) -> tuple[int, int]:
@@ -103,7 +103,7 @@ class Scene(Record, frozen=True):
     @property
     def sky_radiance(self) -> Radiance:
         """Return the radiance of a sky that is the same everywhere. Raises InputError for a map."""
-        if self.sky.texels is not msgspec.UNSET:
+        if self.sky.texels is not UNSET:
             raise InputError(f"scene {self.name}: sky", "the same radiance everywhere, for this", "an environment map")
         return self.sky.radiance
 
@@ -132,7 +132,7 @@ class Scene(Record, frozen=True):
         if "objects" in changes:
             changes |= {"spheres": [], "planes": []}
             for thing in changes.pop("objects"):
-                changes["planes" if isinstance(thing, Rectangle) else "spheres"].append(thing)
+                changes[f"{thing.kind}s"].append(thing)
         if isinstance(sky := changes.get("sky"), Environment):
             changes["sky"] = Sky(texels=sky)
         none = {"sun": NO_SUN, "sky": Sky()}

@@ -109,7 +109,8 @@ def screen(scene: Scene, box: Sequence[float], albedo: Any, distance: float) -> 
 
 
 def _rectangle(center: np.ndarray, half_u: np.ndarray, half_v: np.ndarray, albedo: Any = BLACK) -> Rectangle:
-    return Rectangle(BLACK, BLACK, BLACK, albedo, name="screen").with_(center=center, half_u=half_u, half_v=half_v)
+    made = Rectangle(BLACK, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), albedo, name="screen")
+    return made.with_(center=center, half_u=half_u, half_v=half_v)
 
 
 def _alone(scene: Scene) -> Scene:
