@@ -7,9 +7,9 @@ from msgspec import UNSET, UnsetType
 
 from raytwin.errors import InputError
 from raytwin.scene.camera import Camera
+from raytwin.scene.colour_word import colour_word
 from raytwin.scene.lights import Environment, Sky, Sun
 from raytwin.scene.material import Phong
-from raytwin.scene.object_names import called, numbered
 from raytwin.scene.record_base import Albedo, Fraction, Positive, Radiance, Record, Vector
 from raytwin.scene.shapes import Rectangle, Shape, Sphere
 
@@ -87,13 +87,16 @@ class Scene(Record, frozen=True):
     @property
     def names(self) -> tuple[str, ...]:
         """Return what people call the objects, all different: the file's names, else `sphere 1 (red)`."""
-        things = self.objects
-        return called(self.numbers, [thing.name for thing in things], [thing.albedo for thing in things])
+        return tuple(
+            f"{number} ({colour_word(thing.albedo)})" if thing.name is UNSET else str(thing.name)
+            for number, thing in zip(self.numbers, self.objects, strict=True)
+        )
 
     @property
     def numbers(self) -> tuple[str, ...]:
         """Return sphere 0, sphere 1, plane 0, ...: what stays when an object gets another name or colour."""
-        return numbered(thing.kind for thing in self.objects)
+        kinds = ("sphere", self.spheres), ("plane", self.planes)
+        return tuple(f"{kind} {i}" for kind, things in kinds for i in range(len(things)))
 
     @property
     def environment(self) -> Environment | None:
@@ -141,3 +144,7 @@ class Scene(Record, frozen=True):
 
     def with_camera(self, camera: Camera) -> "Scene":
         return msgspec.structs.replace(self, camera=camera)
+
+    def differences(self, other: "Scene") -> list[str]:
+        """Return the fields in which two scenes differ."""
+        return [field for field in self.__struct_fields__ if getattr(self, field) != getattr(other, field)]
