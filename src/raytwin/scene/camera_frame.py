@@ -13,7 +13,6 @@ from raytwin.scene.lights import Sky
 from raytwin.scene.record_base import Vector
 from raytwin.scene.scene import Scene
 
-
 LIMITS = {"float32": (1e-12, 1e12, 2e-6), "float64": (1e-100, 1e100, 1e-13), "twin": (1e-12, 1e12, 5e-8)}
 """precision -> the shortest and the longest length, metres, whose products of three floats represent; and the share of
 their distance from the eye within which surfaces are in one place. Mitsuba errs in 0.3 % of the pixels at 1e-8.
