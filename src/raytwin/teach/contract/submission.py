@@ -122,8 +122,9 @@ def run_notebook(path: Path) -> tuple[ModuleType, tuple[str, ...]]:
 
 def cells(path: Path) -> Iterator[tuple[int, str]]:
     """The code cells as plain Python by their number among all cells, from 1; those of other languages are left out."""
+    text = _read(path)
     try:
-        written = msgspec.json.decode(_read(path).encode())
+        written = msgspec.json.decode(text.encode())
         cells = [(cell["cell_type"], "".join(cell["source"])) for cell in written["cells"]]
     except (msgspec.DecodeError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise InputError(path, "a notebook (JSON, version 4)", f"{type(error).__name__}: {error}") from None
