@@ -59,9 +59,7 @@ def as_image(thing: Any, variance: Any = None, renders: int = RENDERS) -> Loaded
     return _single(thing)
 
 
-def read_side(
-    where: Path, part: str | None = None, layer: str | None = None, variance: Any = None, samples: int = 0
-) -> LoadedImage:
+def read_side(where: Path, layer: str | None = None, variance: Any = None, samples: int = 0) -> LoadedImage:
     """A file, or several renders: a folder of images, or a pattern such as `render_*.exr`.
 
     `variance` is an image file or an array that holds the variance of the mean, `samples` the samples per pixel of each
@@ -72,8 +70,8 @@ def read_side(
     if len(paths) > 1 or where.is_dir():
         if variance is not None:
             raise InputError(where, "one image, where its variance is given", f"{len(paths)} renders")
-        return _repeated((_read(path, part, layer) for path in paths), samples)
-    taken = _read(paths[0], part, layer)
+        return _repeated((_read(path, layer) for path in paths), samples)
+    taken = _read(paths[0], layer)
     image = replace(taken.image, samples=taken.image.samples or samples)
     if variance is not None:
         image = replace(image, variance=_variance(variance))
@@ -195,8 +193,8 @@ def _array(thing: Any) -> np.ndarray:
     return made
 
 
-def _read(path: Path, part: str | None = None, layer: str | None = None) -> LoadedImage:
-    return _rounded(read_image(path, part, layer))
+def _read(path: Path, layer: str | None = None) -> LoadedImage:
+    return _rounded(read_image(path, layer))
 
 
 def _rounded(image: Image) -> LoadedImage:

@@ -98,17 +98,15 @@ def pack(
     height, width = test.shape[:2]
     means = means or test.variance is not None or reference.variance is not None
     thin = max(1, math.ceil(math.sqrt(height * width / most_pixels)))
-    planes = _thinned(test, reference, surfaces, thin, means)
-    lines = next(iter(planes.values())).words.shape[0]
-    # An eighth of the rows, in bands, tells what the whole will take.
-    bands = (np.arange(lines) // 8 % 8 == 0) if lines > 64 else np.ones(lines, bool)
-    sample = {n: p._replace(words=p.words[bands]) for n, p in planes.items()}
-    estimate = sum(len(p.data) for p in _deflated(sample)) * 0.75 * lines / max(int(bands.sum()), 1)
-    if estimate > budget:
-        thin = math.ceil(thin * math.sqrt(estimate / budget))
+    while True:
         planes = _thinned(test, reference, surfaces, thin, means)
+        packed = _deflated(planes)
+        size = sum(len(plane.data) for plane in packed) * 0.75  # of base64's four characters three are bytes
+        if size <= budget:
+            break
+        thin = max(thin + 1, math.ceil(thin * math.sqrt(size / budget)))
     lines, columns = next(iter(planes.values())).words.shape
-    return Packed(width, height, thin, columns, lines, _deflated(planes), means and thin > 1)
+    return Packed(width, height, thin, columns, lines, packed, means and thin > 1)
 
 
 def binned(image: Image, n: int) -> Image:

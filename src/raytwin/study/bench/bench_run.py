@@ -5,7 +5,6 @@ import math
 import os
 import platform
 import time
-import warnings
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from math import gcd, sqrt
@@ -116,11 +115,12 @@ def bench_scenes(
     """
     chosen_methods(methods)
     check_names("SCENE", [scene_and_photos(path)[0].name for path in paths])
-    until, made = clock() + budget, list[Bench]()
-    for i, path in enumerate(paths):
-        share, of_scene = portion(until, len(paths) - i) - clock(), no_picture if i else picture
-        made.append(bench(path, methods=methods, budget=share, picture=of_scene, **options))
-    return tuple(made)
+    pictures = picture, *[no_picture] * len(paths)
+    share = budget / max(len(paths), 1)
+    return tuple(
+        bench(path, methods=methods, budget=share, picture=of_scene, **options)
+        for path, of_scene in zip(paths, pictures, strict=False)
+    )
 
 
 def chosen_methods(
@@ -241,17 +241,14 @@ def first_calls(
 ) -> tuple[list[_Run], dict[str, str]]:
     """Prepare each method and call it once, as long as there is time; return these, and why the others are not there.
 
-    Those named in `first` begin. Then one of each family comes before the second of any, and few samples before many,
-    so that a short time leaves some of every kind. The family's latest one tells what the next will take.
+    Those named in `first` begin. Then few samples come before many, so that a short time leaves some of every kind.
+    The family's latest one tells what the next will take.
     """
-    by_samples = sorted(methods, key=lambda m: m.samples)
-    families = [m.family for m in by_samples]
-    place = {m.name: families[:i].count(m.family) for i, m in enumerate(by_samples)}
     runs: list[_Run] = []
     left: dict[str, str] = {}
     absent: dict[str, str] = {}
     latest: dict[str, tuple[int, float]] = {}
-    for i, method in enumerate(sorted(by_samples, key=lambda m: (m.name not in first, place[m.name]))):
+    for i, method in enumerate(sorted(methods, key=lambda m: (m.name not in first, m.samples))):
         progress("prepare", i, len(methods))
         if method.library in absent:
             left[method.name] = absent[method.library]
@@ -277,10 +274,6 @@ def first_calls(
         latest[method.family] = method.samples, run.turn
         runs.append(run)
     progress("prepare", len(methods), len(methods))
-    known = {run.method.family for run in runs}
-    late = {m.family for m in methods if m.family not in known and left[m.name].startswith(OUT_OF_TIME)}
-    if runs and late:
-        warnings.warn(f"--budget leaves out {', '.join(sorted(late))}", stacklevel=2)
     return runs, left
 
 
