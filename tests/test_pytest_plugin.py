@@ -121,15 +121,16 @@ def test_missing(raytwin_reference):
 def test_no_rung(raytwin_reference):
     raytwin_reference("ball", "sun")
 
-@pytest.mark.raytwin(scenes=["nosuch"])
-def test_cases(raytwin_case):
+def test_gone(raytwin_case):
     pass
 """
 
 MANY = """
-@pytest.mark.raytwin(scenes=["overlap", "single"], rungs=["shadow", "lambert"])
-def test_cases(raytwin_case):
-    raytwin_case.check(raytwin_case.image.mean * (1.1 if raytwin_case.rung == "lambert" else 1))
+@pytest.mark.parametrize("scene", ["overlap", "single"])
+@pytest.mark.parametrize("rung", ["shadow", "lambert"])
+def test_cases(raytwin_reference, scene, rung):
+    held = raytwin_reference(scene, rung)
+    held.check(held.image.mean * (1.1 if rung == "lambert" else 1))
 
 def test_missing(raytwin_reference):
     raytwin_reference("nosuch")
@@ -144,23 +145,12 @@ def test_crash(raytwin_reference):
     raise ValueError("my renderer <b>broke</b>")
 """
 
-ALL = """
-def test_all(raytwin_case):
-    assert raytwin_case.image.mean.any() and (raytwin_case.reference.of_file or raytwin_case.camera)
-"""
-
-WRONG_MARKER = """
-@pytest.mark.raytwin(scene="overlap")
-def test_it(raytwin_case):
-    pass
-"""
-
 
 @pytest.fixture(scope="module")
 def checked(tmp_path_factory):
     """One run of many tests that are not of one's own references."""
     folder = tmp_path_factory.mktemp("checked")
-    sources = {"agree": AGREE, "no_image": NO_IMAGE, "all": ALL, "wrong_marker": WRONG_MARKER}
+    sources = {"agree": AGREE, "no_image": NO_IMAGE}
     return folder, run(folder, **{f"test_{name}": source for name, source in sources.items()})
 
 
@@ -168,11 +158,10 @@ def test_arrays_files_renders_and_functions_pass_where_they_agree_and_fail_where
     _, result = checked
     cases = ("array", "variance", "function")
     expected = {f"test_{case}[1.01]" for case in cases} | {f"test_file[{e}-1.01]" for e in ("exr", "png")}
-    others = {"test_nan", "test_noise_untold", "test_missing", "test_no_rung", "test_cases[nosuch-shadow]"}
+    others = {"test_nan", "test_noise_untold", "test_missing", "test_no_rung"}
     others |= {name for name in failures(result) if name.startswith("test_thing[")}
     assert failures(result).keys() - others == expected
-    passed = len(expected) + 2 + len(references.listed(SHIPPED))
-    result.assert_outcomes(passed=passed, failed=len(expected) + 9, errors=2)
+    result.assert_outcomes(passed=len(expected) + 2, failed=len(expected) + 9, errors=1)
     cause = "the whole image, background too, is 1.01 times too bright"
     result.stdout.fnmatch_lines([f"*overlap/shadow: {cause}*"])
     result.stdout.no_fnmatch_line("*cause (*")
@@ -191,8 +180,7 @@ def test_what_is_wrong_is_said_in_a_line(checked):
         f"*no such reference in {folder}/reference/nosuch/sky.exr or *reference/nosuch/sky.exr",
         "*raytwin reference make scenes/nosuch --rung sky",
         "*rung: expected one of surface, lambert, shadow, sky, path, got sun",
-        "*test_it: the marker is raytwin(scenes=None, rungs=None)*argument 'scene'*",
-        "*no such reference*nosuch/shadow.exr*",
+        "*the fixture raytwin_case was removed in 0.2.0. Use raytwin_reference(scene, rung)*",
     ):
         result.stdout.fnmatch_lines([line])
     for line in ("*pytest_plugin.py:*", "*During handling*", "*INTERNALERROR*"):
@@ -426,7 +414,7 @@ def test_spoils(raytwin_reference):
 def test_a_report_that_cannot_be_written_is_a_wrong_option(tmp_path):
     (tmp_path / "file").touch()
     for place in ("file", "file/below"):
-        result = run(tmp_path, "--raytwin-report", place, test_all=ALL)
+        result = run(tmp_path, "--raytwin-report", place, test_all="def test_all(raytwin_reference): pass")
         assert result.ret == pytest.ExitCode.USAGE_ERROR
         (line,) = filter(None, result.outlines)
         assert re.match(rf"ERROR: --raytwin-report: {tmp_path}/{place}: expected a folder to write, got ", line)

@@ -27,7 +27,10 @@ if TYPE_CHECKING:
     from raytwin.scene import Camera, Scene, Tolerance
     from raytwin.study.laws import Laws
 
-MARKER = "raytwin(scenes=None, rungs=None): which references the fixture raytwin_case goes through (default: all)."
+GONE = (
+    "the fixture raytwin_case was removed in 0.2.0. Use raytwin_reference(scene, rung) and pytest.mark.parametrize, as "
+    "docs/renderer.md shows."
+)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -40,30 +43,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption("--raytwin-report", metavar="DIR", help="Write a page for each comparison, and an index of them.")
     parser.addini("raytwin_references", "Folder of your own references (default: reference), before those shipped.")
     parser.addini("raytwin_scenes", "Folder of the scenes that they are made from (default: scenes).")
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    config.addinivalue_line("markers", MARKER)
-
-
-def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    if "raytwin_case" not in metafunc.fixturenames:
-        return
-    marker = metafunc.definition.get_closest_marker("raytwin")
-    try:
-        asked = _marked(*marker.args, **marker.kwargs) if marker else (None, None)
-    except TypeError as error:
-        what = str(error).partition(") ")[2].replace("_marked()", "it")
-        raise pytest.Collector.CollectError(f"{metafunc.definition.nodeid}: the marker is {MARKER}: {what}") from None
-    cases = _Folders(metafunc.config).cases(*asked)
-    if not cases:
-        raise pytest.UsageError(f"{metafunc.definition.nodeid}: no reference in {_Folders(metafunc.config)}")
-    ids = ["-".join(case) for case in cases]
-    metafunc.parametrize("raytwin_case", cases, indirect=True, ids=ids)
-
-
-def _marked(scenes: list[str] | None = None, rungs: list[str] | None = None) -> tuple:
-    return ([scenes] if isinstance(scenes, str) else scenes), ([rungs] if isinstance(rungs, str) else rungs)
 
 
 # ------------------------------------------------------------------------------------------ fixtures
@@ -117,10 +96,9 @@ def raytwin_laws(request: pytest.FixtureRequest) -> "Callable[..., Laws]":
 
 
 @pytest.fixture
-def raytwin_case(request: pytest.FixtureRequest) -> "ReferenceCheck":
-    """One reference after the other: those that `@pytest.mark.raytwin(scenes=[...], rungs=[...])` names, or all."""
-    __tracebackhide__ = True
-    return ReferenceCheck(request, *request.param)
+def raytwin_case() -> NoReturn:
+    """Removed: say what to use instead."""
+    pytest.fail(GONE, pytrace=False)
 
 
 class ReferenceCheck:
@@ -255,8 +233,8 @@ class ReferenceCheck:
         from raytwin.errors import InputError
         from raytwin.images import image_input
 
-        if renders < image_input.FEWEST:
-            raise InputError("renders", f"at least {image_input.FEWEST}", renders)
+        if renders < image_input.FEWEST_RENDERS:
+            raise InputError("renders", f"at least {image_input.FEWEST_RENDERS}", renders)
         check = SequentialComparison(self._known().image, judging=replace(how, noise="both"))
         for seed in range(renders):
             if check.add(render(seed)):
@@ -306,11 +284,13 @@ class ReferenceCheck:
         self._fail(f"{why}\n  {self._remedy(scene)}")
 
     def _remedy(self, scene: Path | None) -> str:
+        from raytwin.renderers import references
+
         where = self._from_here(scene or self._folders.scenes / self.name)
         command = f"raytwin reference make {shlex.quote(where)} --rung {self.rung}{self._folder_option()}"
         if scene is not None:
             return f"To make it: {command}"
-        there = ", ".join(dict.fromkeys(name for name, _ in self._folders.cases(None, None)))
+        there = ", ".join(dict.fromkeys(name for folder in self._folders.all for name, _ in references.listed(folder)))
         return (
             f"There: {there or 'none'}. To make it, write {where}/scene.toml, then: {command}\n"
             f"  Where it is to be an image of no scene: raytwin_reference({self.name!r}, {self.rung!r}, image=True), "
@@ -400,7 +380,7 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     """List a test that ended by an error of its own, too: it compared nothing, and would be missing in the index."""
     report = yield
     folder = _report_folder(item.config)
-    ours = {"raytwin_case", "raytwin_laws", "raytwin_reference"} & set(getattr(item, "fixturenames", ()))
+    ours = {"raytwin_laws", "raytwin_reference"} & set(getattr(item, "fixturenames", ()))
     if folder is not None and ours and report.failed and call.excinfo and not item.stash.get(_FAILED, False):
         from raytwin.show import check_page
 
@@ -437,24 +417,10 @@ class _Folders:
 
         return [self.own, SHIPPED]
 
-    def __str__(self) -> str:
-        return " or ".join(str(folder) + ("" if folder.is_dir() else " (no such folder)") for folder in self.all)
-
     def scene(self, name: str) -> Path | None:
         """The folder of the scene, where there is one."""
         folder = self.scenes / name
         return folder if any((folder / kind).is_file() for kind in ("scene.toml", "scene.xml")) else None
-
-    def cases(self, scenes: list[str] | None, rungs: list[str] | None) -> list[tuple[str, str]]:
-        """(scene, rung) of all that is asked for, there or not; of all that are there, where nothing is asked for."""
-        from raytwin.renderers.references import listed
-
-        there = list(dict.fromkeys(case for folder in self.all for case in listed(folder)))
-        names = scenes or list(dict.fromkeys(name for name, _ in there))
-        if rungs:
-            return [(name, rung) for name in names for rung in rungs]
-        known = {name for name, _ in there}
-        return [case for case in there if case[0] in names] + [(name, "shadow") for name in names if name not in known]
 
 
 # ------------------------------------------------------------------------------------------ report

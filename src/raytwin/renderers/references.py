@@ -1,4 +1,4 @@
-"""A reference's file: an image of known worth in an EXR, `<folder>/<scene>/<rung>.exr`, that renders are compared with.
+"""A reference: an EXR that renders are compared with, `<folder>/<scene>/<rung>.exr`.
 
 Each stands alone: beside the pixels, its header has what made them, the scene with its camera found, a hash of the
 scene as it is written, and a checksum of everything, since EXR itself does not notice a flipped byte. Reading one needs

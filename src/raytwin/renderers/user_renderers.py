@@ -53,7 +53,7 @@ class UserRenderer(Renderer):
                 taken = as_image(made).image
             except InputError:
                 raise
-            except (Exception, SystemExit) as error:  # theirs, whatever it is: the program that runs it goes on
+            except (Exception, SystemExit) as error:  # a user's code may raise anything
                 raise InputError(self.name, "an image (H, W, 3)", f"{type(error).__name__}: {error}") from error
             if taken.mean.dtype.kind not in "fiu" or taken.shape != (height, width, 3):
                 wanted = f"an image ({height}, {width}, 3)"
@@ -71,7 +71,7 @@ DEFAULT_SAMPLES = 16
 
 
 def takes_of(function: Callable[..., Any]) -> set[str]:
-    """Return which of `seed` and `samples` a function takes, or says so itself (`takes`); none if it is compiled."""
+    """Return which of `seed` and `samples` a function takes, or lists in its own `takes`; none if it is compiled."""
     if (names := getattr(function, "takes", None)) is None:
         try:
             names = inspect.signature(function).parameters
