@@ -75,7 +75,7 @@ ENTRIES = (
         "A student's tracer and a few methods on two scenes: verdicts, and the frontier of error against time.",
         (
             "bench single overlap --subject class/cleo.py --methods"
-            " numpy32-shadow-*,drjit32-shadow-*,loop-shadow-conic,twin-llvm-direct-*"
+            " numpy32-shadow-*,drjit32-shadow-*,twin-llvm-direct-*"
             " --sizes 0.01 --budget 50 --repeats 4 --truth-samples 256 -o out",
         ), (1,),
     ),

@@ -35,35 +35,28 @@ def test_images_of_unequal_samples_weigh_by_them_and_their_variance_is_unbiased(
     assert (pool.image.samples, pool.image.batches) == (32, 5)
 
 
-def test_what_is_not_finite_stays_and_unknown_samples_stay_unknown():
-    broken = np.ones(SHAPE)
-    broken[2, 3, 1] = np.nan
-    pool = pool_of(Image(np.ones(SHAPE), samples=0), Image(broken, samples=4))
-    assert np.isnan(pool.image.mean).sum() == 1
-    assert pool.image.samples == 0
-
-
-def test_equal_renders_are_free_of_noise_if_they_say_so_and_one_render_is_not_known_to_be():
+def test_equal_renders_are_free_of_noise_if_they_say_so_and_what_is_not_finite_stays():
     one = Image(np.ones(SHAPE), samples=1)
     assert not pool_of(one).noise_free
     assert pool_of(one).image.variance is None
     assert pool_of(one, one).noise_free
     assert not pool_of(one, one, Image(np.full(SHAPE, 1 + 1e-7), samples=0)).noise_free
+    broken = Image(np.where(np.arange(126).reshape(SHAPE) == 50, np.nan, 1.0), samples=4)
+    pool = pool_of(Image(np.ones(SHAPE), samples=0), broken)
+    assert np.isnan(pool.image.mean).sum() == 1
+    assert pool.image.samples == 0  # of one they are not known
 
 
-def test_a_repeated_render_counts_once_where_renders_differ_in_many_values():
+def test_a_repeated_render_counts_once_where_renders_differ_in_many_values_and_each_time_where_in_few():
     rng = np.random.default_rng(3)
     a, b = (Image(rng.random(SHAPE), samples=0) for _ in range(2))
     assert pool_of(a, a).image.variance is None
     for pool in (pool_of(a, a, b, a), pool_of(a, b, b, b), pool_of(a, b, a, b)):
         assert (pool.images, len(pool.repeats)) == (2, 2)
         np.testing.assert_array_equal(pool.image.mean, pool_of(a, b).image.mean)
-
-
-def test_a_repeated_render_counts_as_often_as_it_comes_where_renders_differ_in_few_values():
-    a, b = (Image(np.full(SHAPE, 0.5), samples=0) for _ in range(2))
-    b.mean[0, 0] = 1
-    for renders in ((a, a, b), (a, b, b), (b, a, a, a)):
+    few = Image(a.mean.copy(), samples=0)
+    few.mean[0, 0] = 1
+    for renders in ((a, a, few), (a, few, few), (few, a, a, a)):
         pool = pool_of(*renders)
         assert (pool.images, pool.repeats) == (len(renders), [])
         np.testing.assert_allclose(pool.image.mean, np.mean([r.mean for r in renders], axis=0), rtol=1e-6)
@@ -77,23 +70,11 @@ def test_the_third_moment_of_the_mean_is_that_of_its_samples(own):
     """
     rng, pool = np.random.default_rng(5), ImagePool()
     x = rng.standard_exponential((12, 100, 200, 1)) * np.ones(3)
-    for part in x.reshape(3, 4, 100, 200, 3) if own else x[:, None]:
-        if own:
-            inner = ImagePool()
-            for one in part:
-                inner.add(Image(one.astype(np.float32), samples=1, batches=1))
-            assert inner.image.third is not None
-            pool.add(inner.image)
-        else:
-            pool.add(Image(part[0].astype(np.float32), samples=1, batches=1))
+    renders = [Image(one.astype(np.float32), samples=1, batches=1) for one in x]
+    for part in [pool_of(*renders[k : k + 4]).image for k in (0, 4, 8)] if own else renders:
+        pool.add(part)
     third = pool.image.third[..., 0] * 144
     assert abs(third.mean() - 2) < 4 * third.std() / np.sqrt(third.size)
     if not own:
         assert third == pytest.approx(12 * ((x - x.mean(0)) ** 3).sum(0)[..., 0] / 110, rel=1e-3, abs=1e-3)
-
-
-def test_two_batches_tell_no_third_moment():
-    pool = ImagePool()
-    for value in (1.0, 2.0):
-        pool.add(Image(np.full((2, 3, 3), value, np.float32), samples=4, batches=1))
-    assert pool.image.third is None
+    assert pool_of(*renders[:2]).image.third is None  # two batches tell none

@@ -9,44 +9,15 @@ from raytwin import tracer
 from raytwin.errors import InputError
 from raytwin.images.exr import write_exr
 from raytwin.images.image import Image
-from raytwin.photos.denoise import non_local_means
 from raytwin.renderers.renderer_table import RENDERERS
 from raytwin.renderers.scene_exchange import as_arrays
-from raytwin.renderers.subject_renderers import Traced
-from raytwin.scene.scene_files import read_scene
-from raytwin.scene_folders import SCENES, find_scene
-from raytwin.study.compare_scene import compare_scene
 from raytwin.teach.contract.subject import find_subject, method
 
 LEARNERS = """
-from dataclasses import dataclass
 import numpy as np
 
-@dataclass
-class Ball:
-    center: object
-    radius: float
-
 def render(scene):
-    # Spheres alone, in the board's frame, by a formula of one's own: |o + t d - c|^2 = r^2 with a != 1.
-    K, R, t = scene["K"], scene["R_cam_board"], scene["t_cam_board"]
-    u, v = np.meshgrid(np.arange(scene["width"]), np.arange(scene["height"]))
-    d = np.stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones(u.shape)], axis=-1) @ R
-    eye = -R.T @ t
-    image = np.broadcast_to(scene["sky"]["radiance"], d.shape).copy()
-    near = np.full(u.shape, np.inf)
-    for s in scene["spheres"]:
-        ball = Ball(s["center"], s["radius"])
-        f = eye - ball.center
-        a, b, c = (d * d).sum(-1), (d @ f), f @ f - ball.radius**2
-        disc = b * b - a * c
-        t = (-b - np.sqrt(np.maximum(disc, 0))) / a
-        hit = (disc > 0) & (t > 0) & (t < near)
-        n = (eye + t[..., None] * d - ball.center) / ball.radius
-        light = np.maximum(n @ scene["sun"]["to_light"], 0)[..., None] * scene["sun"]["irradiance"] / np.pi
-        image[hit] = (s["albedo"] * (light + scene["sky"]["radiance"]))[hit]
-        near[hit] = t[hit]
-    return image
+    return np.broadcast_to(scene["sky"]["radiance"], (scene["height"], scene["width"], 3))
 
 def wrong_size(scene):
     return np.zeros((3, 3, 3))
@@ -75,17 +46,6 @@ def test_a_scene_is_given_out_resolved_and_in_float64(overlap):
     assert np.linalg.norm(given["sun"]["to_light"]) == pytest.approx(1, abs=1e-15)
     assert {a.dtype for s in given["spheres"] for a in s.values() if isinstance(a, np.ndarray)} == {np.dtype(float)}
     np.testing.assert_array_equal(given["planes"][0]["half_u"], overlap.planes[0].half_u)
-
-
-@pytest.mark.nightly
-def test_a_learners_function_is_compared_in_the_tracers_place(theirs, scenes, monkeypatch):
-    monkeypatch.setattr("raytwin.study.compare_scene.find_causes", lambda *_: ())  # takes longest
-    right = compare_scene(scenes / "single", subject=find_subject(f"{theirs}:render", "shadow"), size=(160, 120))
-    assert right.comparison.verdict == "pass"
-    assert right.settings["subject"] == f"{theirs}:render"
-    # Without the floor and its shadows it is wrong where there is one.
-    wrong = compare_scene(scenes / "overlap", subject=find_subject(str(theirs), "shadow"), size=(80, 60))
-    assert wrong.comparison.verdict == "fail"
 
 
 def test_what_a_function_does_wrong_is_told_in_one_line(theirs, single):
@@ -147,27 +107,3 @@ def test_a_row_of_the_table_is_a_subject_and_tells_what_its_rays_met(single, pac
         find_subject("nothing.py:f", "shadow")
     with pytest.raises(InputError, match=r"expected a function of back_project, .*, got none"):
         find_subject(__file__, "shadow")
-
-
-@pytest.mark.parametrize("in_place", [True, False])
-def test_only_a_renderer_in_place_leaves_what_lies_outside_the_objects_boxes(in_place):
-    scene = read_scene(find_scene(SCENES / "single"))
-    scene = scene.with_camera(scene.camera.resized(16, 12))
-    call = Traced("lambert", "numpy32", in_place=in_place).prepare(scene)
-    one = call(0).mean
-    one[:] = 7.0
-    other = call(0).mean
-    assert bool((other == 7.0).any()) == in_place
-    assert not (other == 7.0).all()
-    assert np.shares_memory(one, other) == in_place
-
-
-def test_non_local_means_smooth_guesses_and_keep_what_is_even_and_where_edges_are(overlap):
-    rng, even = np.random.default_rng(3), np.full((40, 48, 3), 0.5, np.float32)
-    even[:, 24:] = 2.0
-    np.testing.assert_allclose(non_local_means(even), even, atol=2 / 65535)
-    noisy = (even + 0.02 * rng.normal(size=even.shape)).astype(np.float32)
-    assert np.abs(non_local_means(noisy) - even).max() < 0.02
-    small = overlap.with_(size=(160, 120))
-    guessed, smooth = (RENDERERS[f"numpy32-shadow-paper4{end}"](small, 0) for end in ("", "-nlm"))
-    np.testing.assert_array_equal(smooth.mean, non_local_means(guessed.mean))

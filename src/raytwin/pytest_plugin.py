@@ -12,7 +12,7 @@ import os
 import shlex
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import pytest
 
@@ -22,11 +22,15 @@ if TYPE_CHECKING:
     from raytwin.compare import Comparison
     from raytwin.images.image import Image
     from raytwin.images.image_input import LoadedImage
+    from raytwin.judging import Judging
     from raytwin.renderers.references import Reference
     from raytwin.scene import Camera, Scene, Tolerance
     from raytwin.study.laws import Laws
 
-MARKER = "raytwin(scenes=None, rungs=None): which references the fixture raytwin_case goes through (default: all)."
+GONE = (
+    "the fixture raytwin_case was removed in 0.2.0. Use raytwin_reference(scene, rung) and pytest.mark.parametrize, as "
+    "docs/renderer.md shows."
+)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -41,30 +45,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addini("raytwin_scenes", "Folder of the scenes that they are made from (default: scenes).")
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    config.addinivalue_line("markers", MARKER)
-
-
-def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    if "raytwin_case" not in metafunc.fixturenames:
-        return
-    marker = metafunc.definition.get_closest_marker("raytwin")
-    try:
-        asked = _marked(*marker.args, **marker.kwargs) if marker else (None, None)
-    except TypeError as error:
-        what = str(error).partition(") ")[2].replace("_marked()", "it")
-        raise pytest.Collector.CollectError(f"{metafunc.definition.nodeid}: the marker is {MARKER}: {what}") from None
-    cases = _Folders(metafunc.config).cases(*asked)
-    if not cases:
-        raise pytest.UsageError(f"{metafunc.definition.nodeid}: no reference in {_Folders(metafunc.config)}")
-    ids = ["-".join(case) for case in cases]
-    metafunc.parametrize("raytwin_case", cases, indirect=True, ids=ids)
-
-
-def _marked(scenes: list[str] | None = None, rungs: list[str] | None = None) -> tuple:
-    return ([scenes] if isinstance(scenes, str) else scenes), ([rungs] if isinstance(rungs, str) else rungs)
-
-
 # ------------------------------------------------------------------------------------------ fixtures
 
 
@@ -72,13 +52,13 @@ def _marked(scenes: list[str] | None = None, rungs: list[str] | None = None) -> 
 def raytwin_reference(request: pytest.FixtureRequest) -> "Callable[..., ReferenceCheck]":
     """`raytwin_reference(scene, rung="shadow")`: the reference, with `.check(image)`, `.scene` and `.camera`.
 
-    Of a Mitsuba file there is one rung, `path`, which is then the default. `image=True`: there is no scene of that
-    name, and --raytwin-update takes the image under test for the reference.
+    A Mitsuba file has one rung, `path`. `image=True`: there is no scene of that name, and --raytwin-update takes the
+    image under test for the reference.
     """
 
-    def find(scene: str, rung: str = "", image: bool = False) -> ReferenceCheck:
+    def find(scene: str, rung: str = "shadow", image: bool = False) -> ReferenceCheck:
         __tracebackhide__ = True
-        return ReferenceCheck(request, scene, rung or _Folders(request.config).usual_rung(scene), image)
+        return ReferenceCheck(request, scene, rung, image)
 
     return find
 
@@ -116,10 +96,9 @@ def raytwin_laws(request: pytest.FixtureRequest) -> "Callable[..., Laws]":
 
 
 @pytest.fixture
-def raytwin_case(request: pytest.FixtureRequest) -> "ReferenceCheck":
-    """One reference after the other: those that `@pytest.mark.raytwin(scenes=[...], rungs=[...])` names, or all."""
-    __tracebackhide__ = True
-    return ReferenceCheck(request, *request.param)
+def raytwin_case() -> NoReturn:
+    """Removed: say what to use instead."""
+    pytest.fail(GONE, pytrace=False)
 
 
 class ReferenceCheck:
@@ -128,7 +107,7 @@ class ReferenceCheck:
     def __init__(self, request: pytest.FixtureRequest, name: str, rung: str, image: bool = False) -> None:
         __tracebackhide__ = True
         self.name, self.rung, self._of_an_image = name, rung, image
-        self._request, self._node, self._folders, self._text = request, request.node, _Folders(request.config), ""
+        self._node, self._folders, self._text = request.node, _Folders(request.config), ""
         self.reference: Reference | None = self._find()
 
     def __repr__(self) -> str:
@@ -183,10 +162,7 @@ class ReferenceCheck:
         variance: Any = None,
         renders: int = 64,
         tolerance: "float | Tolerance | None" = None,
-        false_alarm_rate: float = 1e-3,
-        noise: Literal["both", "reference"] = "both",
-        detectable_bias: float | None = None,
-        detectable_tile_bias: float | None = None,
+        **judging: Any,
     ) -> "Comparison":
         """The verdict on `image`, without failing.
 
@@ -194,9 +170,8 @@ class ReferenceCheck:
         noise; independent renders as a list or an array (k, H, W, 3), k >= 4; a path to an EXR, PFM or 8-bit picture;
         a function of a seed that returns any of these, called until the verdict is certain, `renders` times at most; a
         raytwin Image. `tolerance`: a number (noise-free values may err by it, relative to the reference's scale, 99.9 %
-        of them) or a Tolerance; the scene's by default. `noise="reference"` believes no variance that an image claims,
-        only the spread of renders. `detectable_bias` of the whole image and `detectable_tile_bias` of any 24 x 24
-        pixels: what a pass must exclude.
+        of them) or a Tolerance; the scene's by default. `judging`: other fields of Judging, as `false_alarm_rate`,
+        `noise` and `detectable_bias`.
         """
         __tracebackhide__ = True
         from raytwin.compare import compare
@@ -204,19 +179,17 @@ class ReferenceCheck:
         from raytwin.explain.diagnosis import explain
         from raytwin.images import image_input
         from raytwin.images.image import Image
+        from raytwin.judging import Judging
         from raytwin.renderers import references
         from raytwin.scene import Tolerance
         from raytwin.show.terminal_text import because, further
 
         taken, made = None, None
         allowed = self.reference.tolerance if self.reference is not None else Tolerance()
-        if tolerance is not None:
-            allowed = tolerance if isinstance(tolerance, Tolerance) else Tolerance(p999_abs=float(tolerance))
-        biases = {"detectable_bias": detectable_bias, "detectable_tile_bias": detectable_tile_bias}
-        options: dict[str, Any] = {"tolerance": allowed, "false_alarm_rate": false_alarm_rate}
         try:
+            how = Judging(allowed if tolerance is None else tolerance, **judging)
             if callable(image) and not isinstance(image, Image) and variance is None and self.reference is not None:
-                taken, made = self._in_rounds(image, renders, options | biases)
+                taken, made = self._in_rounds(image, renders, how)
             else:
                 taken = image_input.as_image(image, variance, min(renders, image_input.RENDERS))
         except InputError as error:
@@ -229,9 +202,8 @@ class ReferenceCheck:
         known = self._known()
         shown = taken.fitted(known.image)
         if made is None:
-            options |= {name: bias for name, bias in biases.items() if bias is not None}
-            options |= {"noise": "both" if taken.measured else noise, "half_steps": (taken.rounding.half, None)}
-            made = compare(taken.image, shown, **options)
+            how = replace(how, noise="both") if taken.measured else how
+            made = compare(taken.image, shown, how, half_steps=(taken.rounding.half, None))
         if made.verdict == "fail":
             made = made.because(*explain(taken.image, known.image, known.scene, self.rung, taken.rounding))
         if not made.passed and shown.variance is not None and taken.image.variance is None:
@@ -246,7 +218,7 @@ class ReferenceCheck:
             notes.append(f"to take it for the reference: {command}{self._folder_option()}")
         text = f"{self.name}/{self.rung}{because(made) or f': {made.verdict}'}\n"
         text += "".join(f"  {reason}\n" for reason in further(made)) + "".join(f"  note: {n}\n" for n in notes)
-        if page := self._report(made, tuple(notes), taken.image, shown, allowed):
+        if page := self._report(made, tuple(notes), taken.image, shown, how.bounds):
             text += f"  page: {page}\n"
         self._text = text + f"  reference: {known.path}"
         return made
@@ -254,16 +226,16 @@ class ReferenceCheck:
     # ---------------------------------------------------------------------------------- within
 
     def _in_rounds(
-        self, render: "Callable[[int], Any]", renders: int, options: dict[str, Any]
+        self, render: "Callable[[int], Any]", renders: int, how: "Judging"
     ) -> "tuple[LoadedImage, Comparison]":
         """Renders of the seeds 0, 1, ... until the verdict is certain: what they make together, and the verdict."""
         from raytwin.compare import SequentialComparison
         from raytwin.errors import InputError
         from raytwin.images import image_input
 
-        if renders < image_input.FEWEST:
-            raise InputError("renders", f"at least {image_input.FEWEST}", renders)
-        check = SequentialComparison(self._known().image, **options)
+        if renders < image_input.FEWEST_RENDERS:
+            raise InputError("renders", f"at least {image_input.FEWEST_RENDERS}", renders)
+        check = SequentialComparison(self._known().image, judging=replace(how, noise="both"))
         for seed in range(renders):
             if check.add(render(seed)):
                 break
@@ -312,11 +284,13 @@ class ReferenceCheck:
         self._fail(f"{why}\n  {self._remedy(scene)}")
 
     def _remedy(self, scene: Path | None) -> str:
+        from raytwin.renderers import references
+
         where = self._from_here(scene or self._folders.scenes / self.name)
         command = f"raytwin reference make {shlex.quote(where)} --rung {self.rung}{self._folder_option()}"
         if scene is not None:
             return f"To make it: {command}"
-        there = ", ".join(dict.fromkeys(name for name, _ in self._folders.cases(None, None)))
+        there = ", ".join(dict.fromkeys(name for folder in self._folders.all for name, _ in references.listed(folder)))
         return (
             f"There: {there or 'none'}. To make it, write {where}/scene.toml, then: {command}\n"
             f"  Where it is to be an image of no scene: raytwin_reference({self.name!r}, {self.rung!r}, image=True), "
@@ -334,23 +308,15 @@ class ReferenceCheck:
         from raytwin.compare import compare
         from raytwin.renderers import references
 
+        made = self._as_reference(image, self._folders.own)
+        makers = self._node.config.stash.setdefault(_MAKERS, {})
+        if made.path in makers:
+            self.reference = references.load(made.path)
+            return makers[made.path]
         wrong = compare(image, image)  # NaN, black, of another shape: nothing to compare others with
         if not wrong.passed:
             self._fail(f"{self.name}/{self.rung}: no reference can be made of this image: {'; '.join(wrong.reasons)}")
-        made = self._as_reference(image, self._folders.own)
-        # The run's first test puts the file into the temporary folder that all its workers share. A link is there whole
-        # or not at all, and only one process can make it.
-        shared = self._request.getfixturevalue("tmp_path_factory").getbasetemp()
-        shared = shared.parent if hasattr(self._node.config, "workerinput") else shared
-        first = references.path_of(shared / "raytwin", self.name, self.rung)
-        references.save(replace(made, path=(own := first.with_name(f"{os.getpid()}.exr"))))
-        try:
-            os.link(own, first)
-        except FileExistsError:
-            self.reference = replace(references.load(first), path=made.path)
-            return self.reference.header["renderer"]
-        finally:
-            own.unlink()
+        makers[made.path] = made.header["renderer"]
         old, self.reference = self.reference, made
         # What has not changed keeps its file, and the reason in it.
         if old is None or references.checksum(old.image, {}) != references.checksum(made.image, {}):
@@ -414,24 +380,22 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     """List a test that ended by an error of its own, too: it compared nothing, and would be missing in the index."""
     report = yield
     folder = _report_folder(item.config)
-    ours = {"raytwin_case", "raytwin_laws", "raytwin_reference"} & set(getattr(item, "fixturenames", ()))
+    ours = {"raytwin_laws", "raytwin_reference"} & set(getattr(item, "fixturenames", ()))
     if folder is not None and ours and report.failed and call.excinfo and not item.stash.get(_FAILED, False):
-        from raytwin.errors import InputError
         from raytwin.show import check_page
 
         text = call.excinfo.exconly(tryshort=True).removeprefix("Failed: ").splitlines()
         case = getattr(item, "callspec", None)
         reason = f"{'' if call.when == 'call' else f'in {call.when}: '}{text[0] if text else 'an error'}"
-        try:
-            check_page.write_crash(folder, *_numbered(item, "error"), case.id if case else "", reason)
-        except InputError as error:
-            report.sections.append(("raytwin", f"the report lacks this test: {error}"))
+        check_page.write_crash(folder, *_numbered(item, "error"), case.id if case else "", reason)
     return report
 
 
 _COUNTER = pytest.StashKey["itertools.count"]()
 _FAILED = pytest.StashKey[bool]()
 """Whether a comparison of the test failed: its own row says so."""
+_MAKERS = pytest.StashKey[dict[Path, str]]()
+"""The references that this run made of images -> the test that made each."""
 _TOLD = pytest.StashKey[str]()
 """What the run says of its report in the end."""
 
@@ -453,39 +417,10 @@ class _Folders:
 
         return [self.own, SHIPPED]
 
-    def __str__(self) -> str:
-        return " or ".join(str(folder) + ("" if folder.is_dir() else " (no such folder)") for folder in self.all)
-
     def scene(self, name: str) -> Path | None:
         """The folder of the scene, where there is one."""
         folder = self.scenes / name
         return folder if any((folder / kind).is_file() for kind in ("scene.toml", "scene.xml")) else None
-
-    def usual_rung(self, name: str) -> str:
-        """`shadow`; `path` of a Mitsuba file, of which there is no other."""
-        own, there = self.scene(name), {rung for folder in self.all for rung in _rungs_of(folder, name)}
-        is_file = own is not None and not (own / "scene.toml").is_file()
-        return "path" if is_file or there == {"path"} else "shadow"
-
-    def cases(self, scenes: list[str] | None, rungs: list[str] | None) -> list[tuple[str, str]]:
-        """(scene, rung) of all that is asked for, there or not; of all that are there, where nothing is asked for."""
-        from raytwin.renderers.references import listed
-
-        there = list(dict.fromkeys(case for folder in self.all for case in listed(folder)))
-        names = scenes or list(dict.fromkeys(name for name, _ in there))
-        if rungs:
-            return [(name, rung) for name in names for rung in rungs]
-        found = [case for case in there if case[0] in names]
-        missing = [
-            (name, "surface" if self.usual_rung(name) == "shadow" else "path")
-            for name in names
-            if name not in {case[0] for case in found}
-        ]
-        return found + missing
-
-
-def _rungs_of(folder: Path, name: str) -> list[str]:
-    return [path.stem for path in (folder / name).glob("*.exr")]
 
 
 # ------------------------------------------------------------------------------------------ report

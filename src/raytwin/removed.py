@@ -1,6 +1,7 @@
 """What 0.2.0 removed, and what to use instead: one line each, kept for one release."""
 
 from collections.abc import Sequence
+from fnmatch import fnmatchcase
 
 IDIFF = (
     "allow-failures", "allowfailures", "fail", "fail-percent", "fail-relative", "failpercent", "failrelative",
@@ -29,6 +30,7 @@ COMMANDS: dict[str, str] = {
     "photo calibrate --bend": "Use the number in mm that it prints; --json has each tag's offset.",
     "photo calibrate --uncertainty": "Use -o camera.toml: the page beside it has the standard deviations.",
     **{f"diff --{option}": f"Use OpenImageIO's idiff -{option.replace('-', '')}." for option in IDIFF},
+    "diff --part": "Use --layer with the part's name.",
     "grade --shard": "Use --jobs N on one machine, or --dask ADDRESS on several.",
     "compare --allow": TRUSTED,
     "ladder": "Use `raytwin levels SCENE`.",
@@ -80,10 +82,13 @@ SCALAR = "removed in 0.2.0. Use llvm_ad_rgb: pip install 'raytwin[llvm]' brings 
 """About Mitsuba's scalar variants, forced by name."""
 
 RENDERERS: dict[str, str] = {
-    "twin-scalar-": "Use the same name with llvm.",
-    "mitsuba-": "Use twin-llvm-direct-N or twin-llvm-path-N: the same Mitsuba, with its variance.",
+    "*-inplace": "Use the same name with conic.",
+    "*-nlm": "Use the same name without nlm.",
+    "loop-*": "Use numpy64 in the place of loop.",
+    "mitsuba-*": "Use twin-llvm-direct-N or twin-llvm-path-N: the same Mitsuba, with its variance.",
+    "twin-scalar-*": "Use the same name with llvm.",
 }
-"""How the names of removed renderers begin -> what to use instead, a sentence."""
+"""Patterns of the names of removed renderers -> what to use instead, a sentence."""
 
 
 def removed_renderer(name: str) -> str | None:
@@ -92,7 +97,7 @@ def removed_renderer(name: str) -> str | None:
     >>> removed_renderer("twin-scalar-shadow")
     '`twin-scalar-shadow` was removed in 0.2.0. Use the same name with llvm.'
     """
-    instead = next((text for start, text in RENDERERS.items() if name.startswith(start)), None)
+    instead = next((text for pattern, text in RENDERERS.items() if fnmatchcase(name, pattern)), None)
     return instead and f"`{name}` was removed in 0.2.0. {instead}"
 
 

@@ -24,10 +24,9 @@ from PIL import Image as Pillow
 from raytwin.errors import InputError
 from raytwin.images.exr import read_exr, write_exr
 from raytwin.images.image import Image, Surface
-from raytwin.images.image_formats import read_image, write_image
+from raytwin.images.image_formats import read_image
 from raytwin.images.photo_files import (
     list_photos,
-    photo_orientation,
     photo_size,
     read_grey,
     read_photo,
@@ -85,25 +84,6 @@ def changed(old: str, new: str) -> str:
 # ------------------------------------------------------------------------------------------------ scenes
 
 
-def with_map(folder: Path, scale: str) -> Path:
-    """The scene under a map that spans 1e13, brightest to the right."""
-    radiance = np.geomspace(1e-12, 10, 8, dtype=np.float32)[None, :, None] * np.ones((4, 1, 3), np.float32)
-    write_image(folder / "sky.exr", Image(radiance))
-    return write_scene(folder, changed("radiance = [0.1, 0.1, 0.1]", f'map = "sky.exr"\nscale = {scale}'))
-
-
-@pytest.mark.parametrize("scale", ["0.5", "0", "10000000000000000000000"])
-def test_a_map_is_multiplied_by_its_scale(tmp_path, scale):
-    sky = read_scene(with_map(tmp_path, scale)).environment
-    np.testing.assert_allclose(sky.radiance.max(), 10 * float(scale), rtol=1e-6)
-
-
-@pytest.mark.parametrize("scale", ["1e38", "-1.0", "[2.0, 2.0, 2.0]"])
-def test_a_scale_that_no_map_can_have_is_one_line(tmp_path, scale):
-    with pytest.raises(InputError, match=r"scene.toml: sky.scale: expected a "):
-        read_scene(with_map(tmp_path, scale))
-
-
 def test_a_scene_is_read_as_it_is_written(tmp_path):
     (tmp_path / "x").mkdir()
     scene = read_scene(write_scene(tmp_path / "x", SCENE))
@@ -149,23 +129,22 @@ WRONG = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("what", WRONG)
-def test_a_wrong_scene_is_named_by_file_and_field(tmp_path, what):
-    old, new, message = WRONG[what]
-    with pytest.raises(InputError) as caught:
-        read_scene(write_scene(tmp_path, changed(old, new)))
-    assert str(caught.value).startswith(str(tmp_path / "scene.toml: "))
-    assert message in str(caught.value)
-    assert len(str(caught.value)) < 400
-    assert "\n" not in str(caught.value)
+def test_a_wrong_scene_is_named_by_file_and_field(tmp_path, subtests):
+    for what, (old, new, message) in WRONG.items():
+        with subtests.test(what):
+            with pytest.raises(InputError) as caught:
+                read_scene(write_scene(tmp_path, changed(old, new)))
+            assert str(caught.value).startswith(str(tmp_path / "scene.toml: "))
+            assert message in str(caught.value)
+            assert len(str(caught.value)) < 400
+            assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("count", [8, 12, 14])
-def test_opencvs_longer_lenses_are_read_where_their_further_terms_are_0(tmp_path, count):
+def test_opencvs_longer_lenses_are_read_where_their_further_terms_are_0(tmp_path):
     dist = [-0.1, 0.01, 0.001, 0.002, 0.003]
-    found = read_scene(write_scene(tmp_path, changed("[-0.1, 0.01]", str(dist + [0] * (count - 5)))))
-    assert found.camera.dist == tuple(dist)
-    assert found == read_scene(write_scene(tmp_path, changed("[-0.1, 0.01]", str(dist))))
+    for count in (5, 8, 12, 14):
+        found = read_scene(write_scene(tmp_path, changed("[-0.1, 0.01]", str(dist + [0] * (count - 5)))))
+        assert found.camera.dist == tuple(dist)
 
 
 @pytest.mark.parametrize("digits", [3, 4, 6])
@@ -198,7 +177,10 @@ def test_what_is_not_there_or_not_text_is_named(tmp_path):
         read_toml(tmp_path)
 
 
-UNDER_A_MAP = re.sub(r"\nradiance = .*", '\nmap = "{}"\nscale = 2.0\nrotation = 90.0', SCENE)
+def under_a_map(folder: Path, pixels: np.ndarray | None, scale: str = "2.0") -> Path:
+    if pixels is not None:
+        write_exr(folder / "x.exr", Image(pixels.astype(np.float32), samples=0))
+    return write_scene(folder, re.sub(r"\nradiance = .*", f'\nmap = "x.exr"\nscale = {scale}\nrotation = 90.0', SCENE))
 
 
 def test_a_map_is_read_scaled_turned_and_part_of_the_scenes_hash(tmp_path):
@@ -206,28 +188,28 @@ def test_a_map_is_read_scaled_turned_and_part_of_the_scenes_hash(tmp_path):
 
     pixels = np.zeros((4, 8, 3), np.float32)
     pixels[:, 4] = 0.5
-    write_exr(tmp_path / "x.exr", Image(pixels, samples=0))
-    scene = read_scene(write_scene(tmp_path, UNDER_A_MAP.format("x.exr")))
-    found = scene.environment
+    found = read_scene(under_a_map(tmp_path, pixels)).environment
     np.testing.assert_array_equal(found.radiance, 2 * pixels)
     np.testing.assert_allclose(np.array(found.R_map_board) @ (-1, 0, 0), (0, 1, 0), atol=1e-15)  # the middle, turned
     before = scene_hash(tmp_path)
-    write_exr(tmp_path / "x.exr", Image(pixels + 1, samples=0))
-    assert scene_hash(tmp_path) != before
+    assert scene_hash(under_a_map(tmp_path, pixels + 1)) != before
+    for scale in ("0", "10000000000000000000000"):
+        found = read_scene(under_a_map(tmp_path, pixels, scale)).environment
+        np.testing.assert_allclose(found.radiance.max(), 0.5 * float(scale), rtol=1e-6)
 
 
-@pytest.mark.parametrize(("pixels", "message"), [
-    (np.ones((4, 9, 3)), "twice as wide as high, of 4 to 4096 columns, got 9 x 4 pixels"),
-    (np.ones((1, 2, 3)), "of 4 to 4096 columns, got 2 x 1 pixels"),
-    (np.full((4, 8, 3), -0.5), "x.exr: expected radiance of 0 or more everywhere, got -0.5"),
-    (np.full((4, 8, 3), np.nan), "x.exr: expected radiance of 0 or more everywhere, got NaN or infinity"),
-    (None, "expected an image file, got no such file"),
-])  # fmt: skip
-def test_a_wrong_map_is_one_line(tmp_path, pixels, message):
-    if pixels is not None:
-        write_exr(tmp_path / "x.exr", Image(pixels.astype(np.float32), samples=0))
-    with pytest.raises(InputError, match=re.escape(message)):
-        read_scene(write_scene(tmp_path, UNDER_A_MAP.format("x.exr")))
+def test_a_wrong_map_or_scale_is_one_line(tmp_path):
+    good = np.full((4, 8, 3), 10.0)
+    for pixels, scale, message in (
+        (None, "2", "expected an image file, got no such file"),
+        (np.ones((4, 9, 3)), "2", "twice as wide as high, of 4 to 4096 columns, got 9 x 4 pixels"),
+        (np.ones((1, 2, 3)), "2", "of 4 to 4096 columns, got 2 x 1 pixels"),
+        (-good, "2", "x.exr: expected radiance of 0 or more everywhere, got -10"),
+        (good * np.nan, "2", "x.exr: expected radiance of 0 or more everywhere, got NaN or infinity"),
+        *((good, scale, "scene.toml: sky.scale: expected a ") for scale in ("1e38", "-1.0", "[2.0, 2.0, 2.0]")),
+    ):
+        with pytest.raises(InputError, match=re.escape(message)):
+            read_scene(under_a_map(tmp_path, pixels, scale))
 
 
 JUNK = st.recursive(
@@ -322,7 +304,7 @@ def test_a_file_appears_whole_with_its_folder_and_the_users_permissions_or_those
     assert list(target.parent.iterdir()) == [target]
 
 
-def test_a_write_that_fails_on_its_content_keeps_the_old_file(tmp_path):
+def test_a_write_that_fails_keeps_the_old_file_and_names_the_place(tmp_path):
     for name, write in (
         ("a.png", lambda p: write_picture(p, np.zeros((4, 4, 7), np.uint8))),
         ("a.toml", lambda p: write_toml(p, {"x": None})),
@@ -330,18 +312,13 @@ def test_a_write_that_fails_on_its_content_keeps_the_old_file(tmp_path):
         ("a.exr", lambda p: write_exr(p, Image(np.zeros((4, 6, 3)), np.zeros((4, 5, 3))))),
     ):
         (tmp_path / name).write_text("old")
-        with pytest.raises((TypeError, RuntimeError)):
+        with pytest.raises((TypeError, InputError)):
             write(tmp_path / name)
         assert (tmp_path / name).read_text() == "old"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.exr", "a.json", "a.png", "a.toml"]
-
-
-def test_a_place_that_cannot_be_written_is_named(tmp_path):
-    (tmp_path / "file").write_text("x")
-    for path in (tmp_path, tmp_path / "file" / "below"):
+    for path in (tmp_path, tmp_path / "a.png" / "below"):
         with pytest.raises(InputError, match=re.escape(str(path))):
             write_text(path, "y")
-    assert (tmp_path / "file").read_text() == "x"
 
 
 def test_a_planted_link_is_replaced_and_what_it_leads_to_is_left_alone(tmp_path):
@@ -366,42 +343,32 @@ def test_standard_output_redirected_to_a_file_is_written_into(tmp_path):
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="named pipes are a POSIX thing")
-def test_devices_and_pipes_are_refused_as_input(tmp_path):
-    os.mkfifo(tmp_path / "pipe")
-    for path in (tmp_path / "pipe", Path("/dev/zero")):
+def test_devices_and_pipes_are_refused_as_input_and_written_into_as_output(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    for path in (pipe, Path("/dev/zero")):
         for read in (read_image, read_photo, read_exr, read_toml, photo_size):
             with pytest.raises(InputError, match="got a device or a pipe"):
                 read(path)
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="named pipes are a POSIX thing")
-def test_a_pipe_is_written_into_and_not_replaced(tmp_path):
-    os.mkfifo(tmp_path / "pipe")
     got: list[str] = []
-    reader = threading.Thread(target=lambda: got.append((tmp_path / "pipe").read_text()))
+    reader = threading.Thread(target=lambda: got.append(pipe.read_text()))
     reader.start()
-    write_text(tmp_path / "pipe", "through")
+    write_text(pipe, "through")
     reader.join(10)
     assert got == ["through"]
-    assert (tmp_path / "pipe").is_fifo()
+    assert pipe.is_fifo()
 
 
 def test_json_holds_records_arrays_and_no_nan(tmp_path):
-    value = {
-        "a": np.array([[1.5, np.nan]]),
-        "b": Sphere((0.0, 1.0, 2.0), 3.0),
-        "c": np.float32(0.5),
-        "d": Path("x/y"),
-        "e": float("inf"),
-    }
-    write_json(tmp_path / "x.json", value)
+    value = {"a": np.array([[1.5, np.nan]]), "b": Sphere((0.0, 1.0, 2.0), 3.0), "c": np.float32(0.5), "d": Path("x/y")}
+    write_json(tmp_path / "x.json", value | {"e": float("inf")})
     assert msgspec.json.decode((tmp_path / "x.json").read_bytes()) == {
         "a": [[1.5, None]],
         "b": {"center": [0.0, 1.0, 2.0], "radius": 3.0, "albedo": [0.8, 0.8, 0.8]},
         "c": 0.5,
         "d": "x/y",
         "e": None,
-    }  # fmt: skip
+    }
 
 
 # ------------------------------------------------------------------------------------------------ photos
@@ -431,38 +398,31 @@ def test_a_png_keeps_every_code_and_a_jpeg_nearly(tmp_path):
         write_picture(tmp_path / "a.tiff", pixels)
 
 
-@pytest.mark.parametrize("name", ["a.png", "a.jpg"])
-def test_a_photo_read_as_grey_is_the_luma_of_its_colours(tmp_path, name):
+def test_a_photo_read_as_grey_is_the_luma_of_its_colours(tmp_path):
     y, x = np.mgrid[0:40, 0:60]
     pixels = np.stack([4 * x, 6 * y, 255 - 2 * x - 2 * y], axis=-1).astype(np.uint8)
-    write_picture(tmp_path / name, pixels, quality=95)
-    grey = read_grey(tmp_path / name)
-    assert grey.dtype == np.uint8
-    luma = read_photo(tmp_path / name) @ np.array([0.299, 0.587, 0.114])
-    assert np.abs(grey - luma).max() <= 2
+    for name in ("a.png", "a.jpg"):
+        write_picture(tmp_path / name, pixels, quality=95)
+        grey = read_grey(tmp_path / name)
+        assert grey.dtype == np.uint8
+        assert np.abs(grey - read_photo(tmp_path / name) @ np.array([0.299, 0.587, 0.114])).max() <= 2
 
 
-@pytest.mark.parametrize("name", ["a.webp", "a.tif", "a.TIFF", "a.bmp"])
-def test_photos_of_other_kinds_are_read(tmp_path, name):
+def test_photos_of_other_kinds_are_read(tmp_path):
     pixels = photo(np.random.default_rng(1))
-    Pillow.fromarray(pixels).save(tmp_path / name, **{"lossless": True} if name == "a.webp" else {})
-    np.testing.assert_array_equal(read_photo(tmp_path / name), pixels)
-    assert list_photos(tmp_path) == [tmp_path / name]
+    names = ["a.TIFF", "a.bmp", "a.tif", "a.webp"]
+    for name in names:
+        Pillow.fromarray(pixels).save(tmp_path / name, **{"lossless": True} if name == "a.webp" else {})
+        np.testing.assert_array_equal(read_photo(tmp_path / name), pixels)
+    assert list_photos(tmp_path) == [tmp_path / name for name in names]
 
 
-@pytest.mark.parametrize("name", ["a.png", "a.tif"])
-def test_grey_of_16_bits_is_scaled_and_not_clipped_to_white(tmp_path, name):
-    for white, drop in ((65535, 8), (40000, 8), (4000, 4), (900, 2), (200, 0)):
-        values = np.linspace(0, white, 2400).astype(np.uint16).reshape(40, 60)
-        Pillow.fromarray(values).save(tmp_path / name)
-        np.testing.assert_array_equal(read_grey(tmp_path / name), values >> drop)
-        np.testing.assert_array_equal(read_photo(tmp_path / name)[..., 1], values >> drop)
-
-
-def test_a_photo_of_floating_point_or_from_a_phone_is_refused_by_name(tmp_path):
-    Pillow.fromarray(np.ones((4, 4), np.float32)).save(tmp_path / "a.tif")
-    with pytest.raises(InputError, match=r"a\.tif: expected 8 or 16 bits per channel, got floating point"):
-        read_grey(tmp_path / "a.tif")
+def test_a_photo_of_more_than_8_bits_or_from_a_phone_is_refused_by_name(tmp_path):
+    for values in (np.ones((4, 4), np.float32), np.full((4, 4), 4000, np.uint16)):
+        Pillow.fromarray(values).save(tmp_path / "a.tif")
+        for read in (read_grey, read_photo):
+            with pytest.raises(InputError, match=r"a\.tif: expected a photo of 8 bits per channel, got more: save it"):
+                read(tmp_path / "a.tif")
     (tmp_path / "b.HEIC").write_bytes(b"heic")
     with pytest.raises(InputError, match=r"b\.HEIC: expected a photo .*, got HEIC: save it as JPEG or PNG"):
         photo_size(tmp_path / "b.HEIC")
@@ -470,7 +430,7 @@ def test_a_photo_of_floating_point_or_from_a_phone_is_refused_by_name(tmp_path):
     assert ([p.name for p in kept], [p.name for p in wrong]) == (["a.tif"], ["b.HEIC"])
 
 
-def test_an_exif_orientation_is_told_and_not_applied(tmp_path):
+def test_an_exif_orientation_is_not_applied(tmp_path):
     pixels = np.zeros((40, 60, 3), np.uint8)
     pixels[:20, :30] = 255
     exif = Pillow.Exif()
@@ -478,12 +438,8 @@ def test_an_exif_orientation_is_told_and_not_applied(tmp_path):
     Pillow.fromarray(pixels).save(tmp_path / "turned.jpg", exif=exif, quality=95)
     found = read_photo(tmp_path / "turned.jpg")
     assert found.shape == (40, 60, 3)
-    assert found[5, 5, 0] > 250
-    assert found[35, 55, 0] < 5
+    assert (found[5, 5, 0] > 250, found[35, 55, 0] < 5) == (True, True)
     assert photo_size(tmp_path / "turned.jpg") == (60, 40)
-    assert photo_orientation(tmp_path / "turned.jpg") == 6
-    write_picture(tmp_path / "plain.jpg", pixels)
-    assert photo_orientation(tmp_path / "plain.jpg") == 1
 
 
 def test_a_wrong_photo_is_named(tmp_path):
@@ -491,26 +447,24 @@ def test_a_wrong_photo_is_named(tmp_path):
     Pillow.fromarray(photo(np.random.default_rng(2), 200, 300)).save(whole, "JPEG")
     gif = io.BytesIO()
     Pillow.new("P", (8, 8)).save(gif, "GIF")
+    kind = "expected a photo (JPEG, PNG, WebP, TIFF or BMP), got"
     wrong = {
-        "truncated.jpg": (whole.getvalue()[: len(whole.getvalue()) // 2], "expected a photo (JPEG, PNG, WebP, TIFF or BMP), got a damaged one"),  # noqa: E501
-        "text.png": (b"not a picture", "expected a photo (JPEG, PNG, WebP, TIFF or BMP), got a file of another kind, or a damaged header"),  # noqa: E501
+        "truncated.jpg": (whole.getvalue()[: len(whole.getvalue()) // 2], f"{kind} a damaged one"),
+        "text.png": (b"not a picture", f"{kind} a file of another kind, or a damaged header"),
         "empty.jpg": (b"", "got a file of another kind"),
         "moving.jpg": (gif.getvalue(), "got a file of another kind"),
         "bomb.png": (hostile.png(60_000, 60_000, bytes(64)), "expected a photo of a size that a camera makes"),
-        "short.png": (hostile.png(600, 600, bytes(64)), "expected a photo (JPEG, PNG, WebP, TIFF or BMP), got a damaged one"),  # noqa: E501
-    }  # fmt: skip
+        "short.png": (hostile.png(600, 600, bytes(64)), f"{kind} a damaged one"),
+    }
     for name, (data, message) in wrong.items():
         (tmp_path / name).write_bytes(data)
         with pytest.raises(InputError) as caught:
             read_photo(tmp_path / name)
         assert str(caught.value).startswith(f"{tmp_path / name}: ")
         assert message in str(caught.value), name
-    with pytest.raises(
-        InputError, match=r"none\.jpg: expected a photo \(JPEG, PNG, WebP, TIFF or BMP\), got no such file"
-    ):
-        read_photo(tmp_path / "none.jpg")
-    with pytest.raises(InputError, match="got a folder"):
-        photo_size(tmp_path)
+    for path, message in ((tmp_path / "none.jpg", "got no such file"), (tmp_path, "got a folder")):
+        with pytest.raises(InputError, match=message):
+            photo_size(path)
 
 
 # ------------------------------------------------------------------------------------------------ EXR
@@ -579,18 +533,11 @@ def test_a_wrong_exr_is_named(tmp_path):
 # ------------------------------------------------------------------------------------------------ many objects
 
 
-def many(count: int, named: bool = False) -> str:
-    """A scene.toml of `count` spheres more."""
-    name = "name = 'ball {0}'\n" if named else ""
-    ball = "[[spheres]]\ncenter = [0.0, 0.0, 0.05]\nradius = 0.05\n" + name
-    return SCENE + "".join(ball.format(i) for i in range(count))
-
-
-@pytest.mark.parametrize("named", [False, True])
-def test_four_times_the_spheres_take_four_times_the_calls_to_read(tmp_path, named):
+def test_four_times_the_spheres_take_four_times_the_calls_to_read(tmp_path):
     counts = []
     for count in (100, 400):
-        (tmp_path / "scene.toml").write_text(many(count, named))
+        ball = "[[spheres]]\ncenter = [0.0, 0.0, 0.05]\nradius = 0.05\nname = 'ball {0}'\n"
+        write_scene(tmp_path, SCENE + "".join(ball.format(i) for i in range(count)))
         read_scene(tmp_path)  # what is done once is done
         counts.append(calls(lambda: read_scene(tmp_path).names))
     assert 3 < counts[1] / counts[0] < 4.1

@@ -6,12 +6,10 @@ from raytwin.images.photo_files import from_bytes, srgb_decode, srgb_encode, to_
 
 def test_bytes_are_the_rounded_srgb_curve_on_both_sides_of_every_step_and_for_what_is_no_colour():
     steps = srgb_decode((np.arange(255) + 0.5) / 255)
-    near = np.concatenate([steps * (1 + 1e-6 * k) for k in (-9, -1, 1, 9)])
-    rng = np.random.default_rng(0)
-    for kind in (np.float64, np.float32):
-        x = np.concatenate([near, rng.uniform(-0.2, 1.2, 100_001), 10.0 ** rng.uniform(-9, 0, 50_000)]).astype(kind)
-        expected = np.rint(255 * srgb_encode(x.astype(np.float64))).astype(np.uint8)
-        np.testing.assert_array_equal(to_bytes(x), expected)
+    for kind, near in ((np.float64, 1e-9), (np.float32, 1e-6)):
+        below, above = (to_bytes((steps * (1 + side * near)).astype(kind)) for side in (-1, 1))
+        np.testing.assert_array_equal(below, np.arange(255))
+        np.testing.assert_array_equal(above, np.arange(1, 256))
     odd = np.array([np.nan, np.inf, -np.inf, -0.0, 0.0, 1.0, 1e-45, 3e38], np.float32)
     assert to_bytes(odd).tolist() == [0, 255, 0, 0, 0, 255, 0, 255]
     assert to_bytes(np.full((2, 3, 3), 0.5, np.float16)).tolist() == np.full((2, 3, 3), 188).tolist()

@@ -18,10 +18,7 @@ from raytwin.show.numbers import shown
 from raytwin.study.atlas import EXPERIMENTS, Atlas, Curve, Found
 from raytwin.study.bench import Bench
 
-FRONTIER = (
-    "raytwin bench scenes/desk --sizes 0.05 --budget 300"
-    " --methods 'numpy32-*-conic,drjit32-*,loop-shadow-conic,twin-llvm-*'"
-)
+FRONTIER = "raytwin bench scenes/desk --sizes 0.05 --budget 300 --methods 'numpy32-*-conic,drjit32-*,twin-llvm-*'"
 EDGES = "raytwin stability"
 """What makes each file again."""
 

@@ -13,7 +13,7 @@ tracer in float64.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,13 +24,17 @@ from scene_of import scene_of
 from raytwin import twin
 from raytwin.compare import METRICS
 from raytwin.errors import InputError
-from raytwin.fast import TRIMS, trace
-from raytwin.images.image import Image
-from raytwin.renderers.renderer import Renderer
+from raytwin.fast import TRIMS, background, trace
+from raytwin.images.image import BACKGROUND, Image
+from raytwin.renderers.renderer import Call, Renderer
 from raytwin.renderers.renderer_table import renderers_of
-from raytwin.renderers.subject_renderers import PythonLoop, Speculated
-from raytwin.scene import Camera, Lambert, Scene, Sky, Sphere, Sun
+from raytwin.renderers.subject_renderers import Speculated
+from raytwin.scene import Camera, Lambert, Scene, Sky, Sphere, Sun, to_camera_frame
 from raytwin.show.numbers import shown
+from raytwin.tracer import STAGES, PlainWorld
+from raytwin.tracer.lights import lighting
+from raytwin.tracer.shading import RADIANCE
+from raytwin.tracer.world import first_hit
 
 COLUMNS = "figure", "what", "the paper", "its times faster", "times faster", "error"
 Row = tuple[str, ...]
@@ -44,7 +48,7 @@ NO_TIME = "", ""
 RUNG = "lambert"
 """Diffuse light without shadows, as in the paper."""
 BOXES = {"none": "untrimmed", "corners": "eight-corner box", "conic": "conic box"}
-SMALL = "loop-lambert-*", "numpy32-lambert-*", "drjit32-lambert-*"
+SMALL = "numpy32-lambert-*", "drjit32-lambert-*"
 LARGE = (
     "numpy32-lambert-*",
     "drjit32-lambert-*",
@@ -54,6 +58,34 @@ LARGE = (
 
 DOWN = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
 """R_cam_board of a camera above the board that looks straight down."""
+
+
+@dataclass(frozen=True)
+class Loop(Renderer):
+    """The paper's way: one ray after another by the tracer's own functions, in the objects' boxes of a `trim`."""
+
+    trim: str = "none"
+
+    @property
+    def name(self) -> str:
+        return f"loop-{self.rung}-{self.trim}"
+
+    def prepare(self, scene: Scene) -> Call:
+        local, camera = to_camera_frame(scene), scene.camera
+        light, world, eye = lighting(local), PlainWorld(local.objects, STAGES), (0.0, 0.0, 0.0)
+        inside = np.zeros((camera.height, camera.width), bool)
+        for x0, y0, x1, y1 in TRIMS[self.trim](scene.objects, camera).tolist():
+            inside[y0:y1, x0:x1] = True
+
+        def call(seed: int) -> Image:
+            out = background(scene, self.rung)
+            for v, u in np.argwhere(inside).tolist():
+                hit = first_hit(world, eye, STAGES.back_project(float(u), float(v), camera, STAGES.undistort))
+                if hit.ids > BACKGROUND:
+                    out[v, u] = RADIANCE[self.rung](hit, light, world, camera)
+            return Image(out)
+
+        return call
 
 
 def two_spheres(width: int, height: int) -> Scene:
@@ -90,10 +122,10 @@ def calibrations(folder: Path, count: int, size: tuple[int, int], repeats: int) 
         yield figure, name, *STATED.get(name, NO_TIME), faster, f"{shown(cost.heldout)} px held out"
 
 
-def frames(scene: Scene, patterns: tuple[str, ...], repeats: int) -> Iterator[Row]:
+def frames(scene: Scene, named: list[Renderer], repeats: int) -> Iterator[Row]:
     """Yield a row per method that works on this machine: how much faster than the untrimmed one, and its error."""
     truth, calls, errors = trace(scene, RUNG, "numpy64", trim="none").mean, {}, {}
-    methods = [replace(method, rung=RUNG) for method in renderers_of(patterns)]
+    methods = [replace(method, rung=RUNG) for method in named]
     for method in methods:
         try:
             call = method.prepare(scene)
@@ -109,11 +141,17 @@ def frames(scene: Scene, patterns: tuple[str, ...], repeats: int) -> Iterator[Ro
         faster, error = shown(seconds[untrimmed(method)] / seconds[method.name]), errors[method.name]
         if isinstance(method, Speculated):
             worst = f"RMSE {error['rmse']}, worst {error['max_abs']}"
-            yield f"speculation: {width} x {height}", f"{method.way}, n = {method.n}", *NO_TIME, faster, worst
+            yield f"speculation: {width} x {height}", f"{method.way}, n = {method.step}", *NO_TIME, faster, worst
         else:
-            stated = STATED_FRAMES.get(method.trim, NO_TIME) if isinstance(method, PythonLoop) else NO_TIME
+            stated = STATED_FRAMES.get(method.trim, NO_TIME) if isinstance(method, Loop) else NO_TIME
             lost = f"RMSE {error['rmse']}, {cut(scene, method.trim)} px cut"
-            yield f"intersection: {method.family}, {width} x {height}", BOXES[method.trim], *stated, faster, lost
+            yield (
+                f"intersection: {method.name.rpartition('-')[0]}, {width} x {height}",
+                BOXES[method.trim],
+                *stated,
+                faster,
+                lost,
+            )
 
 
 def untrimmed(method: Renderer) -> str:
@@ -126,8 +164,9 @@ def main(count: str = "15", width: str = "4032", repeats: str = "3") -> None:
     with photographed(int(count), size) as folder:
         rows = [*calibrations(folder, int(count), size, times)]
     twin.activate()
-    rows += frames(two_spheres(size[0] // 4, size[1] // 4), SMALL, times)
-    rows += frames(two_spheres(*size), LARGE, times)
+    loops = [Loop(RUNG, trim) for trim in BOXES]
+    rows += frames(two_spheres(size[0] // 4, size[1] // 4), [*loops, *renderers_of(SMALL)], times)
+    rows += frames(two_spheres(*size), renderers_of(LARGE), times)
     record.table("paper", "figures", COLUMNS, rows, " ".join(["python -m measure.paper", *record.arguments()]))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as replace_row
 
-from raytwin.show.bench_charts import error_chart, pixels_chart
+from raytwin.show.bench_charts import error_chart
 from raytwin.show.bench_page import bench_summary, error_charts, frontier_rows, write_bench_all, write_bench_page
 from raytwin.show.charts.chart import HEIGHT, LEFT, LINE, TOP, WIDTH, log_range, svg_text
 from raytwin.show.charts.svg import log_ticks
@@ -77,7 +77,7 @@ def labels(chart) -> list[tuple[float, float, float, str]]:
 
 
 def test_no_label_lies_over_another_or_beyond_the_frame(made):
-    for chart in (*error_charts(made), pixels_chart(made)):
+    for chart in error_charts(made):
         found = labels(chart)
         for a, b in itertools.combinations(found, 2):
             assert a[1] <= b[0] or b[1] <= a[0] or abs(a[2] - b[2]) > LINE - 2, (chart.key, a[3], b[3])
@@ -119,23 +119,13 @@ def test_a_method_whose_error_is_no_number_is_left_out_of_the_chart(made):
     assert error_chart(alone, size, truth) is None
 
 
-def test_seconds_against_pixels_have_their_exponents(made):
-    rows = [
-        replace_row(r, method=m, seconds_median=1e-3 * (r.width * r.height) ** 0.5)
-        for m in ("fill", "mine") for r in made.rows if r.method == "fill"
-    ]  # fmt: skip
-    chart = pixels_chart(replace_row(made, rows=tuple(rows)))
-    assert [text for *_, text in labels(chart)] == ["fill: 0.50 ± 0.00", "mine: 0.50 ± 0.00"]
-    assert pixels_chart(every_method(SIZES[:2])) is None
-
-
 def test_the_folder_has_every_number_and_each_chart(made, tmp_path):
     write_bench_all([made], tmp_path / "out")
     names = {p.name for p in (tmp_path / "out").iterdir()}
-    keys = {"pixels", *(f"{w}x{h}-{t}" for w, h in SIZES for t in FLOOR)}
+    keys = {f"{w}x{h}-{t}" for w, h in SIZES for t in FLOOR}
     assert names == {"bench.html", "bench.json"} | {f"{k}.svg" for k in keys}
-    svg = (tmp_path / "out" / "pixels.svg").read_text(encoding="utf-8")
-    assert "fill" in svg  # text stays text
+    svgs = (tmp_path / "out" / f"{key}.svg" for key in keys)
+    assert all("fill" in svg.read_text(encoding="utf-8") for svg in svgs)  # text stays text
     page = (tmp_path / "out" / "bench.html").read_text(encoding="utf-8")
     for said in ("no &lt;CUDA&gt; here", *(f'"row">{r.method}</th>' for r in made.rows)):
         assert said in page

@@ -12,7 +12,7 @@ from raytwin.errors import InputError
 from raytwin.show import atlas_page
 from raytwin.show.atlas_page import colours
 from raytwin.study import atlas as stability
-from raytwin.study.atlas import EXPERIMENTS, Experiment, Found, poses
+from raytwin.study.atlas import EXPERIMENTS, Curve, Experiment, poses
 from raytwin.study.atlas.experiment import breaks_at, predicted, run
 
 KEYS = ["name", "parameter", "values", "bound", "methods", "why", "source"]
@@ -33,15 +33,8 @@ def hard_end(e: Experiment) -> float:
     return (min if down else max)(v for v in e.values if (v >= e.limit if down else v <= e.limit))
 
 
-def edges() -> list[tuple[str, str, float]]:
-    """(experiment, method, predicted edge) of each that lies within the experiment's values."""
-    found = []
-    for e in EXPERIMENTS.values():
-        for method in e.laws:
-            edge = predicted(e, method, e.values)
-            if edge is not None:
-                found.append((e.name, method, edge))
-    return found
+PREDICTED = [(e.name, m, edge) for e in EXPERIMENTS.values() for m in e.laws if (edge := predicted(e, m, e.values))]
+"""(experiment, method, predicted edge) of each that lies within the experiment's values."""
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
@@ -54,7 +47,7 @@ def test_raytwins_own_method_holds_the_bound_to_the_hard_end_or_refuses(name):
     assert list(e.values) in (sorted(set(e.values)), sorted(set(e.values), reverse=True))
 
 
-@pytest.mark.parametrize(("name", "method", "edge"), edges())
+@pytest.mark.parametrize(("name", "method", "edge"), PREDICTED)
 def test_a_method_holds_before_its_predicted_edge_and_fails_behind_it_as_theory_says(name, method, edge):
     e = EXPERIMENTS[name]
     harder = np.sign(e.values[-1] - e.values[0])
@@ -76,25 +69,21 @@ def test_a_method_holds_before_its_predicted_edge_and_fails_behind_it_as_theory_
 
 
 def test_an_edge_lies_between_the_last_value_that_holds_and_the_first_that_does_not():
-    assert breaks_at([1, 10, 100], [1e-6, 1e-4, 1e-2], 1e-3) == pytest.approx(10 * 10**0.5)
-    assert breaks_at([100, 10, 1], [1e-6, 1e-4, 1e-2], 1e-3) == pytest.approx(10**0.5)
-    assert breaks_at([1, 10], [1e-6, 1e-4], 1e-3) is None
-    assert breaks_at([1, 10], [0.5, 0.6], 1e-3) == 1
-    assert breaks_at([1, 10, 100], [None, 0.0, 0.5], 1e-3) == 100
-
-
-def test_an_edge_is_predicted_where_the_law_crosses_the_bound():
+    for values, errors, edge in (
+        ([1, 10, 100], [1e-6, 1e-4, 1e-2], 10 * 10**0.5),
+        ([100, 10, 1], [1e-6, 1e-4, 1e-2], 10**0.5),
+        ([1, 10], [1e-6, 1e-4], None),
+        ([1, 10], [0.5, 0.6], 1),
+        ([1, 10, 100], [None, 0.0, 0.5], 100),
+    ):
+        assert breaks_at(values, errors, 1e-3) == (edge and pytest.approx(edge))
     e = EXPERIMENTS["sphere-far"]
     assert predicted(e, "textbook, float32", e.values) == pytest.approx((e.bound * 2**23) ** 0.5, rel=1e-3)
     assert predicted(e, "robust, float64", e.values) is None
 
 
-@pytest.fixture(scope="module")
-def two() -> stability.Atlas:
-    return stability.atlas(("sphere-far", "sphere-ground"))
-
-
-def test_the_json_has_the_keys_that_it_is_known_by(two, tmp_path):
+def test_the_json_has_the_keys_that_it_is_known_by(tmp_path):
+    two = stability.atlas(("sphere-far", "sphere-ground"))
     atlas_page.write_atlas(two, tmp_path)
     data = json.loads((tmp_path / "atlas.json").read_text())
     assert run(EXPERIMENTS["sphere-far"]) == two.experiments[0]  # the same numbers each time
@@ -117,15 +106,9 @@ def test_numbers_are_legible_on_their_colour():
 
 
 def test_a_refusal_is_shown_as_one_and_breaks_no_bound():
-    e = EXPERIMENTS["sphere-far"]
-
-    def measure(x, rng, trials):
-        return {"sure": None if x > 10 else 1e-6}
-
-    row = Experiment("r", "t", "x", "y", 1e-3, (1.0, 10.0, 100.0), measure, ("sure",), e.why, e.source)
-    found: Found = run(row)
-    assert found.methods["sure"].errors == (1e-6, 1e-6, None)
-    assert found.methods["sure"].breaks_at is None
+    measure = lambda x, rng, trials: {"sure": None if x > 10 else 1e-6}  # noqa: E731
+    found = run(Experiment("r", "t", "x", "y", 1e-3, (1.0, 10.0, 100.0), measure, ("sure",), "why", "source"))
+    assert found.methods["sure"] == Curve((1e-6, 1e-6, None), None, None)
 
 
 def test_a_pose_is_refused_where_most_photos_are_ambiguous(monkeypatch):

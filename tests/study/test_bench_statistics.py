@@ -2,12 +2,10 @@
 
 import itertools
 
-import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raytwin.study.bench import fit_power, on_frontier, staircase
+from raytwin.study.bench import on_frontier, staircase
 
 SECONDS = (1.0, 2.0, 4.0, 8.0, 8.2, 16.0)
 ERRORS = (1e-1, 1e-2, 5e-2, 1e-3, 0.99e-3, 1e-2)
@@ -34,19 +32,3 @@ def test_the_staircase_falls_and_something_is_always_on_the_frontier(points):
     assert seconds[steps[0]] == min(seconds)
     assert errors[steps[-1]] == min(errors)
     assert any(on_frontier(seconds, errors))
-
-
-def test_a_power_law_is_fitted_exactly_where_its_fixed_cost_has_died_out():
-    x = np.array([1.0, 2, 4, 8, 16, 32])
-    assert fit_power(x, 3e-3 * x**1.25) == pytest.approx((1.25, 0, 3e-3), abs=1e-9)
-    exponent, *_ = fit_power(np.array([1, 10, 100, 1e3, 1e4, 1e5]), 1 + np.array([1, 10, 100, 1e3, 1e4, 1e5]))
-    assert exponent == pytest.approx(1, abs=0.01)
-
-
-def test_the_error_of_an_exponent_covers_the_truth():
-    rng, x = np.random.default_rng(3), np.logspace(0, 4, 12)
-    z = [
-        (exponent - 0.8) / sigma
-        for exponent, sigma, _ in (fit_power(x, x**0.8 * np.exp(rng.normal(0, 0.1, len(x)))) for _ in range(200))
-    ]
-    assert 0.8 < np.median(np.abs(z)) / 0.718 < 1.25  # Student's t with 4 degrees: half lie within 0.741

@@ -50,9 +50,7 @@ def test_the_tracer_keeps_every_law_that_holds_at_its_light_level(rung):
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize(
-    "name", ["numpy32-shadow-conic", "drjit32-shadow-conic", "twin-llvm-shadow", "loop-shadow-none"]
-)
+@pytest.mark.parametrize("name", ["numpy32-shadow-conic", "drjit32-shadow-conic", "twin-llvm-shadow"])
 def test_so_do_other_engines_and_mitsuba(name):
     assert broken(find_subject(name, "shadow")) == []
 

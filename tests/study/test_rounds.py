@@ -35,18 +35,18 @@ def test_a_budget_is_samples_or_a_time():
     assert parse_budget("256") == Budget(samples=256)
 
 
+def noisy(samples, seed):
+    batches = np.random.default_rng(seed).normal(0.5, 0.1, (samples, 16, 16, 3))
+    variance = batches.var(axis=0, ddof=1) / samples if samples > 1 else None
+    return Image(batches.mean(0), variance, samples, None, samples)
+
+
 @pytest.mark.parametrize("calls", [1, 4, math.inf])
 def test_every_sample_is_rendered_once_with_a_seed_of_its_own(calls):
-    truth, asked = np.full((16, 16, 3), 0.5), {"test": [], "reference": []}
+    asked = {"test": [], "reference": []}
 
     def side(name):
-        def render(samples, seed):
-            asked[name].append((samples, seed))
-            batches = np.random.default_rng([seed, name == "test"]).normal(truth, 0.1, (samples, 16, 16, 3))
-            variance = batches.var(axis=0, ddof=1) / samples if samples > 1 else None
-            return Image(batches.mean(0), variance, samples, None, samples)
-
-        return render
+        return lambda samples, seed: asked[name].append((samples, seed)) or noisy(samples, [seed, name == "test"])
 
     check = SequentialComparison(detectable_bias=1e-9)
     made = Rounds(check, side("test"), side("reference"), 7, Stages(), calls).decide(Budget(samples=24))
@@ -59,9 +59,6 @@ def test_every_sample_is_rendered_once_with_a_seed_of_its_own(calls):
 
 
 def test_a_budget_of_seconds_ends_the_rounds_and_is_named():
-    noisy = lambda samples, seed: Image(  # noqa: E731
-        np.random.default_rng(seed).normal(0.5, 0.1, (16, 16, 3)), np.full((16, 16, 3), 0.01), samples, None, samples
-    )
     check = SequentialComparison(detectable_bias=1e-9)
     made = Rounds(check, noisy, noisy, 0, Stages()).decide(Budget(math.inf, 1e-9, "1ns of the budget"))
     assert made.verdict == "undecided"
@@ -82,12 +79,23 @@ def test_both_sides_stop_when_they_agree_and_again_cost_the_same(scenes, monkeyp
     np.testing.assert_array_equal(again.subject.mean, first.subject.mean)
 
 
+@pytest.fixture
+def mine(scenes, tmp_path):
+    """compare_scene of MINE with something in the place of its text."""
+
+    def compared(gain=1.0, seed="seed"):
+        (tmp_path / "mine.py").write_text(MINE.format(gain=gain).replace("seed=seed", f"seed={seed}"))
+        return compare_scene(
+            scenes / "overlap", subject=str(tmp_path / "mine.py"), rung="path", size=(32, 24), cache=False
+        )
+
+    return compared
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("gain", [1.0, 1.1])
-def test_a_function_that_takes_samples_and_a_seed_is_asked_for_no_more_than_it_needs(scenes, tmp_path, gain):
-    (tmp_path / "mine.py").write_text(MINE.format(gain=gain))
-    options = {"rung": "path", "size": (32, 24), "cache": False}
-    result = compare_scene(scenes / "overlap", subject=str(tmp_path / "mine.py"), **options)
+def test_a_function_that_takes_samples_and_a_seed_is_asked_for_no_more_than_it_needs(mine, gain):
+    result = mine(gain)
     assert result.comparison.verdict == ("pass" if gain == 1 else "fail")
     certain = result.comparison.statistics.samples_to_certainty
     assert certain <= 64 if gain == 1 else certain == 4
@@ -103,9 +111,7 @@ def test_settings_that_contradict_each_other_are_refused():
 
 @pytest.mark.nightly
 @pytest.mark.parametrize(("its_seed", "verdict"), [("max(seed, 1)", "pass"), ("0", "undecided")])
-def test_a_correct_renderer_whose_seeds_0_and_1_are_the_same_does_not_fail(scenes, tmp_path, its_seed, verdict):
-    (tmp_path / "mine.py").write_text(MINE.format(gain=1).replace("seed=seed", f"seed={its_seed}"))
-    options = {"rung": "path", "size": (32, 24), "cache": False}
-    result = compare_scene(scenes / "overlap", subject=str(tmp_path / "mine.py"), **options)
+def test_a_correct_renderer_whose_seeds_0_and_1_are_the_same_does_not_fail(mine, its_seed, verdict):
+    result = mine(seed=its_seed)
     assert result.verdict == verdict
     assert any("does your program use {seed}?" in reason for reason in result.reasons)

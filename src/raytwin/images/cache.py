@@ -1,4 +1,4 @@
-"""Where results are stored between runs, and what a stored one depends on beside its input."""
+"""The folder of results stored between runs, and a hash of the code that made them."""
 
 import contextlib
 import hashlib
@@ -27,12 +27,12 @@ def installed(packages: tuple[str, ...]) -> dict[str, str]:
 
 
 SOURCES = (".py", ".tsv", ".json", ".toml")
-"""Endings of code and of the tables that it reads."""
+"""Name endings of code, and of the tables that it reads."""
 
 
 @cache
 def made_by(sources: tuple[Path, ...], packages: tuple[str, ...]) -> str:
-    """A hash of what computes: our own source, each a file or a folder of them, and the packages' versions."""
+    """SHA-256 of our own `sources`, each a file or a folder of files, and of the packages' versions."""
     total = hashlib.sha256(repr(installed(packages)).encode())
     for place in sources:
         for file in sorted(p for p in place.rglob("*") if p.suffix in SOURCES) or [place]:

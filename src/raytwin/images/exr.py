@@ -1,7 +1,6 @@
 """EXR: an Image with its variance, surface and provenance as parts of one file; and whatever others write."""
 
 import contextlib
-import errno
 import io
 import os
 from collections.abc import Iterable, Iterator, Mapping
@@ -15,9 +14,6 @@ from raytwin.images.image import Image, Surface
 from raytwin.images.limits import check_size
 from raytwin.safe_write import check_file, replacing
 
-REFUSALS = (
-    errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO, errno.ENOENT, errno.EACCES, errno.EPERM, errno.EROFS,
-)  # fmt: skip
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 
 
@@ -42,57 +38,42 @@ def write_exr(path: str | os.PathLike, image: Image, header: Mapping[str, str] |
         parts.append(("id", {"id": np.ascontiguousarray(s.ids + 1, np.uint32)}))
     built = []
     for name, channels in parts:
-        attributes: dict[str, Any] = {"compression": _packing(channels), "type": OpenEXR.scanlineimage}
+        attributes: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
         if name == "mean":
             # The image's own numbers last: a header taken from another file must not overrule them.
             attributes |= {f"raytwin/{k}": str(v) for k, v in (header or {}).items() if k != "batches"}
-            attributes |= {"raytwin/samples": str(image.samples), "raytwin/parts": " ".join(n for n, _ in parts)}
+            attributes["raytwin/samples"] = str(image.samples)
             if image.batches is not None:
                 attributes |= {"raytwin/batches": str(image.batches)}
         built.append(OpenEXR.Part(attributes, channels, name))
     with replacing(path) as temporary, OpenEXR.File(built) as file:
         try:
             file.write(str(temporary))
-        except RuntimeError as error:  # OpenEXR makes no OSError of what the system says
-            said = next((text for text in map(os.strerror, REFUSALS) if text in str(error)), None)
-            if said is None:
-                raise
-            raise InputError(path, "a writable path", said) from None
-
-
-def _packing(channels: Mapping[str, np.ndarray]) -> Any:
-    """PXR24 where that loses nothing: it drops the last 8 of float32's 32 bits, and packs the rest better than ZIP."""
-    import OpenEXR
-
-    spare = all(not (c.view(np.uint32) & 0xFF).any() for c in channels.values() if c.dtype == np.float32)
-    return OpenEXR.PXR24_COMPRESSION if spare else OpenEXR.ZIP_COMPRESSION
+        except RuntimeError as error:  # a full disk, too: OpenEXR makes no OSError of it
+            raise InputError(path, "a writable path and layers of one size", error) from None
 
 
 def _rgb(pixels: np.ndarray) -> dict[str, np.ndarray]:
     return {"RGB": np.ascontiguousarray(pixels, np.float32)}
 
 
-def read_exr(
-    path: str | os.PathLike, part: str | None = None, layer: str | None = None
-) -> tuple[Image, dict[str, str]]:
+def read_exr(path: str | os.PathLike, layer: str | None = None) -> tuple[Image, dict[str, str]]:
     """Read an EXR as an Image, and the text attributes under `raytwin/`.
 
-    `part` (name or number) and `layer` (`diffuse` for `diffuse.R`..., a single channel, or a part's name) choose its
-    colours. By default these are the first part's that has R, G, B or Y, with the variance and surface that
-    `write_exr` wrote; else those of the only layer, or of Blender's Combined.
+    `layer` (`diffuse` for `diffuse.R`..., a single channel, or a part's name) chooses its colours. By default these are
+    the first part's that has R, G, B or Y, with the variance and surface that `write_exr` wrote; else those of the only
+    layer, or of Blender's Combined.
     """
     with _exr(path) as parts:
         first = next(iter(parts.values()))
         texts = {k: v for k, v in first.header.items() if isinstance(v, str)}
         header = {k.removeprefix("raytwin/"): v for k, v in texts.items() if k.startswith("raytwin/")}
-        # OpenEXR leaves out a part that it cannot read, and only prints a warning.
-        if lost := set(header.pop("parts", "").split()) - parts.keys():
-            raise InputError(path, "an EXR file", f"a damaged one (without its part {', '.join(sorted(lost))})")
-        name, channels, alpha = _chosen(path, parts, part, layer)
+        header.pop("parts", None)  # earlier versions wrote it
+        name, channels, alpha = _chosen(path, parts, layer)
         mean = stack(channels)
         origin, display = (parts[name].header[key][0].tolist() for key in ("dataWindow", "displayWindow"))
         begins = origin[0] - display[0], origin[1] - display[1]
-        if part is not None or layer is not None:
+        if layer is not None:
             return Image(mean, samples=0, alpha=alpha, begins=begins), header
         variance, surface = _variance(path, parts), None
         if {"depth", "normal", "id"} <= parts.keys():
@@ -121,7 +102,7 @@ def _samples(header: Mapping[str, Any]) -> int:
 def _variance(path: str | os.PathLike, parts: Mapping[str, Any]) -> np.ndarray | None:
     """The variance of the mean: a part called `variance`, or the channels `variance.R`, .G and .B of any part."""
     if "variance" in parts:
-        return stack(_chosen(path, {"variance": parts["variance"]}, None, None)[1])
+        return stack(_chosen(path, {"variance": parts["variance"]}, None)[1])
     found = next((planes for one in parts.values() if (planes := _planes(one, "variance.", ("RGB",)))), None)
     return None if found is None else stack(found)
 
@@ -148,14 +129,14 @@ def _exr(path: str | os.PathLike) -> Iterator[dict[str, Any]]:
             size = claimed[part.name()]
             if any(c.pixels is None or c.pixels.shape[::-1] != size for c in part.channels.values()):
                 raise InputError(path, "an EXR file", f"a damaged one (part {part.name()} has another size)")
-        # OpenEXR leaves out what it cannot read.
+        # OpenEXR leaves out a part that it cannot read, and only prints a warning.
         if lost := claimed.keys() - {part.name() for part in parts}:
             raise InputError(path, "an EXR file", f"a damaged one (without its part {', '.join(sorted(lost))})")
         yield {part.name() or str(i): part for i, part in enumerate(parts)}
 
 
 def _claimed_size(path: str | os.PathLike, header: Mapping[str, Any]) -> tuple[int, int]:
-    """(width, height) that a part's header claims; InputError where not every pixel has one value a channel."""
+    """(width, height) that a part's header claims; InputError where not every pixel has one value per channel."""
     if "deep" in str(header["type"]):
         raise InputError(path, "an EXR file", "deep pixels, which have no single value")
     if few := [c.name for c in header["channels"] if (c.xSampling, c.ySampling) != (1, 1)]:
@@ -166,7 +147,7 @@ def _claimed_size(path: str | os.PathLike, header: Mapping[str, Any]) -> tuple[i
 
 @contextlib.contextmanager
 def _opened(path: str | os.PathLike, header_only: bool = False) -> Iterator[list[Any]]:
-    """The parts as OpenEXR has them. From 3.5 on it survives all damage of tests/files/hostile.py."""
+    """The parts as OpenEXR has them. From 3.5 on it survives all damage of tests/images/hostile.py."""
     import OpenEXR
 
     check_file(path, "an EXR file")
@@ -182,36 +163,32 @@ def _opened(path: str | os.PathLike, header_only: bool = False) -> Iterator[list
 
 
 def _chosen(
-    path: str | os.PathLike, parts: Mapping[str, Any], part: str | None, layer: str | None
+    path: str | os.PathLike, parts: Mapping[str, Any], layer: str | None
 ) -> tuple[str, list[np.ndarray], np.ndarray | None]:
     """Return the name of the part that has the colours asked for, three planes (H, W), and alpha."""
-    if part is None and layer in parts and layer not in _layers(parts):  # some programs write each layer as a part
-        part, layer = layer, None
-    if part is not None:
-        numbers = dict(zip(map(str, range(len(parts))), parts, strict=True))
-        if (known := part if part in parts else numbers.get(part)) is None:
-            raise InputError(f"{path}: part", f"one of {', '.join(parts)}", part)
-        parts = {known: parts[known]}
+    layers = _layers(parts)
+    is_part = layer in parts and layer not in layers  # some programs write each layer as a part
+    if is_part:
+        parts, layer = {str(layer): parts[str(layer)]}, None
+    prefix = "" if layer is None else f"{layer}."
     for name, one in parts.items():
         channels = one.channels
         if layer is None and "R" not in channels:
             if {"RY", "BY"} & channels.keys():
                 raise InputError(path, "channels R, G, B", "luminance and chroma: Y, RY, BY")
-            if part is None and {"X", "Y", "Z"} <= channels.keys():  # a named part may be a normal
+            if not is_part and {"X", "Y", "Z"} <= channels.keys():  # a part that is asked for may be a normal
                 raise InputError(path, "channels R, G, B", "CIE X, Y, Z")
-        prefix = "" if layer is None else f"{layer}."
         found = _planes(one, prefix, ("RGB", "XYZ", "Y"))
-        if not found and (layer in channels or (layer is None and part is not None and len(channels) == 1)):
+        if not found and (layer in channels or (is_part and len(channels) == 1)):
             found = [channels[layer or next(iter(channels))].pixels]
         if found:
             alpha = channels[f"{prefix}A"].pixels.astype(np.float32) if f"{prefix}A" in channels else None
             return name, (found * 3)[:3], alpha
-    layers = _layers(parts)
     if layer is not None:
         raise InputError(f"{path}: layer", f"one of {', '.join(layers) or 'none'}", layer)
     combined = [name for name in layers if name.rpartition(".")[2] == "Combined"]  # Blender's whole image
     if len(only := combined or layers) == 1:
-        return _chosen(path, parts, None, only[0])
+        return _chosen(path, parts, only[0])
     names = [channel for one in parts.values() for channel in one.channels]
     choose = f"; choose one of the layers {', '.join(layers)}, as {Path(path).name}:{layers[0]}" if layers else ""
     raise InputError(path, "channels R, G, B (or Y)", (", ".join(names) or "none") + choose)

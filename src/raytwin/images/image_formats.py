@@ -18,13 +18,13 @@ MAGIC = {
 KINDS = "EXR, PFM, PNG, JPEG, PPM, TIFF, BMP or WebP"
 
 
-def read_image(path: str | os.PathLike, part: str | None = None, layer: str | None = None) -> Image:
+def read_image(path: str | os.PathLike, layer: str | None = None) -> Image:
     """Read an EXR, PFM, PNG, JPEG, PPM, TIFF, BMP or WebP, whatever its name, as an Image.
 
-    `part` (name or number) and `layer` (`diffuse` for `diffuse.R`..., or a single channel) choose within an EXR, as
-    does the path itself: `render.exr:diffuse`. By default it is the first part with colours, with the variance and
-    surface that `write_exr` wrote, or Blender's layer Combined. Grey becomes three equal channels, and pictures of
-    8 bits are taken to be sRGB. An EXR's pixels are those of its data window. Raises InputError for a file at `path`
+    `layer` (`diffuse` for `diffuse.R`..., a single channel, or a part's name) chooses within an EXR, as does the path
+    itself: `render.exr:diffuse`. By default it is the first part with colours, with the variance and surface that
+    `write_exr` wrote, or Blender's layer Combined. Grey becomes three equal channels, and pictures of 8 bits are taken
+    to be sRGB. An EXR's pixels are those of its data window. Raises InputError for a file at `path`
     that is none of these, or damaged; a Radiance HDR and a picture of 16 bits are refused with the command that
     converts them.
     """
@@ -37,10 +37,10 @@ def read_image(path: str | os.PathLike, part: str | None = None, layer: str | No
             raise InputError(path, f"an image: {KINDS}", "a file of another kind")
         if kind == "HDR":
             raise InputError(path, "an EXR", "a Radiance HDR (convert it: oiiotool a.hdr -o a.exr)")
-        if kind != "EXR" and (part is not None or layer is not None):
-            raise InputError(path, "an EXR, which has parts and layers", kind)
+        if kind != "EXR" and layer is not None:
+            raise InputError(path, "an EXR, which has layers", kind)
         if kind == "EXR":
-            return replace(read_exr(path, part, layer)[0], format=kind)
+            return replace(read_exr(path, layer)[0], format=kind)
         if kind == "PFM":
             pixels, alpha = read_pfm(path), None
         else:

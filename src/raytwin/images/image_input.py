@@ -17,13 +17,13 @@ from raytwin.images.stored_precision import DITHERED, Rounding, rounding_of
 
 TAKEN = "an array, a path, an Image or a function of a seed"
 RENDERS = 8
-"""How often a function is called: these many renders give their variance to within a factor of two or so."""
+"""Calls of a function of a seed: 8 renders give their variance to within a factor of about two."""
 ENDINGS = (
     ".exr", ".pfm", ".hdr", ".png", ".jpg", ".jpeg", ".ppm", ".pgm", ".pnm", ".tif", ".tiff", ".bmp", ".webp",
 )  # fmt: skip
-"""What files of a folder are taken for images; `.hdr` is refused in words instead of left out."""
-FEWEST = 4
-"""Fewer renders know too little of their variance: with 2, a third of all correct images would fail."""
+"""Name endings of the images in a folder. `.hdr` is here to be refused with a message instead of skipped."""
+FEWEST_RENDERS = 4
+"""Renders that a variance is estimated from, at least: from 2, a third of all correct images would fail."""
 
 
 class LoadedImage(NamedTuple):
@@ -40,7 +40,7 @@ class LoadedImage(NamedTuple):
 
 
 def as_image(thing: Any, variance: Any = None, renders: int = RENDERS) -> LoadedImage:
-    """`thing` as an Image: see the module's first line.
+    """Return what a user hands over, with its noise.
 
     An Image; a path (EXR, PFM, picture of 8 bits); a function `render(seed)` that returns any of these, called with the
     seeds 0, 1, ... `renders` - 1 (four times, where these are equal); an array (H, W, 3), or (H, W, 4) with alpha, or a
@@ -51,17 +51,15 @@ def as_image(thing: Any, variance: Any = None, renders: int = RENDERS) -> Loaded
         taken = _single(thing)
         return taken._replace(image=replace(taken.image, variance=_variance(variance)))
     if callable(thing) and not isinstance(thing, Image):
-        if renders < FEWEST:
-            raise InputError("renders", f"at least {FEWEST}", renders)
-        return _repeated((_single(thing(seed)) for seed in range(renders)), all_equal=FEWEST)
+        if renders < FEWEST_RENDERS:
+            raise InputError("renders", f"at least {FEWEST_RENDERS}", renders)
+        return _repeated((_single(thing(seed)) for seed in range(renders)), all_equal=FEWEST_RENDERS)
     if _is_many(thing):
         return _repeated(_single(one) for one in thing)
     return _single(thing)
 
 
-def read_side(
-    where: Path, part: str | None = None, layer: str | None = None, variance: Any = None, samples: int = 0
-) -> LoadedImage:
+def read_side(where: Path, layer: str | None = None, variance: Any = None, samples: int = 0) -> LoadedImage:
     """A file, or several renders: a folder of images, or a pattern such as `render_*.exr`.
 
     `variance` is an image file or an array that holds the variance of the mean, `samples` the samples per pixel of each
@@ -72,8 +70,8 @@ def read_side(
     if len(paths) > 1 or where.is_dir():
         if variance is not None:
             raise InputError(where, "one image, where its variance is given", f"{len(paths)} renders")
-        return _repeated((_read(path, part, layer) for path in paths), samples)
-    taken = _read(paths[0], part, layer)
+        return _repeated((_read(path, layer) for path in paths), samples)
+    taken = _read(paths[0], layer)
     image = replace(taken.image, samples=taken.image.samples or samples)
     if variance is not None:
         image = replace(image, variance=_variance(variance))
@@ -119,8 +117,8 @@ def _repeated(renders: Iterable[LoadedImage], samples: int = 0, all_equal: int |
         last = one.image.mean
         if len(counts) == all_equal and pool.images == 1:
             break
-    if first is None or len(counts) < FEWEST:
-        raise InputError("repeated renders", f"at least {FEWEST}", len(counts))
+    if first is None or len(counts) < FEWEST_RENDERS:
+        raise InputError("repeated renders", f"at least {FEWEST_RENDERS}", len(counts))
     if _grow(steps):
         raise InputError(
             "repeated renders", "independent ones", "each the mean of all samples up to it (one growing render)"
@@ -195,8 +193,8 @@ def _array(thing: Any) -> np.ndarray:
     return made
 
 
-def _read(path: Path, part: str | None = None, layer: str | None = None) -> LoadedImage:
-    return _rounded(read_image(path, part, layer))
+def _read(path: Path, layer: str | None = None) -> LoadedImage:
+    return _rounded(read_image(path, layer))
 
 
 def _rounded(image: Image) -> LoadedImage:

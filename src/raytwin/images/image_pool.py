@@ -26,9 +26,9 @@ class ImagePool:
 
     unbiased where sizes are equal. Each sum is one array.
 
-    A render that has noise, and the very pixels of an earlier one, is a repeat, and left out: `repeats` holds pairs,
-    earlier and later, counted from 0. But where renders differ in fewer than VALUES_BEYOND_CHANCE values, events are
-    rare, and equal renders are to be expected. While all are equal nobody knows: the first counts, until one differs.
+    A noisy render with the same pixels as an earlier one is a repeat, and left out: `repeats` holds pairs, earlier and
+    later, counted from 0. Where renders differ in fewer than VALUES_BEYOND_CHANCE values, equal ones are expected and
+    all count. While all renders are equal, neither is known: only the first counts, until one differs.
     """
 
     weight: int = 0

@@ -7,11 +7,11 @@ from raytwin.errors import InputError
 MAX_PIXELS = 400_000_000
 """A header that claims more than this is damaged or hostile: no camera makes it."""
 
-FREE = 340 << 20
-"""Bytes in memory that any file may claim: 22 megapixels of four float32, were they a single colour."""
+FREE_BYTES = 340 << 20
+"""Memory that a file of any length may claim, 22 megapixels of four float32: one colour compresses to almost 0."""
 
-EXPANSION = 250
-"""Bytes in memory per byte of a larger file. Photos and renderings stay under 120; a bomb of zeros reaches 1032."""
+MAX_EXPANSION = 250
+"""Bytes in memory per byte of file, beyond that. Photos and renders stay under 120; compressed zeros reach 1032."""
 
 
 def check_size(path: str | os.PathLike, width: int, height: int, pixel_bytes: int) -> None:
@@ -25,7 +25,7 @@ def check_size(path: str | os.PathLike, width: int, height: int, pixel_bytes: in
         raise InputError(path, f"at most {MAX_PIXELS / 1e6:g} megapixels", f"{width} x {height}")
     length = os.stat(path).st_size  # noqa: PTH116 (path may be a str)
     claimed = width * height * max(pixel_bytes, 12)
-    if claimed > max(FREE, EXPANSION * length):
+    if claimed > max(FREE_BYTES, MAX_EXPANSION * length):
         raise InputError(
-            path, f"a file of at least {claimed // EXPANSION} bytes for {width} x {height} pixels", f"{length}"
+            path, f"a file of at least {claimed // MAX_EXPANSION} bytes for {width} x {height} pixels", f"{length}"
         )

@@ -31,16 +31,16 @@ MOST_PIXELS = 4_000_000
 """Above this the browser would hold more than 100 MB of values: planes are thinned, and photos are made smaller."""
 
 BUDGET = 4_500_000
-"""Deflated bytes of all planes. Noise does not shrink; where it exceeds this, the planes are thinned."""
+"""Deflated bytes of all planes. Noise hardly compresses: where the planes exceed this, they are thinned."""
 
-MOST_OF_PART = 1 << 16
-"""Pixels of a part of the error."""
+MAX_PART_PIXELS = 1 << 16
+"""Pixels of one part of the error, at most."""
 
 DEPTH_STEPS = 4095
-"""Steps up to the largest depth: three digits near it."""
+"""Steps from 0 to the largest depth, which keep three digits near it."""
 
-LEVEL = 4
-"""Level of deflate: a fifth smaller than level 1, in half as much time again."""
+DEFLATE_LEVEL = 4
+"""A fifth smaller than level 1, in 1.5 times its time."""
 
 
 @dataclass(frozen=True)
@@ -98,17 +98,15 @@ def pack(
     height, width = test.shape[:2]
     means = means or test.variance is not None or reference.variance is not None
     thin = max(1, math.ceil(math.sqrt(height * width / most_pixels)))
-    planes = _thinned(test, reference, surfaces, thin, means)
-    lines = next(iter(planes.values())).words.shape[0]
-    # An eighth of the rows, in bands, tells what the whole will take.
-    bands = (np.arange(lines) // 8 % 8 == 0) if lines > 64 else np.ones(lines, bool)
-    sample = {n: p._replace(words=p.words[bands]) for n, p in planes.items()}
-    estimate = sum(len(p.data) for p in _deflated(sample)) * 0.75 * lines / max(int(bands.sum()), 1)
-    if estimate > budget:
-        thin = math.ceil(thin * math.sqrt(estimate / budget))
+    while True:
         planes = _thinned(test, reference, surfaces, thin, means)
+        packed = _deflated(planes)
+        size = sum(len(plane.data) for plane in packed) * 0.75  # of base64's four characters three are bytes
+        if size <= budget:
+            break
+        thin = max(thin + 1, math.ceil(thin * math.sqrt(size / budget)))
     lines, columns = next(iter(planes.values())).words.shape
-    return Packed(width, height, thin, columns, lines, _deflated(planes), means and thin > 1)
+    return Packed(width, height, thin, columns, lines, packed, means and thin > 1)
 
 
 def binned(image: Image, n: int) -> Image:
@@ -174,7 +172,7 @@ def _parts(
     for name, picture in pictures.items():
         if not picture.any():
             continue
-        sigma, n = noise.get(name, 0.0), math.ceil(math.sqrt(picture.shape[0] * picture.shape[1] / MOST_OF_PART))
+        sigma, n = noise.get(name, 0.0), math.ceil(math.sqrt(picture.shape[0] * picture.shape[1] / MAX_PART_PIXELS))
         mean = np.asarray(binned(Image(picture), n).mean, np.float32)
         if sigma:
             mean = to_noise(mean, np.full_like(mean, sigma / n))
@@ -193,28 +191,32 @@ def _planes(test: Image, reference: Image, surfaces: bool) -> dict[str, _Raw]:
     planes: dict[str, _Raw] = {}
     variances = [i.variance for i in (test, reference) if i.variance is not None]
     for c, name in enumerate("RGB"):
-        r = np.asarray(reference.mean[..., c], np.float32)
+        value = np.asarray(reference.mean[..., c], np.float32)
         with np.errstate(invalid="ignore", over="ignore"):
-            d = np.asarray(test.mean[..., c], np.float32) - r
+            error = np.asarray(test.mean[..., c], np.float32) - value
             if variances:
-                s = rounded_sigma(np.sum([v[..., c] for v in variances], axis=0))
-                planes["s" + name] = _half(s)
-                r, d = (to_noise(x, s) for x in (r, d))
-        planes |= {name: _half(r, left=True), "d" + name: _half(d)}
-    a, b = test.surface, reference.surface
-    if surfaces and a is not None and b is not None:
-        step = float(b.depth.max(initial=0.0, where=np.isfinite(b.depth))) / DEPTH_STEPS or 1.0
-        depth, other = (_steps(x, step) for x in (b.depth, a.depth))
-        planes |= {"id": _Raw("steps", b.ids.astype(np.int16)), "did": _Raw("steps", (a.ids - b.ids).astype(np.int16))}
+                sigma = rounded_sigma(np.sum([v[..., c] for v in variances], axis=0))
+                planes["s" + name] = _half(sigma)
+                value, error = (to_noise(x, sigma) for x in (value, error))
+        planes |= {name: _half(value, left=True), "d" + name: _half(error)}
+    mine, theirs = test.surface, reference.surface
+    if surfaces and mine is not None and theirs is not None:
+        ids, step = theirs.ids.astype(np.int16), _largest(theirs.depth) / DEPTH_STEPS or 1.0
+        depth, other = (_steps(x, step) for x in (theirs.depth, mine.depth))
+        planes |= {"id": _Raw("steps", ids), "did": _Raw("steps", (mine.ids - theirs.ids).astype(np.int16))}
         planes |= {"depth": _Raw("steps", depth, True, 0, step), "ddepth": _Raw("steps", other - depth, False, 0, step)}
     return planes
 
 
 def _half(values: np.ndarray, left: bool = False) -> _Raw:
-    top = float(np.max(np.abs(values), where=np.isfinite(values), initial=0.0))
-    shift = math.frexp(top)[1] - 15 if top > 0 else 0
+    shift = math.frexp(top)[1] - 15 if (top := _largest(values)) > 0 else 0
     with np.errstate(over="ignore"):
         return _Raw("half", np.ldexp(values, -shift).astype(np.float16), left, shift)
+
+
+def _largest(values: np.ndarray) -> float:
+    """The largest finite magnitude; 0 if there is none."""
+    return float(np.max(np.abs(values), where=np.isfinite(values), initial=0.0))
 
 
 def _steps(values: np.ndarray, step: float) -> np.ndarray:
@@ -271,15 +273,15 @@ def _chosen_surface(surface: Surface | None, chosen: Callable[[np.ndarray], np.n
 
 def _deflated(planes: Mapping[str, _Raw]) -> tuple[Plane, ...]:
     with ThreadPoolExecutor() as pool:
-        return tuple(pool.map(lambda item: _one(*item), planes.items()))
+        return tuple(pool.map(lambda item: _encoded(*item), planes.items()))
 
 
-def _one(name: str, raw: _Raw) -> Plane:
+def _encoded(name: str, raw: _Raw) -> Plane:
     words = np.ascontiguousarray(raw.words).view(np.uint16)
     if raw.left:
         words = np.diff(words, axis=1, prepend=np.uint16(0))  # unsigned: wraps, and so does the sum that undoes it
     pair = np.empty((2, *words.shape), np.uint8)
     np.right_shift(words, 8, out=pair[0], casting="unsafe")
     np.bitwise_and(words, 255, out=pair[1], casting="unsafe")
-    data = base64.b64encode(zlib.compress(pair.data, LEVEL)).decode("ascii")
+    data = base64.b64encode(zlib.compress(pair.data, DEFLATE_LEVEL)).decode("ascii")
     return Plane(name, raw.kind, raw.left, raw.shift, raw.step, data)

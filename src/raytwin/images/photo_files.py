@@ -29,29 +29,10 @@ def srgb_decode(encoded: np.ndarray) -> np.ndarray:
 
 
 def to_bytes(linear: np.ndarray) -> np.ndarray:
-    """Linear radiance (H, W, 3), 1 is white, as sRGB uint8: `round(255 * srgb_encode(linear))`, six times as fast.
-
-    A cell of [0, 1] holds one step between two codes at most: its first code, and a comparison, are the whole answer.
-    """
-    linear = np.asarray(linear)
-    out = np.empty(linear.shape, np.uint8)
-    flat, codes = linear.reshape(-1), out.reshape(-1)
-    steps = _STEPS.astype(linear.dtype if linear.dtype.itemsize > 2 else np.float32)
-    for start in range(0, flat.size, CHUNK):
-        x = np.fmax(flat[start : start + CHUNK], steps.dtype.type(0))  # NaN is black
-        np.fmin(x, steps.dtype.type(1), out=x)
-        code = _FIRST[(x * _CELLS).astype(np.intp)]
-        code += x >= steps[code]
-        codes[start : start + CHUNK] = code
-    return out
+    """Linear radiance (H, W, 3), 1 is white, as sRGB uint8. NaN is black."""
+    return np.rint(255 * srgb_encode(np.asarray(linear, np.result_type(linear, np.float32)))).astype(np.uint8)
 
 
-CHUNK = 1 << 15
-"""Values worked on at a time: they stay in the cache."""
-_CELLS = 1 << 13
-"""Cells of [0, 1] in the table of first codes: narrow enough that each has one step at most."""
-_STEPS = np.append(srgb_decode((np.arange(255) + 0.5) / 255), np.inf)
-_FIRST = np.searchsorted(_STEPS, np.arange(_CELLS + 1) / _CELLS, side="right").astype(np.uint8)
 _DECODE = srgb_decode(np.arange(256) / 255).astype(np.float32)
 
 
@@ -115,12 +96,12 @@ def photo_size(path: str | os.PathLike) -> tuple[int, int]:
 
 
 def read_photo(path: str | os.PathLike) -> np.ndarray:
-    """A photo as sRGB uint8 (H, W, 3), in the sensor's own pixel grid; of 16 bits per channel the upper eight.
+    """A photo as sRGB uint8 (H, W, 3), in the sensor's own pixel grid.
 
     An EXIF orientation is not applied: it turns the picture for the eye, but the lens and its K stay with the sensor.
     """
     with _opened(path) as photo:
-        return np.asarray(_of_eight_bits(path, photo).convert("RGB"))
+        return _converted(path, photo, "RGB")
 
 
 def read_picture(path: str | os.PathLike) -> tuple[np.ndarray, np.ndarray | None]:
@@ -156,34 +137,18 @@ def read_grey(path: str | os.PathLike) -> np.ndarray:
     """
     with _opened(path) as photo:
         photo.draft("L", photo.size)
-        return np.asarray(_of_eight_bits(path, photo).convert("L"))
+        return _converted(path, photo, "L")
 
 
-def _of_eight_bits(path: str | os.PathLike, photo: Any) -> Any:
-    """Pillow clips grey of 16 bits to 255 where it converts it: the upper eight bits are taken.
-
-    A camera of 10, 12 or 14 bits is known by its largest value, which white paper makes at least a quarter of white.
-    """
-    from PIL import Image as Pillow
-
-    if photo.mode == "F":
-        raise InputError(path, "8 or 16 bits per channel", "floating point")
-    if not photo.mode.startswith("I"):
-        return photo
-    values = np.asarray(photo).astype(np.int64).clip(0, 65535)
-    bits = int(values.max()).bit_length()
-    return Pillow.fromarray((values >> max(bits + bits % 2 - 8, 0)).astype(np.uint8))
-
-
-def photo_orientation(path: str | os.PathLike) -> int:
-    """The EXIF orientation, 1 (upright) to 8; 1 where the file says nothing."""
-    with _opened(path) as photo:
-        return int(photo.getexif().get(0x0112, 1) or 1)
+def _converted(path: str | os.PathLike, photo: Any, mode: str) -> np.ndarray:
+    """The photo's pixels in a mode of Pillow's, "RGB" or "L"."""
+    if photo.mode.startswith(("I", "F")):  # Pillow would clip its values to 255
+        raise InputError(path, "a photo of 8 bits per channel", "more: save it with 8 bits")
+    return np.asarray(photo.convert(mode))
 
 
 def photo_extras(path: str | os.PathLike) -> dict[str, bytes]:
-    """What a photo says of itself besides its pixels, byte for byte: `icc_profile` and `exif`, what of them there
-    is."""
+    """The photo's `icc_profile` and `exif`, byte for byte, as far as it has them."""
     with _opened(path) as photo:
         return {key: photo.info[key] for key in ("icc_profile", "exif") if photo.info.get(key)}
 

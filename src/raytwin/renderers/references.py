@@ -1,12 +1,11 @@
-"""A reference's file: an image of known worth in an EXR, `<folder>/<scene>/<rung>.exr`, that renders are compared with.
+"""A reference: an EXR that renders are compared with, `<folder>/<scene>/<rung>.exr`.
 
 Each stands alone: beside the pixels, its header has what made them, the scene with its camera found, a hash of the
 scene as it is written, and a checksum of everything, since EXR itself does not notice a flipped byte. Reading one needs
-neither Mitsuba nor OpenCV; `workflows.make_reference` makes them.
+neither Mitsuba nor OpenCV; `study.make_reference` makes them.
 """
 
 import hashlib
-import math
 import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -36,9 +35,9 @@ NOISE_STEPS = 2
 """A noisy mean is stored in steps of half its standard deviation or less, which adds at most 2.1 % to its variance: a
 z-score is at most 1 % too large, and a false-alarm rate of 1e-3 at most 1.13e-3. Further digits are noise, which does
 not compress."""
-EXACT_BITS = 21
-"""A mean without noise is stored in steps of 2^-21 of its scale or less, which puts it off by at most 2.4e-7 of that:
-float32's own rounding in a render, a fortieth of the default tolerance."""
+MEAN_BITS = 22
+"""Significant bits kept of a mean without noise: it is off by at most 2.4e-7 of itself, a fortieth of the default
+tolerance."""
 SURFACE_BITS = 16
 """Significant bits kept of depths and normals: 8e-6 of the depth and 5e-4 degrees, where 1e-4 and 0.1 are allowed."""
 
@@ -165,11 +164,14 @@ def checksum(image: Image, header: dict[str, str]) -> str:
 def sealed(path: Path, image: Image, header: dict[str, str], scene: Scene | None) -> Reference:
     """The reference as it will be read back: rounded as far as noise lets, scene and checksum in the header."""
     mean, variance, surface = np.asarray(image.mean, np.float32), image.variance, image.surface
-    if variance is not None:
+    if variance is None:
+        mean = rounded(mean, MEAN_BITS)
+    else:
         variance = rounded(np.asarray(variance, np.float32), VARIANCE_BITS)
+        mean = stepped(mean, variance)
     if surface is not None:
         surface = Surface(surface.ids, rounded(surface.depth, SURFACE_BITS), rounded(surface.normal, SURFACE_BITS))
-    image = replace(image, mean=stepped(mean, variance), variance=variance, surface=surface)
+    image = replace(image, mean=mean, variance=variance, surface=surface)
     header = {k: v for k, v in header.items() if k not in ("checksum", "batches")} | {"format": FORMAT}
     if scene is not None:
         header["set_up"] = msgspec.json.encode({name: getattr(scene, name) for name in SET_UP}).decode()
@@ -185,20 +187,10 @@ def rounded(x: ArrayLike, bits: int) -> np.ndarray:
     return np.where(np.isfinite(x), (whole & np.uint32(0xFFFFFFFF << drop & 0xFFFFFFFF)).view(np.float32), x)
 
 
-def stepped(mean: np.ndarray, variance: np.ndarray | None) -> np.ndarray:
-    """The mean to the nearest multiple of a power of two: the largest up to sd / NOISE_STEPS; as it is where sd = 0.
-
-    Without a variance the largest up to 2^-EXACT_BITS of the scale, the 99 % quantile of the positive values.
-    """
-    if variance is None:
-        positive = mean[(mean > 0) & np.isfinite(mean)]
-        scale = np.quantile(positive, 0.99, method="higher") if positive.size else np.float32(1)
-        # Rounded as the image will be: what has been stepped once has the same steps again.
-        least = np.ldexp(rounded(scale, EXACT_BITS + 1).astype(np.float64), -EXACT_BITS)
-    else:
-        least = np.sqrt(variance.astype(np.float64)) / NOISE_STEPS
+def stepped(mean: np.ndarray, variance: np.ndarray) -> np.ndarray:
+    """The mean to the nearest multiple of a power of two: the largest up to sd / NOISE_STEPS; as it is where sd = 0."""
     with np.errstate(divide="ignore"):
-        step = np.exp2(np.floor(np.log2(least)))
+        step = np.exp2(np.floor(np.log2(np.sqrt(variance.astype(np.float64)) / NOISE_STEPS)))
     safe = np.where(step > 0, step, 1.0)
     return np.where(step > 0, np.round(mean / safe) * safe, mean).astype(np.float32)
 
@@ -265,31 +257,19 @@ def listed(folder: str | Path) -> list[tuple[str, str]]:
     return sorted(found, key=lambda case: (case[0], list(RUNGS).index(case[1])))
 
 
-def show(reference: Reference) -> list[str]:
-    """The header, one line each, and what the image is worth."""
-    header = reference.header
-    lines = [f"{header['scene']}/{header['rung']}  {reference.path}"]
-    lines += [
-        f"  {k:<12} {v}" for k, v in header.items() if k not in ("set_up", "scene", "rung", FILES) and v != "None"
-    ]
-    mean, sd = _worth(reference.image)
-    noise = f"standard deviation {sd:.2g} a pixel, {100 * sd / max(mean, 1e-30):.2g} % of the mean" if sd else "none"
-    return [*lines, f"  {'mean':<12} {mean:.6g}", f"  {'noise':<12} {noise}"]
-
-
-def outline(reference: Reference) -> str:
-    """The same in one line: what, size, samples a pixel, mean, noise in % of it, Mitsuba's version."""
-    header, (mean, sd) = reference.header, _worth(reference.image)
-    noise = f"{100 * sd / max(mean, 1e-30):.2g} %" if sd else "none"
-    name, version = f"{header['scene']}/{header['rung']}", header.get("mitsuba", "–")
-    return f"{name:<20} {header.get('size', '–'):<12} {header['samples']:>7} {mean:>9.4g} {noise:>8}  {version}"
-
-
-OUTLINE = f"{'reference':<20} {'size':<12} {'samples':>7} {'mean':>9} {'noise':>8}  Mitsuba"
+OUTLINE = f"{'reference':<20} what it holds"
 """What stands above `outline`."""
 
 
-def _worth(image: Image) -> tuple[float, float]:
-    """The mean of all values, and their standard deviation where there is noise."""
-    variance = 0.0 if image.variance is None else float(image.variance.mean(dtype=np.float64))
-    return float(image.mean.mean(dtype=np.float64)), math.sqrt(variance)
+def outline(reference: Reference) -> str:
+    """What it is, in one line: size, samples per pixel, mean and noise, and Mitsuba's version."""
+    header = reference.header
+    name = f"{header['scene']}/{header['rung']}"
+    return f"{name:<20} {reference.image!r}, Mitsuba {header.get('mitsuba', '–')}"
+
+
+def show(reference: Reference) -> list[str]:
+    """The same, and the header, one line each."""
+    hidden = ("set_up", "scene", "rung", FILES)
+    header = [f"  {k:<12} {v}" for k, v in reference.header.items() if k not in hidden and v != "None"]
+    return [outline(reference), f"  {'path':<12} {reference.path}", *header]

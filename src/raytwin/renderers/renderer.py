@@ -1,9 +1,10 @@
 """What every way to make an image has in common."""
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 from raytwin.images.image import Image
 from raytwin.scene import Scene
@@ -18,30 +19,24 @@ class Renderer(ABC):
 
     `rung`: a name in RUNGS.
 
-    To add a kind, write a record with a `name` made of its fields and a `prepare`, and add its rows to RENDERERS.
+    To add a kind, write a record with a `name` and a `prepare`, and add its rows to RENDERERS.
     """
-
-    VARIED: ClassVar[str] = ""
-    """The field in which the members of a family differ, whose value is a part of the name."""
 
     rung: str = "shadow"
 
     @property
     @abstractmethod
     def name(self) -> str:
-        """Unique name, built from the fields: how the command line, the bench and its saved runs call it."""
+        """Unique name: how the command line, the bench and its files call it."""
 
     @property
     def family(self) -> str:
-        """The name without its varying value; charts join a family by a line."""
-        if not self.VARIED:
-            return self.name
-        before, _, after = self.name.rpartition(str(getattr(self, self.VARIED)))
-        return "-".join(part for part in (before.rstrip("-"), after.lstrip("-")) if part)
+        """The name without the number of samples or pixels at its end; charts join a family by a line."""
+        return re.sub(r"-?\d+$|\d+(?=spp$)", "", self.name)
 
     @property
     def library(self) -> str:
-        """What computes: python, numpy, drjit (LLVM), cuda, or Mitsuba's variant."""
+        """What computes: numpy, drjit (LLVM), cuda, or Mitsuba's variant."""
         return "numpy"
 
     @property

@@ -6,15 +6,7 @@ from fnmatch import fnmatchcase
 from raytwin.errors import InputError
 from raytwin.removed import removed_renderer
 from raytwin.renderers.renderer import Renderer
-from raytwin.renderers.subject_renderers import (
-    Filled,
-    PathTraced,
-    PythonLoop,
-    SmoothedSpeculation,
-    Speculated,
-    Supersampled,
-    Traced,
-)
+from raytwin.renderers.subject_renderers import Filled, PathTraced, Speculated, Supersampled, Traced
 from raytwin.renderers.twin_renderers import Twin
 
 COUNTS = (1, 4, 16, 64, 256, 1024)
@@ -23,24 +15,17 @@ VARIANTS = "llvm_ad_rgb", "cuda_ad_rgb"
 RENDERERS: dict[str, Renderer] = {
     method.name: method
     for method in (
-        # The least that any method can do: fill the frame with the sky.
         Filled(),
-        # The paper's way.
-        *(PythonLoop("lambert", trim) for trim in ("none", "corners", "conic")),
-        *(PythonLoop("shadow", trim) for trim in ("none", "conic")),
-        # The tracer: engine, precision, rung, trim.
+        # One ray per pixel: engine, precision, rung, trim.
         *(Traced(rung, f"{library}{bits}", trim)
           for library in ("numpy", "drjit", "cuda") for bits in (32, 64)
           for rung, trims in (("lambert", ("none", "conic")), ("shadow", ("none", "corners", "conic")))
           for trim in trims),
-        *(Traced(engine=engine, in_place=True) for engine in ("drjit32", "numpy32")),
         *(Supersampled(engine=engine, samples=n) for engine in ("numpy32", "drjit32", "cuda32") for n in (4, 16, 64)),
-        # The same where light is followed from surface to surface.
+        # Light followed from surface to surface.
         *(PathTraced(rung, engine, n) for engine in ("drjit32", "cuda32") for rung in ("sky", "path") for n in COUNTS),
         # The paper's speculation, and ours.
-        *(Speculated(engine="numpy32", way=way, n=n) for way in ("paper", "careful") for n in (1, 2, 4, 8, 16)),
-        *(SmoothedSpeculation(engine="numpy32", n=n) for n in (2, 4, 8)),
-        # The twin, as `raytwin compare` renders it.
+        *(Speculated(engine="numpy32", way=way, step=n) for way in ("paper", "careful") for n in (1, 2, 4, 8, 16)),
         *(Twin("shadow", variant) for variant in VARIANTS),
         *(Twin(rung, variant, n) for variant in VARIANTS for rung in ("sky", "path") for n in COUNTS),
     )

@@ -59,7 +59,7 @@ def as_json(scene: dict[str, Any]) -> dict[str, Any]:
     """`as_arrays` for programs of other languages: lists, matrices by rows, and what a look-at camera asks for.
 
     `camera`: `eye` -Rᵀ t; `forward`, `right`, `up`: unit, the camera's z, x, -y in the board's frame; `look_at`: the
-    point 1 m ahead; `fov_x`, `fov_y`: degrees, of the whole frame, right where the principal point is in its middle.
+    point 1 m ahead; `fov_x`, `fov_y`: degrees, of the whole frame, correct where the principal point is in its middle.
     """
     K, R, t = scene["K"], scene["R_cam_board"], scene["t_cam_board"]
     eye = -R.T @ t
@@ -67,13 +67,5 @@ def as_json(scene: dict[str, Any]) -> dict[str, Any]:
         float(np.degrees(2 * np.arctan(side / (2 * f))))
         for side, f in ((scene["width"], K[0, 0]), (scene["height"], K[1, 1]))
     )
-    camera = {
-        "eye": eye,
-        "forward": R[2],
-        "right": R[0],
-        "up": -R[1],
-        "look_at": eye + R[2],
-        "fov_x": fov_x,
-        "fov_y": fov_y,
-    }
-    return scene | {"camera": camera}
+    axes = {"eye": eye, "forward": R[2], "right": R[0], "up": -R[1], "look_at": eye + R[2]}
+    return scene | {"camera": axes | {"fov_x": fov_x, "fov_y": fov_y}}

@@ -1,4 +1,4 @@
-"""The subject, in its many ways: whole frames, several rays a pixel, guesses between rays; and the paper's loop."""
+"""raytwin's own tracer, in several ways: whole frames, several rays per pixel, pixels interpolated between rays."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,10 +8,8 @@ import numpy as np
 from raytwin import twin
 from raytwin.fast import ENGINES, background, draw, speculate, walk
 from raytwin.images.image import Image, Surface
-from raytwin.renderers.python_loop import loop
 from raytwin.renderers.renderer import Call, Renderer
 from raytwin.scene import Scene
-from raytwin.tracer import STAGES, Stages
 
 
 @dataclass(frozen=True)
@@ -37,32 +35,24 @@ class _ByEngine(Renderer):
 
 @dataclass(frozen=True)
 class Traced(_ByEngine):
-    """One ray through each pixel's centre.
+    """One ray through each pixel's centre. `surface`: also return what each ray met."""
 
-    `in_place`: draw into a frame that is filled already, to time drawing into a photo. `surface`: also return what each
-    ray met.
-    """
-
-    VARIED = "trim"
     trim: str = "conic"
     solver: str = "robust"
-    in_place: bool = False
     surface: bool = False
-    stages: Stages = STAGES
 
     @property
     def name(self) -> str:
         solver = "" if self.solver == "robust" else f"-{self.solver}"
-        return f"{self.engine}-{self.rung}-{'inplace' if self.in_place else self.trim}{solver}"
+        return f"{self.engine}-{self.rung}-{self.trim}{solver}"
 
     def prepare(self, scene: Scene) -> Call:
         self.ready()
-        filled = background(scene, self.rung) if self.in_place else None
 
         def call(seed: int) -> Image:
-            out = background(scene, self.rung) if filled is None else filled
+            out = background(scene, self.rung)
             surface = Surface.empty(*scene.camera.image_size) if self.surface else None
-            draw(scene, out, self.rung, self.engine, self.solver, self.trim, surface, self.stages)
+            draw(scene, out, self.rung, self.engine, self.solver, self.trim, surface)
             return Image(out, surface=surface)
 
         return call
@@ -70,16 +60,15 @@ class Traced(_ByEngine):
 
 @dataclass(frozen=True)
 class PathTraced(_ByEngine):
-    """Light followed from surface to surface by random walks, `samples` of them a pixel.
+    """Light followed from surface to surface by random walks, `samples` of them per pixel.
 
-    `over`: the pixel's `area`, or its `center`. `surface`: also what the ray through the centre met. `depth`: the
-    rung's own where not given.
+    `sampling`: over the pixel's `area`, or its `center`. `surface`: also what the ray through the centre met. `depth`:
+    the rung's own where not given.
     """
 
-    VARIED = "samples"
     rung: str = "path"
     samples: int = 16
-    over: str = "area"
+    sampling: str = "area"
     surface: bool = False
     depth: int | None = None
     noisy = True
@@ -87,16 +76,12 @@ class PathTraced(_ByEngine):
     @property
     def name(self) -> str:
         rung = self.rung if self.depth is None else f"{self.rung}-depth{self.depth}"
-        return f"{self.engine}-{rung}-{self.samples}{'' if self.over == 'area' else '-center'}"
-
-    @property
-    def sampling(self) -> str:
-        return self.over
+        return f"{self.engine}-{rung}-{self.samples}{'' if self.sampling == 'area' else '-center'}"
 
     def prepare(self, scene: Scene) -> Call:
         self.ready()
         return lambda seed: walk(
-            scene, self.rung, self.engine, sampling=self.over, samples=self.samples, seed=seed, depth=self.depth,
+            scene, self.rung, self.engine, sampling=self.sampling, samples=self.samples, seed=seed, depth=self.depth,
             surface=self.surface,
         )  # fmt: skip
 
@@ -110,7 +95,6 @@ def fast_engine(variant: str | None) -> str:
 class Supersampled(_ByEngine):
     """The mean of `samples` rays on a regular grid within the pixel."""
 
-    VARIED = "samples"
     samples: int = 4
     sampling = "area"
 
@@ -137,57 +121,18 @@ class Supersampled(_ByEngine):
 
 @dataclass(frozen=True)
 class Speculated(_ByEngine):
-    """Every n-th pixel traced and the others guessed, in a `way` of speculation's WAYS."""
+    """Every `step`-th pixel traced and the others interpolated, in a `way` of speculation's WAYS."""
 
-    VARIED = "n"
     way: str = "careful"
-    n: int = 8
+    step: int = 8
 
     @property
     def name(self) -> str:
-        return f"{self.engine}-{self.rung}-{self.way}{self.n}"
-
-    @property
-    def step(self) -> int:
-        return self.n
+        return f"{self.engine}-{self.rung}-{self.way}{self.step}"
 
     def prepare(self, scene: Scene) -> Call:
         self.ready()
-        return lambda seed: Image(speculate(scene, self.n, self.rung, self.engine, self.way)[0])
-
-
-@dataclass(frozen=True)
-class SmoothedSpeculation(Speculated):
-    """The paper's speculation, whose guesses are then smoothed by non-local means."""
-
-    way: str = "paper"
-
-    @property
-    def name(self) -> str:
-        return f"{super().name}-nlm"
-
-    def prepare(self, scene: Scene) -> Call:
-        from raytwin.photos.denoise import non_local_means  # with OpenCV
-
-        guess = super().prepare(scene)
-        return lambda seed: Image(non_local_means(guess(seed).mean))
-
-
-@dataclass(frozen=True)
-class PythonLoop(Renderer):
-    """The paper's way: a Python loop over the pixels."""
-
-    VARIED = "trim"
-    trim: str = "none"
-    library = "python"
-    precision = 64
-
-    @property
-    def name(self) -> str:
-        return f"loop-{self.rung}-{self.trim}"
-
-    def prepare(self, scene: Scene) -> Call:
-        return lambda seed: Image(loop(scene, self.rung, self.trim))
+        return lambda seed: Image(speculate(scene, self.step, self.rung, self.engine, self.way)[0])
 
 
 @dataclass(frozen=True)

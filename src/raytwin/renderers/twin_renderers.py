@@ -7,15 +7,11 @@ from raytwin.renderers.renderer import Call, Renderer
 from raytwin.rungs import RUNGS
 from raytwin.scene import MitsubaScene, Scene
 
-SHORT_VARIANTS = {"llvm_ad_rgb": "llvm", "cuda_ad_rgb": "cuda"}
-"""Mitsuba's variants as they appear in names of renderers."""
-
 
 @dataclass(frozen=True)
 class Twin(Renderer):
     """As `raytwin compare` renders it. `variant`: Mitsuba's, None for the one that works here; `samples` per pixel."""
 
-    VARIED = "samples"
     variant: str | None = None
     samples: int = 1
 
@@ -23,7 +19,7 @@ class Twin(Renderer):
     def name(self) -> str:
         integrator = "direct" if RUNGS[self.rung].depth == 2 else "path"
         tail = f"{integrator}-{self.samples}" if self.noisy else self.rung
-        return f"twin-{SHORT_VARIANTS[self.library]}-{tail}"
+        return f"twin-{self.library.partition('_')[0]}-{tail}"
 
     @property
     def library(self) -> str:

@@ -17,47 +17,35 @@ from raytwin.scene import MitsubaScene, Scene
 
 @dataclass(frozen=True)
 class UserRenderer(Renderer):
-    """`render`, known as `title`, called with `describe(scene, rung)`; it returns radiance (H, W, 3), or an Image.
+    """`render`, known as `name`, called with `describe(scene, rung)`; it returns radiance (H, W, 3), or an Image.
 
-    One that takes a `seed` is `seeded`: it is called with that many `renders`, whose spread gives the noise. One that
-    takes `samples` too is asked for that many (0: it is not). `rays`: where they go, through the pixel's center or over
-    its area.
+    One that takes a `seed` is `noisy`: it is called with that many `renders`, whose spread gives the noise. One that
+    takes `samples` too is asked for that many (0: it is not). `sampling`: whether its rays go through the pixel's
+    center or over its area.
     """
 
-    title: str = ""
+    name: str = ""
     render: Callable[..., Any] | None = None
     describe: Callable[[Scene, str], Any] = as_arrays
     stages: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
     """The functions of single stages that the same file has."""
-    seeded: bool = False
+    noisy: bool = False
     renders: int = 1
-    rays: str = "center"
+    sampling: str = "center"
     samples: int = 0
     library = "python"
-
-    @property
-    def name(self) -> str:
-        return self.title
-
-    @property
-    def sampling(self) -> str:
-        return self.rays
-
-    @property
-    def noisy(self) -> bool:
-        return self.seeded
 
     def prepare(self, scene: Scene | MitsubaScene) -> Call:
         width, height = scene.image_size
 
         def call(seed: int) -> Image:
-            if not self.seeded or self.renders == 1:
+            if not self.noisy or self.renders == 1:
                 return once(seed)
             return as_image([once(seed * self.renders + i) for i in range(self.renders)]).image
 
         def once(seed: int) -> Image:
             given = self.describe(scene, self.rung) if isinstance(scene, Scene) else as_file(scene)
-            also = ({"seed": seed} if self.seeded else {}) | ({"samples": self.samples} if self.samples else {})
+            also = ({"seed": seed} if self.noisy else {}) | ({"samples": self.samples} if self.samples else {})
             try:
                 made = self.render(given, **also) if self.render else None
                 if made is None:
@@ -65,7 +53,7 @@ class UserRenderer(Renderer):
                 taken = as_image(made).image
             except InputError:
                 raise
-            except (Exception, SystemExit) as error:  # theirs, whatever it is: the program that runs it goes on
+            except (Exception, SystemExit) as error:  # a user's code may raise anything
                 raise InputError(self.name, "an image (H, W, 3)", f"{type(error).__name__}: {error}") from error
             if taken.mean.dtype.kind not in "fiu" or taken.shape != (height, width, 3):
                 wanted = f"an image ({height}, {width}, 3)"
@@ -83,7 +71,7 @@ DEFAULT_SAMPLES = 16
 
 
 def takes_of(function: Callable[..., Any]) -> set[str]:
-    """Return which of `seed` and `samples` a function takes, or says so itself (`takes`); none if it is compiled."""
+    """Return which of `seed` and `samples` a function takes, or lists in its own `takes`; none if it is compiled."""
     if (names := getattr(function, "takes", None)) is None:
         try:
             names = inspect.signature(function).parameters

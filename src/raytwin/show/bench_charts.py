@@ -1,4 +1,4 @@
-"""What the bench's charts hold: error against seconds, seconds against pixels."""
+"""What the bench's charts hold: error against seconds."""
 
 import math
 from collections.abc import Sequence
@@ -8,8 +8,8 @@ import numpy as np
 
 from raytwin.show.charts.chart import Chart, Line, Point, by_family, family_chart
 from raytwin.show.charts.svg import INK, SOFT, Range
-from raytwin.show.numbers import seconds, short, shown
-from raytwin.study.bench import RENDERERS, Bench, Measurement, fit_power, staircase
+from raytwin.show.numbers import seconds, shown
+from raytwin.study.bench import RENDERERS, Bench, Measurement, staircase
 
 TRUTHS = {
     "lambert-center": "lambert, through pixel centres",
@@ -21,17 +21,14 @@ TRUTHS = {
 }
 
 COLOURS = {
-    "fill": "#6b7280", "loop": "#7c4a21", "careful": "#8e44ad", "paper": "#8e44ad", "numpy32": "#3b82c4",
+    "fill": "#6b7280", "careful": "#8e44ad", "paper": "#8e44ad", "numpy32": "#3b82c4",
     "numpy64": "#174a7c", "drjit32": "#e07b00", "drjit64": "#a34700", "cuda32": "#2e9e44", "cuda64": "#12612a",
-    "twin": "#0f8b8d", "mitsuba": "#c02f4a",
+    "twin": "#0f8b8d",
 }  # fmt: skip
 """By the first of these that is a part of the family's name."""
 
 OWN_COLOUR = "#111827"
 """Colour of renderers that are no methods of the table."""
-
-PALETTE = "#0f8b8d", "#e07b00", "#8e44ad", "#c02f4a", "#3b82c4", "#a16207", "#2e9e44", "#111827", "#d455a5", "#5a6575"
-"""Colours of lines that are no family of methods: one each, in turn."""
 
 MARKERS = {"lambert": "square", "shadow": "circle", "sky": "triangle", "path": "diamond"}
 
@@ -160,42 +157,3 @@ def guides(x_range: Range, y_range: Range) -> list[Line]:
             lines.append(Line((10 ** float(start), 10 ** float(end)), ys, GUIDE, 1.0, "dotted", 1.0))
         height += apart
     return lines
-
-
-# ------------------------------------------------------------------------------------------ seconds against pixels
-
-CHARTED_METHODS = 12
-"""Methods in the chart of seconds against pixels: the quickest at the largest size."""
-FEWEST_SIZES = 3
-"""Sizes from which on seconds are charted against pixels."""
-
-
-def pixels_chart(bench: Bench) -> Chart | None:
-    """Return seconds against pixels with each method's fitted exponent; None below FEWEST_SIZES sizes."""
-    if len(bench.sizes) < FEWEST_SIZES:
-        return None
-    series: dict[str, list[tuple[float, float]]] = {}
-    for r in bench.rows:
-        series.setdefault(r.method, []).append((r.width * r.height / 1e6, r.seconds_median))
-    quickest = sorted(series.items(), key=lambda item: item[1][-1][1])[:CHARTED_METHODS]
-    points, lines = [], []
-    for (name, found), colour in zip(quickest, PALETTE * 9, strict=False):
-        if len(found) < 2:
-            continue
-        label = name
-        exponent, sigma, factor = fit_power(*zip(*found, strict=True))
-        label += f": {exponent:.2f}" + ("" if math.isnan(sigma) else f" ± {sigma:.2f}")
-        ends = min(found)[0], max(found)[0]
-        lines.append(Line(ends, tuple(factor * x**exponent for x in ends), colour, 1.2, "dashed"))
-        points += [
-            Point(x, s, name, name, colour, tip=f"{name}\n{short(x)} megapixels, {seconds(s)}")
-            for x, s in sorted(found)
-        ]
-        points[-1] = replace(points[-1], label=label)
-    if not points:
-        return None
-    title = f"{bench.scene}: seconds against pixels"
-    note = "dashed and in numbers: the exponent fitted to the upper half of the points, with its standard error"
-    drawn = family_chart("pixels", title, "megapixels", "seconds (median)", points, None, (note,), lines, 0.08)
-    low, high = drawn.x_range
-    return replace(drawn, x_range=(low, high * (high / low) ** 0.45))  # the labels stand to the right

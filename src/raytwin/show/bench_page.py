@@ -17,7 +17,6 @@ from raytwin.show.bench_charts import (
     error_chart,
     measured,
     megapixels,
-    pixels_chart,
 )
 from raytwin.show.charts.chart import Chart, chart_html, write_charts
 from raytwin.show.numbers import seconds, shown
@@ -42,7 +41,7 @@ MOST_PICTURES, WIDE = 9, 240
 def write_bench_all(
     benches: Sequence[Bench], folder: str | os.PathLike[str], images: Mapping[str, Image] = MappingProxyType({})
 ) -> None:
-    """bench.html, bench.json, and each chart as SVG: the frontiers, and seconds against pixels.
+    """bench.html, bench.json, and each frontier as SVG.
 
     The charts of several scenes lie in a folder of each scene's name. `images`: of the first scene at its first size,
     by the names of methods and references.
@@ -51,8 +50,7 @@ def write_bench_all(
     write_bench(benches, folder / "bench.json")
     write_bench_page(benches, folder / "bench.html", images)
     for bench in benches:
-        charts = [*error_charts(bench), pixels_chart(bench)]
-        write_charts(filter(None, charts), folder / bench.scene if len(benches) > 1 else folder)
+        write_charts(error_charts(bench), folder / bench.scene if len(benches) > 1 else folder)
 
 
 def made_folder(folder: str | os.PathLike[str]) -> Path:
@@ -100,7 +98,6 @@ def scene_part(bench: Bench) -> dict[str, Any]:
     return {
         "b": bench,
         "charts": [(c, chart_html(c), frontier_rows(c)) for c in charts],
-        "pixels": chart_html(pixels) if (pixels := pixels_chart(bench)) else "",
         "sizes": [(f"{w}x{h}", f"{w} × {h}, {megapixels((w, h))}") for w, h in bench.sizes],
         "truths": [(t, TRUTHS.get(t, t)) for t in truths_of(bench)],
         "first": first_shown(bench, charts),

@@ -102,7 +102,7 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
     metrics = msgspec.structs.asdict(made.radiance) | {"flip_hdr": made.perceptual.flip_mean}
     metrics |= measure(test.mean, reference.mean, [n for n in METRICS if n not in metrics])
     seconds = {"read": read, "compare": made.seconds + time.perf_counter() - start}
-    of_files = {"A": _named(a), "B": _named(b), "part": chosen.part, "layer": chosen.layer}
+    of_files = {"A": _named(a), "B": _named(b), "layer": chosen.layer}
     decided = {"tolerance": f"{limit.p999_abs:g}"}
     if test.variance is not None or reference.variance is not None:
         decided["false-alarm rate"] = f"{chosen.false_alarm_rate:g}"
@@ -135,8 +135,8 @@ def _side(thing: Any, name: str, chosen: DiffSettings, i: int) -> Side:
         image = replace(loaded.image, samples=loaded.image.samples or chosen.samples[i])
         return Side(own, loaded._replace(image=image))
     path = Path(thing)
-    loaded = read_side(path, chosen.part, chosen.layer, chosen.variances[i], chosen.samples[i])
-    return Side(path.name, loaded, *(_scene_of(path, chosen.part) if i else ()))
+    loaded = read_side(path, chosen.layer, chosen.variances[i], chosen.samples[i])
+    return Side(path.name, loaded, *(_scene_of(path) if i else ()))
 
 
 def told_apart(a: str | Path, b: str | Path) -> tuple[str, str]:
@@ -164,9 +164,9 @@ def _known_scene(chosen: DiffSettings, reference: Side, test: Image) -> tuple[Sc
     return read_scene(chosen.scene).with_(size=(width, height)), rung
 
 
-def _scene_of(path: Path, part: str | None) -> tuple[Scene | None, str | None]:
+def _scene_of(path: Path) -> tuple[Scene | None, str | None]:
     """The scene and the rung of a reference that `reference make` has written; None of any other file."""
-    if part is not None or path.suffix != ".exr" or not path.is_file():
+    if path.suffix != ".exr" or not path.is_file():
         return None, None
     try:
         return references.load(path).scene, path.stem

@@ -16,12 +16,11 @@ if TYPE_CHECKING:
 class DiffSettings(Judging):
     """How `raytwin.compare` reads two images and judges them; checked when it is made.
 
-    `part` and `layer` choose within EXRs. `variances` (arrays or files) and `samples` of the two images are used where
-    they lack them. `scene` (one made in Python, a file or a name) and `rung` say what is shown, so that a failure names
-    its cause; `renders`: how often a function is called.
+    `layer` chooses within EXRs. `variances` (arrays or files) and `samples` of the two images are used where they lack
+    them. `scene` (one made in Python, a file or a name) and `rung` say what is shown, so that a failure names its
+    cause; `renders`: how often a function is called.
     """
 
-    part: str | None = None
     layer: str | None = None
     flip: bool = False
     variances: tuple[Any, Any] = (None, None)

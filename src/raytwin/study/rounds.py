@@ -132,7 +132,7 @@ def calls_per_round(subject: Renderer) -> float:
 
     It is infinity for a program that cannot be asked for several samples at once.
     """
-    if not (isinstance(subject, UserRenderer) and subject.seeded):
+    if not (isinstance(subject, UserRenderer) and subject.noisy):
         return 1
     return CALLS if subject.samples else math.inf
 

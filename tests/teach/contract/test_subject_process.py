@@ -83,8 +83,8 @@ def test_a_program_that_leaves_a_process_behind_has_ended_when_it_has(tmp_path, 
 
 def test_a_program_whose_command_has_no_seed_is_called_once(tmp_path):
     found = find_subject("./mine {scene} {out}", "shadow")
-    assert (found.seeded, found.renders, found.samples) == (False, 1, 0)
-    assert find_subject("./mine {scene} {out} {seed}", "shadow").seeded
+    assert (found.noisy, found.renders, found.samples) == (False, 1, 0)
+    assert find_subject("./mine {scene} {out} {seed}", "shadow").noisy
 
 
 @pytest.mark.nightly
@@ -99,7 +99,7 @@ def test_a_process_that_ended_is_started_again_at_the_next_call(tmp_path):
 
 def test_what_a_function_raises_takes_and_is_called_is_as_if_it_were_here(tmp_path, single):
     found = find_subject(subject(tmp_path, "pass"), "shadow")
-    assert found.seeded
+    assert found.noisy
     assert found.samples
     assert list(found.stages) == ["back_project"]
     with pytest.raises(Exception, match="too far") as raised:

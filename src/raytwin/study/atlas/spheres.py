@@ -15,7 +15,7 @@ HAINES = (
     "Haines, Günther and Akenine-Möller, Precision Improvements for Ray/Sphere Intersection (Ray Tracing Gems, 2019)"
 )
 INPUTS = "exact, from float32 inputs"
-"""What no solver in float32 can win back: the rays and the sphere, rounded, then solved to 60 digits."""
+"""The error that no float32 solver can avoid: rays and sphere are rounded, then solved to 60 digits."""
 
 
 class Rays(NamedTuple):
@@ -40,7 +40,7 @@ def errors(rays: Rays, solvers: Iterable[str] = ("textbook", "robust")) -> dict[
             t = intersect_sphere(tuple(o.T), tuple(d.T), Sphere(tuple(c.T), r), solver)
             found[f"{solver}, {np.dtype(kind)}"] = worst(np.asarray(t, float), truth, rays.unit)
     rounded = [np.asarray(a, np.float32).astype(float) for a in rays[:4]]
-    # As every tracer makes its rays unit again in its own floats: a length that is off is no solver's business.
+    # As every tracer makes its rays unit again in its own floats: an error of their length is not the solver's.
     length = np.linalg.norm(rounded[1], axis=1)
     return found | {INPUTS: worst(hits(*rounded) * length, truth, rays.unit)}
 
@@ -94,7 +94,7 @@ def level(x: float, rng: np.random.Generator, n: int) -> dict[str, Error]:
 
 OURS = ("robust, float64",)
 HALF_LEAST = 2.0**-150
-"""Half of the least number that float32 holds: what is smaller is rounded to 0."""
+"""Half of the smallest positive float32: anything smaller is rounded to 0."""
 
 
 Rounded = Callable[[float, float], float]

@@ -39,7 +39,7 @@ def cut(camera: Camera, centers: np.ndarray, radii: np.ndarray) -> dict[str, Err
         c, r = centers[start : start + CHUNK], radii[start : start + CHUNK]
         balls = [Sphere((x, y, z), radius) for (x, y, z), radius in zip(c.tolist(), r.tolist(), strict=True)]
         along, away = c @ d, (c * c).sum(axis=1)[:, None]
-        # A ray within rounding of the outline is nobody's.
+        # Rays within rounding of the outline do not count.
         meets = (away - along * along < (r * r)[:, None] * (1 - 1e-9)) & ((along > 0) | (away < (r * r)[:, None]))
         seen += int(meets.sum())
         boxes = {"eight corners": [corner_box(b, camera) for b in balls], "conic: raytwin": trim_boxes(balls, camera)}

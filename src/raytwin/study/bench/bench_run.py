@@ -5,7 +5,6 @@ import math
 import os
 import platform
 import time
-import warnings
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from math import gcd, sqrt
@@ -29,12 +28,12 @@ from raytwin.scene.scene_files import scene_and_photos
 from raytwin.study.bench.bench_record import Bench, Measurement
 from raytwin.study.bench.frontier import on_frontier
 from raytwin.study.beside_twin import compare_with_twin
-from raytwin.study.converged import converged
+from raytwin.study.converged import Reference, converged
 from raytwin.teach.contract.subject import method as as_method
 
 ERRORS = ("rmse", "relmse", "p999_abs")
 """The metrics that a row carries: rows of compare.METRICS."""
-WHOLE = "path-area"
+ALL_LIGHT = "path-area"
 """The reference with all light, which every method is compared with, whatever part of it the method computes."""
 REFERENCE_SHARE, PREPARE_SHARE = 0.3, 0.47
 """Shares of a size's time: references end after the first, and no method is prepared after the second. Each warm call
@@ -43,7 +42,7 @@ OUT_OF_TIME = "no time"
 """How the reason begins where a larger budget would help."""
 
 clock = time.perf_counter
-Look = Callable[["_Run", Image], None]
+OnImage = Callable[["_Run", Image], None]
 Picture = Callable[[str, Image], None]
 """Takes the name and the first image of a method, or of a reference."""
 
@@ -73,11 +72,9 @@ def bench(
     errors, verdict, and whether it is on the frontier. `progress(stage, done, total)` is called as work goes on,
     `picture(name, image)` with the images at the first size.
     """
-    for where, numbers, most in (
-        ("--budget", (budget,), math.inf), ("--sizes", sizes or (0,), 1000),
-        ("--repeats", (repeats,), math.inf), ("--truth-samples", (truth_samples,), math.inf),
-    ):  # fmt: skip
-        check_numbers(where, numbers, most)
+    check_numbers("--sizes", sizes or (0,), most=1000)
+    for where, number in (("--budget", budget), ("--repeats", repeats), ("--truth-samples", truth_samples)):
+        check_numbers(where, (number,))
     chosen, subjects = chosen_methods(methods)
     twin.activate()
     start = clock()
@@ -116,11 +113,12 @@ def bench_scenes(
     """
     chosen_methods(methods)
     check_names("SCENE", [scene_and_photos(path)[0].name for path in paths])
-    until, made = clock() + budget, list[Bench]()
-    for i, path in enumerate(paths):
-        share, of_scene = portion(until, len(paths) - i) - clock(), no_picture if i else picture
-        made.append(bench(path, methods=methods, budget=share, picture=of_scene, **options))
-    return tuple(made)
+    pictures = picture, *[no_picture] * len(paths)
+    share = budget / max(len(paths), 1)
+    return tuple(
+        bench(path, methods=methods, budget=share, picture=of_scene, **options)
+        for path, of_scene in zip(paths, pictures, strict=False)
+    )
 
 
 def chosen_methods(
@@ -197,25 +195,24 @@ def measure_size(
     repeats: int, truth_samples: int, progress: Progress, picture: Picture,
 ) -> tuple[list[Measurement], list[Measurement], dict[str, str]]:  # fmt: skip
     """Measure all methods at one size: rows against their own references and the one with all light, and why not."""
-    images: dict[str, np.ndarray] = {}
-    floors: dict[str, float] = {}
+    references: dict[str, Reference] = {}
     twins: dict[str, Image] = {}
-    names = sorted({reference_of(m) for m in methods} | {WHOLE})
+    names = sorted({reference_of(m) for m in methods} | {ALL_LIGHT})
     start, given = clock(), deadline - clock()
     for i, name in enumerate(names):
         progress("references", i, len(names))
         rung, sampling = name.split("-")
         seconds = portion(start + REFERENCE_SHARE * given, len(names) - i) - clock()
-        reference = converged(scene, rung, sampling, samples=truth_samples, seconds=seconds, clock=clock)
-        images[name], floors[name] = reference.image.mean, reference.noise
-        picture(f"reference {name}", reference.image)
-        twins[name] = reference.image if RUNGS[rung].noisy else twin.render(scene, rung, sampling=sampling)
+        known = converged(scene, rung, sampling, samples=truth_samples, seconds=seconds, clock=clock)
+        references[name] = known
+        picture(f"reference {name}", known.image)
+        twins[name] = known.image if RUNGS[rung].noisy else twin.render(scene, rung, sampling=sampling)
     progress("references", len(names), len(names))
 
     def record_image(run: _Run, image: Image) -> None:
         own = reference_of(run.method)
-        for name in dict.fromkeys((own, WHOLE)):
-            found = [METRICS[metric].function(image.mean, images[name]) for metric in ERRORS]
+        for name in dict.fromkeys((own, ALL_LIGHT)):
+            found = [METRICS[metric].function(image.mean, references[name].image.mean) for metric in ERRORS]
             run.errors.setdefault(name, []).append([math.nan if value is None else value for value in found])
         if run.judged is None:
             picture(run.method.name, image)
@@ -232,26 +229,28 @@ def measure_size(
     size = scene.camera.image_size
     rows = []
     for name in names:
-        rows += measurements([r for r in runs if reference_of(r.method) == name], name, floors[name], size)
-    return rows, measurements(runs, WHOLE, floors[WHOLE], size), left
+        rows += measurements([r for r in runs if reference_of(r.method) == name], name, references[name].noise, size)
+    return rows, measurements(runs, ALL_LIGHT, references[ALL_LIGHT].noise, size), left
 
 
 def first_calls(
-    scene: Scene, methods: Sequence[Renderer], first: Collection[str], look: Look, until: float, progress: Progress
+    scene: Scene,
+    methods: Sequence[Renderer],
+    first: Collection[str],
+    on_image: OnImage,
+    until: float,
+    progress: Progress,
 ) -> tuple[list[_Run], dict[str, str]]:
     """Prepare each method and call it once, as long as there is time; return these, and why the others are not there.
 
-    Those named in `first` begin. Then one of each family comes before the second of any, and few samples before many,
-    so that a short time leaves some of every kind. The family's latest one tells what the next will take.
+    Those named in `first` begin. Then few samples come before many, so that a short time leaves some of every kind.
+    The family's latest one tells what the next will take.
     """
-    by_samples = sorted(methods, key=lambda m: m.samples)
-    families = [m.family for m in by_samples]
-    place = {m.name: families[:i].count(m.family) for i, m in enumerate(by_samples)}
     runs: list[_Run] = []
     left: dict[str, str] = {}
     absent: dict[str, str] = {}
     latest: dict[str, tuple[int, float]] = {}
-    for i, method in enumerate(sorted(by_samples, key=lambda m: (m.name not in first, place[m.name]))):
+    for i, method in enumerate(sorted(methods, key=lambda m: (m.name not in first, m.samples))):
         progress("prepare", i, len(methods))
         if method.library in absent:
             left[method.name] = absent[method.library]
@@ -267,7 +266,7 @@ def first_calls(
             run = _Run(method, method.prepare(scene))
             image = run.call(0)
             run.first = clock() - begun
-            look(run, image)
+            on_image(run, image)
         except InputError as error:
             left[method.name] = str(error)
             if "cuda" in method.library:
@@ -277,14 +276,10 @@ def first_calls(
         latest[method.family] = method.samples, run.turn
         runs.append(run)
     progress("prepare", len(methods), len(methods))
-    known = {run.method.family for run in runs}
-    late = {m.family for m in methods if m.family not in known and left[m.name].startswith(OUT_OF_TIME)}
-    if runs and late:
-        warnings.warn(f"--budget leaves out {', '.join(sorted(late))}", stacklevel=2)
     return runs, left
 
 
-def rounds(runs: Sequence[_Run], look: Look, deadline: float, repeats: int) -> None:
+def rounds(runs: Sequence[_Run], on_image: OnImage, deadline: float, repeats: int) -> None:
     """Call each method `repeats` times, all in a new random order each round, so that a drifting machine affects all.
 
     No call begins that would end past the deadline. A noisy method is called with another seed each time, and the
@@ -307,7 +302,7 @@ def rounds(runs: Sequence[_Run], look: Look, deadline: float, repeats: int) -> N
                 gc.enable()
             run.seconds.append(clock() - begun)
             if run.method.noisy:
-                look(run, image)
+                on_image(run, image)
             run.turn = clock() - begun
 
 

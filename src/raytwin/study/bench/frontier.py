@@ -1,4 +1,4 @@
-"""The frontier of speed and accuracy, and exponents of growth."""
+"""The frontier of speed and accuracy."""
 
 from collections.abc import Sequence
 
@@ -29,17 +29,3 @@ def staircase(seconds: Sequence[float], errors: Sequence[float], floor: float = 
             best = max(errors[i], floor)
             found.append(i)
     return found
-
-
-def fit_power(x: Sequence[float], seconds: Sequence[float]) -> tuple[float, float, float]:
-    """Return exponent, its standard error and factor of seconds = factor x^exponent, by least squares in log-log.
-
-    The upper half of the points counts, three at least, because fixed costs matter least there. The standard error is
-    NaN for two points.
-    """
-    from scipy.stats import linregress
-
-    most = max(3, (len(x) + 1) // 2)
-    upper = np.log(sorted(zip(x, seconds, strict=True))[-most:])
-    line = linregress(upper[:, 0], upper[:, 1])
-    return float(line.slope), float(line.stderr) if len(upper) > 2 else float("nan"), float(np.exp(line.intercept))

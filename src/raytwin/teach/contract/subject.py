@@ -60,7 +60,7 @@ def find_subject(what: str | Renderer | Callable[..., Any], rung: str, sampling:
     describe = _name if isinstance(render, Shown) else as_arrays
     takes = takes_of(render)
     return UserRenderer(
-        rung, f"{text} ({made})" if made else text, render, describe, own, seeded="seed" in takes,
+        rung, f"{text} ({made})" if made else text, render, describe, own, noisy="seed" in takes,
         renders=RENDERS if "seed" in takes else 1, samples=DEFAULT_SAMPLES if takes >= {"seed", "samples"} else 0,
     )  # fmt: skip
 
@@ -96,7 +96,7 @@ def method(
         if renders != 1 or records:
             raise InputError("method", "a function beside `renders` or `records`", what)
         found = find_subject(what, rung)
-        return replace(found, title=name or found.title, rays=sampling) if isinstance(found, UserRenderer) else found
+        return replace(found, name=name or found.name, sampling=sampling) if isinstance(found, UserRenderer) else found
     return of_function(what, name, rung, sampling, renders, records)
 
 
