@@ -210,9 +210,9 @@ def _no_rotation(R: np.ndarray) -> str:
 
 
 def read_camera(path: str | os.PathLike[str]) -> Camera:
-    """A camera.toml, as `raytwin photo calibrate -o` writes it; the boards' shapes in it are passed over."""
+    """A camera.toml, as `raytwin photo calibrate -o` writes it; the board in it is passed over."""
     data = read_toml(path)
-    data.pop("boards", None)
+    data.pop("board", None)
     camera = to_record(path, data, Camera)
     check_camera(camera, f"{path}: ")
     return camera
