@@ -260,14 +260,3 @@ def test_the_board_with_its_rows_cut_its_ids_moved_mirrored_or_two_tags_read_wro
     boards = TRUE, _grid(6, 5), _grid(6, 6, first_id=6), _grid(6, 6, order="down")
     for tags, board in (*((_of_true(), board) for board in boards), (swapped, TRUE)):
         assert calibrate_detections(tags, SIZE, board, "k1k2").rms_px < 0.3, board
-
-
-def test_an_rms_that_no_lens_explains_gives_no_camera():
-    """Neighbours are where they should be, but each photo is bent by another amount."""
-    tags, rng = _of_true(), np.random.default_rng(3)
-    for found, push in zip(tags.values(), rng.normal(0, 40, (len(tags), 2)), strict=True):
-        for i, tag in enumerate(found):
-            at = np.array(tag.center)
-            found[i] = msgspec.structs.replace(tag, center=tuple((at + push * ((at - 500) / 500) ** 2).clip(0, 755)))
-    with pytest.raises(InputError, match=r"tags at most .* px \(rms\) off where some camera sees them"):
-        calibrate_detections(tags, SIZE, TRUE)

@@ -5,7 +5,6 @@ import pytest
 from photo_helpers import BOARD, SMALL, a_camera, seen
 
 from raytwin.errors import InputError
-from raytwin.photos.boards.board import spans_a_plane
 from raytwin.photos.camera.pose import (
     ambiguous,
     camera_at,
@@ -14,6 +13,7 @@ from raytwin.photos.camera.pose import (
     pose_of_tags,
     refined_pose,
     rotation_degrees,
+    spans_a_plane,
 )
 from raytwin.photos.synthetic_photos import poses
 from raytwin.scene.scene_files import check_camera
@@ -72,7 +72,7 @@ def test_a_pose_from_few_tags_is_right_or_said_to_be_ambiguous():
     for count in 40 * (4, 5):
         tags = seen(CAMERA, [stand], noise=0.3, rng=rng)["view_00"]
         tags = [tags[i] for i in rng.permutation(len(tags))[:count]]
-        if spans_a_plane(SMALL.points(t.id for t in tags)[:, :2]):
+        if spans_a_plane(tags, SMALL):
             found, ratio = refined_pose(CAMERA.K, CAMERA.dist, tags, SMALL)
             wrong += rotation_degrees(found.R_cam_board, stand[0]) > 15 and not ambiguous(ratio, count)
     assert wrong == 0

@@ -133,7 +133,7 @@ def check_board(board: Board, where: object = "board") -> None:
     if len(set(ids)) < len(ids):
         raise InputError(f"{where}: tags", "ids that differ", f"{next(i for i in ids if ids.count(i) > 1)} twice")
     xy = np.array([*board.centers().values()]).reshape(-1, 2)
-    if not spans_a_plane(xy):
+    if in_one_line(xy):
         raise InputError(f"{where}: tags", "at least 4 tags, not in one line", f"{len(xy)} tags")
     if (gap := pdist(xy, "chebyshev").min()) <= board.tag_edge:
         field = "tags" if board.grid is None else "grid.pitch"
@@ -142,12 +142,12 @@ def check_board(board: Board, where: object = "board") -> None:
         raise InputError(f"{where}: offsets", f"one for each of {len(xy)} tags", len(board.offsets))
 
 
-def spans_a_plane(xy: np.ndarray) -> bool:
-    """Whether (n, 2) points are at least four and not in one line: what a homography needs."""
+def in_one_line(xy: np.ndarray) -> bool:
+    """Whether (n, 2) points are fewer than four or in one line: no homography follows from them."""
     if len(xy) < 4:
-        return False
+        return True
     width = np.linalg.svd(xy - xy.mean(axis=0), compute_uv=False)
-    return bool(width[1] > 1e-3 * width[0])
+    return bool(width[1] <= 1e-3 * width[0])
 
 
 def family_size(family: str) -> int:

@@ -1,8 +1,4 @@
-"""Photos of a board -> K and distortion, with standard deviations, poses, and warnings: detect, fit, choose, check.
-
-The fit minimises the distance of tag centres (`fit`); lens model and the board's shape are chosen by how well they
-predict unseen photos (`model`); the uncertainty follows from how the photos disagree (`uncertainty`).
-"""
+"""Photos of a board -> K and distortion, with standard deviations, poses, and warnings: detect, fit, choose, check."""
 
 import itertools
 import math
@@ -18,12 +14,11 @@ from threadpoolctl import threadpool_limits
 from raytwin.errors import InputError, check_one_of
 from raytwin.images.photo_files import list_photos, photo_size, readable_photos
 from raytwin.photos.boards import Board, read_board
-from raytwin.photos.boards.board import spans_a_plane
 from raytwin.photos.camera import pose
 from raytwin.photos.camera.bias import unbiased
 from raytwin.photos.camera.calibration_result import Calibration, Evidence, FoundBoard, View
 from raytwin.photos.camera.detection import Tag, detect_photos
-from raytwin.photos.camera.diagnostics import misfit, warnings_for
+from raytwin.photos.camera.diagnostics import warnings_for
 from raytwin.photos.camera.fit import LENS, MODELS, Fit, ModelSpec, Views, fit
 from raytwin.photos.camera.model import covariance, select_model
 from raytwin.progress import Progress, silent
@@ -34,10 +29,6 @@ LEAST_VIEWS = 3
 ROUNDS = 3
 """Fits, each without the outliers and the detector's bias found by the one before; a fourth moves fx by less than a
 tenth of its sigma, on a bent board too."""
-
-UNEXPLAINED = 0.05
-"""Share of the distance between neighbouring tags: with a larger rms there is no camera. (A fisheye of 150 degrees:
-0.04. Boards other than the file says: 0.07 and more.)"""
 
 
 def calibrate(
@@ -65,12 +56,10 @@ def calibrate(
     paths, broken = readable_photos(paths)
     image_size = _size_of_all(paths)
     found, without = detect_photos(paths, board.family, progress)
-    wrong = {str(photo): why for photo, why in broken.items()} | without
+    wrong = {shown[str(photo)]: why for photo, why in (broken | without).items()}
     progress("fit", 0, 1)
-    result = calibrate_detections(
-        {shown[p]: tags for p, tags in found.items()},
-        image_size, board, model, where, {shown[p]: why for p, why in wrong.items()},
-    )  # fmt: skip
+    tags = {shown[photo]: seen for photo, seen in found.items()}
+    result = calibrate_detections(tags, image_size, board, model, where, wrong)
     progress("fit", 1, 1)
     return result
 
@@ -106,10 +95,6 @@ def calibrate_detections(
         why = "too few of its tags agree with the camera of the others: another camera or zoom?"
         straight = _kept(moved, [error <= limit for error in errors], why, wrong, board, where)
         result, held_out, gap = select_model(straight, image_size, board, model, result)
-    if (share := misfit(result)) > UNEXPLAINED:
-        limit = UNEXPLAINED / share * result.rms_px
-        got = f"{result.rms_px:.3g} px: the board's file does not describe this board, or the lens is a fisheye"
-        raise InputError(where, f"tags at most {limit:.2g} px (rms) off where some camera sees them", got)
     rejected = {photo: {t.id for t in views[photo]} - {t.id for t in tags} for photo, tags in straight.items()}
     made = _calibration(straight, image_size, board, result, held_out, gap)
     return msgspec.structs.replace(made, warnings=warnings_for(made, result, straight, board, wrong, rejected))
@@ -120,7 +105,7 @@ def _kept(
 ) -> dict[str, list[Tag]]:
     """By photo, the tags that are `inside` (a mask by photo); `wrong` gets `why` of the photos with too few."""
     tags = {photo: list(itertools.compress(views[photo], mask)) for photo, mask in zip(views, inside, strict=True)}
-    kept = {photo: some for photo, some in tags.items() if spans_a_plane(board.points(t.id for t in some)[:, :2])}
+    kept = {photo: some for photo, some in tags.items() if pose.spans_a_plane(some, board)}
     wrong |= {photo: why for photo in views if photo not in kept}
     if len(kept) < LEAST_VIEWS:
         reasons = "".join(f"; {name}: {of}" for name, of in list(wrong.items())[:3])

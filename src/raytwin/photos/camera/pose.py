@@ -12,7 +12,7 @@ from scipy.spatial.distance import pdist
 from scipy.special import fdtrc
 
 from raytwin.errors import InputError
-from raytwin.photos.boards.board import Board, spans_a_plane
+from raytwin.photos.boards.board import Board, in_one_line
 from raytwin.photos.camera import lens_model
 from raytwin.photos.camera.bias import unbiased
 from raytwin.photos.camera.detection import Tag
@@ -62,7 +62,7 @@ def refined_pose(K, dist: Sequence[float], tags: Sequence[Tag], board: Board) ->
         for turn, shift in refined
         if np.isfinite([turn, shift]).all()
     ]
-    if not poses or not spans_a_plane(points[:, :2]):
+    if not poses or not spans_a_plane(tags, board):
         raise InputError("tags", "four or more, not in one line", listed(t.id for t in tags))
     best = min(poses, key=lambda pose: pose.rms_px)
     others = [pose.rms_px for pose in poses if rotation_degrees(pose.R_cam_board, best.R_cam_board) > SAME_POSE]
@@ -84,12 +84,12 @@ def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, ph
     check_tags(tags, board, photo)
     known = board.centers()
     used = straight = [t for t in tags if t.id in known]
-    if not spans_a_plane(board.points(t.id for t in used)[:, :2]):
+    if not spans_a_plane(used, board):
         raise InputError(photo, "at least 4 tags of the board, not in one line", listed(t.id for t in used))
     inside = kept = consistent(used, board, lens_model.undistort([t.center for t in used], K, dist))
     check_places(int(inside.sum()), len(used), photo)
     for _ in range(3):
-        if spans_a_plane(board.points(t.id for t in itertools.compress(used, inside))[:, :2]):
+        if spans_a_plane([*itertools.compress(used, inside)], board):
             kept = inside
         pose, _ = refined_pose(K, dist, [*itertools.compress(straight, kept)], board)
         straight = unbiased(used, board, pose.R_cam_board, pose.t_cam_board, K, dist)
@@ -108,12 +108,16 @@ def consistent(tags: Sequence[Tag], board: Board, image: Any) -> np.ndarray:
 
     A lens or a bend moves a tag by less, another board by all of it. RANSAC, with OpenCV's own fixed seed.
     """
-    points = board.points(t.id for t in tags)[:, :2]
-    if not spans_a_plane(points):
+    if not spans_a_plane(tags, board):
         return np.zeros(len(tags), bool)
     half = pdist([*board.centers().values()]).min() / 2
-    _, inside = cv2.findHomography(np.array(image), points, cv2.RANSAC, half, maxIters=500)
+    _, inside = cv2.findHomography(np.array(image), matched(tags, board)[0][:, :2], cv2.RANSAC, half, maxIters=500)
     return np.ones(len(tags), bool) if inside is None else inside.ravel().astype(bool)
+
+
+def spans_a_plane(tags: Sequence[Tag], board: Board) -> bool:
+    """Whether the tags are four or more of the board's, not in one line."""
+    return not in_one_line(matched(tags, board)[0][:, :2])
 
 
 def check_tags(tags: Iterable[Tag], board: Board, where: str) -> None:
@@ -131,9 +135,9 @@ def check_places(agree: int, tags: int, where: str) -> None:
 
 
 def outlier_limit(errors: np.ndarray) -> float:
-    """The pixel distance beyond which a tag is an outlier, given all distances: robust against half of them.
+    """The pixel distance beyond which a tag is an outlier, by all distances.
 
-    The median of the distances of a two-dimensional normal distribution is 1.1774 of its standard deviations.
+    The median of a two-dimensional normal distribution's distances is 1.1774 of its standard deviations.
     """
     return max(OUTLIER_PX, OUTLIER_SIGMAS * float(np.median(errors)) / 1.1774)
 
