@@ -23,7 +23,7 @@ COMMANDS: dict[str, str] = {
     "photo board --import": "Use a board.toml: docs/photos.md writes one from a trusted pickle.",
     "photo board --landscape": "Leave it out: the paper is turned where the board fits only so.",
     "photo board --portrait": "Leave it out: the paper stays upright where the board fits so.",
-    "photo board --margin": "Give --paper the size of what the printer can print on.",
+    "photo board --margin": "Leave it out: 5 mm at each edge stay blank.",
     "photo board --name": "Use a board.toml: one file per board.",
     "photo board --unit": "Use a board.toml, whose lengths are metres.",
     "photo board --y-down": "Use a board.toml, whose Y points up.",

@@ -15,17 +15,16 @@ def board_command(
     The PDF has the exact size and a bar to measure. Lengths need units: 30mm, 3cm, 0.8in.
     """
     from raytwin.photos import boards
-    from raytwin.photos.boards import lengths, sheet
+    from raytwin.photos.boards import sheet
+    from raytwin.photos.boards.lengths import parse_length
 
     for option, count, least in (("--columns", columns, 1), ("--rows", rows, 1), ("--first-id", first_id, 0)):
         if count < least:
             raise InputError(option, f"a whole number from {least}", count)
-    edge, step = lengths.parse_length(tag, "--tag"), lengths.parse_length(pitch, "--pitch")
+    grid = boards.Grid(columns, rows, parse_length(pitch, "--pitch"), first_id)
     check_one_of("--family", family, boards.FAMILIES)
-    definition = boards.Board(family, edge, boards.Grid(columns, rows, step, first_id))
-    sheet.check_gap(definition)
-    boards.check_board(definition)
-    laid = sheet.lay_out(definition, lengths.parse_paper(paper, "--paper"))
-    toml = sheet.write_sheet(out, laid)
-    width, height = (f"{v * 1000:.5g}" for v in laid.paper)
-    say(f"{columns * rows} tags on {width} x {height} mm, print at 100 %: {out}, {toml}")
+    check_one_of("--paper", paper.lower(), sheet.PAPERS)
+    board = boards.Board(family, parse_length(tag, "--tag"), grid)
+    boards.check_board(board)
+    toml = sheet.write_sheet(out, board, paper.lower())
+    say(f"{columns * rows} tags on {paper.lower()}, print at 100 %: {out}, {toml}")

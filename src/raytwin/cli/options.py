@@ -251,7 +251,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "columns": _opt("Tags in a row.", "N"),
         "rows": _opt("Rows of tags.", "N"),
         "pitch": _opt("Distance between tag centres.", "LENGTH"),
-        "paper": _opt("a4, a3, letter, legal, tabloid; 200mmx300mm.", "NAME|WxH"),
+        "paper": _opt("a4 or letter.", "NAME"),
         "first_id": _opt("Id of the lower left tag.", "N"),
         "family": _opt("tag36h11, tag25h9 or tag16h5.", among=("tag36h11", "tag25h9", "tag16h5")),
     },

@@ -40,7 +40,7 @@ def calibrate_command(
         calibration = taken.calibrate(paths, definition, model=model, progress=progress)
         if out:
             with progress.stage("page"):
-                _write_camera(out, calibration, paths, photo)
+                _write_camera(out, calibration, photo)
                 calibration_page.write_calibration(calibration, out.with_suffix(".html"), out.name)
     if json:
         write_json(json, calibration.numbers())
@@ -58,17 +58,15 @@ def _board_beside(photos: list[Path]) -> Path:
     return found[0]
 
 
-def _write_camera(out: Path, calibration, paths: list[Path], photo: str | None) -> None:
+def _write_camera(out: Path, calibration, photo: str | None) -> None:
     """camera.toml with the pose of `photo`, the first one's by default."""
     from raytwin.photos import camera as taken
 
-    shown = [view.photo for view in calibration.views]
-    name, board = photo or shown[0], calibration.basis.board
-    check_one_of("--photo", name, dict.fromkeys([*shown, *(Path(p).name for p in calibration.basis.found)]))
-    path = next(p for p in paths if name in (p.name, str(p)))
-    camera = taken.camera_at(calibration, taken.pose_of_photo(calibration, path, board).refined)
-    comment = f"Calibrated from {len(shown)} photos, rms {calibration.rms_px:.3f} px."
-    taken.write_camera_file(out, camera, board, comment)
+    views = {Path(view.photo).name: view for view in reversed(calibration.views)}
+    name = photo or Path(calibration.views[0].photo).name
+    check_one_of("--photo", name, views)
+    comment = f"Calibrated from {len(calibration.views)} photos, rms {calibration.rms_px:.3f} px."
+    taken.write_camera_file(out, taken.camera_at(calibration, views[name]), calibration.evidence.board, comment)
 
 
 def light_command(
@@ -121,12 +119,12 @@ def simulate_command(
     with_objects: bool = False, verbose: bool = False,
 ) -> None:  # fmt: skip
     """Render photos of a board with Mitsuba, and the true camera."""
-    from raytwin.photos.boards import lengths
+    from raytwin.photos.boards.lengths import parse_length
     from raytwin.study.photograph import photograph_board
 
     check_outputs(folders=(out,))
     # A number without a unit is in millimetres.
-    bent = lengths.parse_length(bend if bend.strip()[-1:].isalpha() else f"{bend}mm", "--bend", zero=True)
+    bent = parse_length(bend if bend.strip()[-1:].isalpha() else f"{bend}mm", "--bend", zero=True)
     with show_progress() as progress:
         photograph_board(
             board,

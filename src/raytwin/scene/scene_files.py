@@ -106,9 +106,10 @@ def read_sky_map(file: Path, data: dict[str, Any]) -> None:
 
 
 def read_camera(path: str | os.PathLike[str]) -> Camera:
-    """Read a camera.toml, as `raytwin photo calibrate -o` writes it; the boards' shapes in it are passed over."""
+    """Read a camera.toml, as `raytwin photo calibrate -o` writes it; the board in it is passed over."""
     data = read_toml(path)
-    data.pop("boards", None)
+    for name in ("board", "boards"):  # the second was written before version 0.2
+        data.pop(name, None)
     return to_record(path, data, Camera)
 
 

@@ -47,7 +47,7 @@ def residual_drawing(calibration: Calibration) -> str:
 
     Thick: the means of cells, which have no common direction where the lens model fits.
     """
-    axes, evidence = frame_axes(calibration), calibration.basis
+    axes, evidence = frame_axes(calibration), calibration.evidence
     (left, _), (right, bottom) = axes.corners
     seen, off = np.array(evidence.seen), np.array(evidence.residuals)
     longest = max(calibration.image_size)

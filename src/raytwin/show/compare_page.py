@@ -3,7 +3,6 @@
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from raytwin.compare.finding import CAUSES, Finding
@@ -182,5 +181,5 @@ def calibrated(view: PairView) -> dict[str, Any] | None:
         return None
     from raytwin.show.calibration_page import calibration_pictures, calibration_tables  # which load OpenCV
 
-    posed = PurePath(view.pair.pose.photo).name if view.pair.pose else None
+    posed = view.pair.pose.photo if view.pair.pose else None
     return calibration_tables(calibration) | {"posed": posed, "pictures": calibration_pictures(calibration)}

@@ -77,7 +77,7 @@ class _Job:
     light: "WrittenLight | None" = None
     photo: Path | None = None
     calibration: "camera.Calibration | None" = None
-    pose: "camera.PoseReport | None" = None
+    pose: "camera.View | None" = None
 
     @property
     def engine(self) -> str:
