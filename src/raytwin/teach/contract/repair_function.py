@@ -35,7 +35,6 @@ def repair_here(
     is_right: Callable[[Case, Any], bool],
     source: str = "",
     further: Callable[[], Sequence[Case]] = tuple,
-    innocent: Sequence[str] = (),
     right: Sequence[Case] = (),
     words: Set[str] | None = None,
 ) -> Repair | None:
@@ -57,7 +56,7 @@ def repair_here(
     def run(chosen: Sequence[Candidate], arguments: Sequence[Any], changed: bool) -> Answers:
         codes, names = [marshal.loads(c.code) for c in chosen], [c.names for c in chosen]
         with _bounded_memory():
-            made: Answers = attempt(space, name, codes, names, arguments, SECONDS_A_TRY, changed, innocent)
+            made: Answers = attempt(space, name, codes, names, arguments, SECONDS_A_TRY, changed)
         return made
 
     def lines(arguments: Sequence[Any]) -> Counter[tuple[str, int]]:
@@ -69,7 +68,7 @@ def repair_here(
     token = _REPAIRING.set(True)
     try:
         runner = Runner(run, lines, correct_lines, Work(WORK))
-        return repair(cells, name, cases, is_right, runner, innocent, further=further, words=words)
+        return repair(cells, name, cases, is_right, runner, further=further, words=words)
     finally:
         _REPAIRING.reset(token)
 

@@ -25,7 +25,6 @@ from raytwin.teach.grade.result import Result
 from raytwin.teach.grade.rubric import Rubric, read_rubric
 from raytwin.teach.grade.submission_code import CODE
 from raytwin.teach.sandbox.sandbox import plain
-from raytwin.teach.sandbox.work_folder import sweep
 
 RESULTS = "results"
 """The folder of what came of each job; it makes a run go on where it stopped."""
@@ -84,10 +83,8 @@ def run(
 ) -> list[Result]:
     """Return the results in the jobs' order; each is written to `out`/results/KEY.json as it comes.
 
-    What the grader failed on before is graded again. `each` is called with every new result as it comes. Folders that a
-    killed run left in the temporary directory are removed first.
+    What the grader failed on before is graded again. `each` is called with every new result as it comes.
     """
-    sweep()
     said = _marked_by_rubric_of(jobs)
     found = {} if again else {job.key: stored(out, job.key) for job in jobs}
     done = {key: result for key, result in found.items() if result is not None and not result.grader_fault}
