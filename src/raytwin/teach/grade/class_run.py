@@ -109,42 +109,6 @@ def stored(out: Path, key: str) -> Result | None:
         return None
 
 
-class _Listed(msgspec.Struct):
-    student: str
-    key: str
-
-
-class _Class(msgspec.Struct):
-    """What is read of results.json."""
-
-    results: list[_Listed]
-
-
-def with_class(results: Sequence[Result], out: Path, rubric: Rubric) -> list[Result]:
-    """One submission's result among those of the class that `out` holds; alone where it holds none.
-
-    Raises InputError where the class is there and cannot be read whole: nobody may vanish from it.
-    """
-    listed = out / "results.json"
-    if len(results) != 1 or not listed.exists():
-        return list(results)
-    try:
-        keys = [(row.student, row.key) for row in msgspec.json.decode(listed.read_bytes(), type=_Class).results]
-    except (OSError, msgspec.DecodeError) as error:
-        raise InputError(listed, "the results of a class", error) from None
-    found = {results[0].student: results[0]}
-    for student, key in keys:
-        if student not in found:
-            if (other := stored(out, key)) is None:
-                raise InputError(
-                    out / RESULTS / f"{key}.json", f"the stored result of {student}", "none that can be read"
-                )
-            if other.exercises and [e.stage for e in other.exercises] != [e.stage for e in rubric.exercises]:
-                raise InputError(listed, "was graded by other exercises. Grade the whole class again.")
-            found[student] = marked_by(other, rubric)
-    return [found[student] for student in dict.fromkeys([*(name for name, _ in keys), results[0].student])]
-
-
 def _marked_by_rubric_of(jobs: Sequence[Job]) -> Callable[[Result], Result]:
     """Mark a result by its own rubric, which is read once."""
     rubrics = {path: read_rubric(path) for path in {j.rubric for j in jobs}}
