@@ -39,7 +39,7 @@ def class_command(
     from raytwin.parallel import parse_workers
     from raytwin.show import autograder_sites as sites
     from raytwin.show import class_page as pages
-    from raytwin.teach.grade.class_run import jobs_of, run, with_class
+    from raytwin.teach.grade.class_run import jobs_of, run
     from raytwin.teach.grade.rubric import read_rubric
 
     check_outputs(folders=(out,), files=(gradescope, junit))
@@ -66,12 +66,10 @@ def class_command(
     if gradescope is not None:  # whoever asks for it has no use for pages
         sites.write_gradescope(results[0], read, gradescope)
         raise typer.Exit(1 if failed else 0)
-    graded, results = len(results), with_class(results, out, read)
     failed += pages.write_class(results, read, out, for_students)
     if junit is not None:
         sites.write_grade_junit(results, junit)
-    among = f", in the class of {len(results)} that is there" if graded < len(results) else ""
-    say(f"{graded} graded{among}; report: {out / 'index.html'}")
+    say(f"{len(results)} graded; report: {out / 'index.html'}")
     if failed:
         say(f"the grader itself failed on {', '.join(dict.fromkeys(failed))}: grade again once that is mended")
         raise typer.Exit(1)
