@@ -4,11 +4,12 @@ import math
 import os
 import re
 from pathlib import Path
+from typing import Any
 
 from raytwin.errors import InputError
 
 MOST_PIXELS = 400_000_000
-"""As much as a file may have."""
+"""Pixels of a picture, at most: 4.8 GB per image."""
 MAX_SIDE = 100_000
 """Largest width or height of a picture, in pixels, that is not taken for a typing error."""
 
@@ -43,20 +44,12 @@ def parse_numbers(text: str, option: str) -> tuple[float, ...]:
     return numbers
 
 
-def parse_ball(text: str, option: str) -> tuple[float, float, float, float]:
-    """The center and the radius of a ball: 'x,y,z,r', metres or with units."""
-    numbers = parse_places(text, option)
-    if len(numbers) != 4 or not numbers[3] > 0:
-        raise InputError(option, "x,y,z,r in metres or with units (20mm), r > 0", text)
-    return numbers[0], numbers[1], numbers[2], numbers[3]
-
-
-def parse_stand(text: str, option: str) -> tuple[float, float, float]:
-    """The foot (x, y) and the height of an upright: 'x,y,h', metres or with units."""
-    numbers = parse_places(text, option)
-    if len(numbers) != 3 or not numbers[2] > 0:
-        raise InputError(option, "x,y,h in metres or with units (20mm), h > 0", text)
-    return numbers[0], numbers[1], numbers[2]
+def parse_placed(text: str, option: str, names: str) -> Any:
+    """Return as many numbers as `names` ("x,y,z,r") has, in metres or with units; the last is a length above 0."""
+    numbers, last = parse_places(text, option), names[-1]
+    if len(numbers) != len(names.split(",")) or not numbers[-1] > 0:
+        raise InputError(option, f"{names} in metres or with units (20mm), {last} > 0", text)
+    return numbers
 
 
 def parse_places(text: str, option: str) -> tuple[float, ...]:
