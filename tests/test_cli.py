@@ -98,14 +98,15 @@ def test_misused_words_are_told_in_one_line_that_names_the_help():
 def test_what_is_wrong_is_named_as_it_was_typed_and_what_exists_is_kept(tmp_path, scenes):
     write_board(tmp_path / "b.toml", Board("tag36h11", 0.03, Grid(3, 3, 0.04)))
     (tmp_path / "tracer.py").write_text("mine")
-    (tmp_path / "cut.jpg").write_bytes((scenes / "desk" / "photos" / "photo_04.jpg").read_bytes()[:100_000])
+    for name in "123":
+        (tmp_path / f"{name}.jpg").write_bytes((scenes / "desk" / "photos" / "photo_04.jpg").read_bytes()[:100_000])
     small = ("compare", "single", "--size", "40x30")
     for words, said in (
         (("compare", "single", "--size=0x10"), "--size: expected"),
         ((*small, "--detectable-bias", "0"), "--detectable-bias: expected a number > 0, got 0"),
         ((*small, "--subject", "./nosuch {scene} {out}"), "The program ./nosuch cannot be started: No such file"),
         (("photo", "simulate", "--board", "b.toml", "-o", "out", "--focal", "0"), "--focal, --size: K[0][0]: expected"),
-        (("photo", "calibrate", *3 * ["cut.jpg"], "--board", "b.toml"), "cut.jpg: expected"),
+        (("photo", "calibrate", ".", "--board", "b.toml"), "3.jpg: a damaged one (image file is truncated"),
         (("bench", "--sizes", "big", "single"), "--sizes: expected numbers separated by commas, got big"),
         (("bench", "scene"), "scene: expected a scene's folder"),
         (("grade", "starter"), "raytwin: tracer.py exists. --force overwrites it.\n"),

@@ -132,7 +132,7 @@ def _program() -> typer.Typer:
         epilog = " ".join(f"Example: raytwin {name} {example}".split())
         if within and callable(command):
             epilog += f". Beside it: {', '.join(f'raytwin {other}' for other in within)}"
-        shown = {"epilog": epilog, "rich_help_panel": heading_of.get(name)}
+        shown: dict[str, Any] = {"epilog": epilog, "rich_help_panel": heading_of.get(name)}
         if within:
             by_itself = callable(command)
             groups[name] = typer.Typer(cls=RunsByItself if by_itself else TyperGroup, no_args_is_help=not by_itself)

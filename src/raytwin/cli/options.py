@@ -2,7 +2,7 @@
 
 import dataclasses
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -277,8 +277,9 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
 
 def option(command: str, name: str) -> Row | None:
     """Return the option of a command's parameter: its own, its group's, or the common one; None without one."""
-    own = OPTIONS.get(command, {}), OPTIONS.get(command.partition(" ")[0], {})
-    return next((rows[name] for rows in (*own, *SHARED_OPTIONS.values()) if name in rows), None)
+    own = (OPTIONS.get(of, {}) for of in (command, command.partition(" ")[0]))
+    tables: tuple[Mapping[str, Row | None], ...] = (*own, *SHARED_OPTIONS.values())
+    return next((rows[name] for rows in tables if name in rows), None)
 
 
 def with_options(command: Callable[..., None], name: str) -> Callable[..., None]:
@@ -292,7 +293,7 @@ def with_options(command: Callable[..., None], name: str) -> Callable[..., None]
     def add(parameter: str, annotation: Any, default: Any) -> None:
         row = option(name, parameter)
         assert row is not None, f"{name}: {parameter} has no option"
-        kind = Annotated[row.kind or annotation, row.info]
+        kind: Any = Annotated[row.kind or annotation, row.info]
         parameters[parameter] = inspect.Parameter(
             parameter, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind
         )
