@@ -45,38 +45,29 @@ def parse_numbers(text: str, option: str) -> tuple[float, ...]:
 
 
 def parse_placed(text: str, option: str, names: str) -> Any:
-    """Return as many numbers as `names` ("x,y,z,r") has, in metres or with units; the last is a length above 0."""
-    numbers, last = parse_places(text, option), names[-1]
-    if len(numbers) != len(names.split(",")) or not numbers[-1] > 0:
-        raise InputError(option, f"{names} in metres or with units (20mm), {last} > 0", text)
-    return numbers
+    """Return as many numbers as `names` has, in metres, each with or without a unit; the last is a length above 0.
 
-
-def parse_places(text: str, option: str) -> tuple[float, ...]:
-    """Metres, each number with or without a unit.
-
-    >>> parse_places("-60mm,0.15,2cm", "--ball")
+    >>> parse_placed("-60mm,0.15,2cm", "--stand", "x,y,h")
     (-0.06, 0.15, 0.02)
     """
-    parts = [part.strip() for part in text.split(",")]
-    with_unit = [part[-1:].isalpha() and part.lower() not in ("nan", "inf", "-inf") for part in parts]
-    if not any(with_unit):
-        return parse_numbers(text, option)
     from raytwin.photos.boards.lengths import parse_length  # OpenCV comes with it
 
-    return tuple(
-        (-1 if part.startswith("-") else 1) * parse_length(part.removeprefix("-"), option, zero=True)
-        if unit
-        else parse_numbers(part or "nothing", option)[0]
-        for part, unit in zip(parts, with_unit, strict=True)
-    )
+    def metres(part: str) -> float:
+        if not part[-1:].isalpha():
+            return parse_numbers(part or "nothing", option)[0]
+        return (-1 if part.startswith("-") else 1) * parse_length(part.removeprefix("-"), option, zero=True)
+
+    numbers = tuple(metres(part.strip()) for part in text.split(","))
+    if len(numbers) != len(names.split(",")) or not numbers[-1] > 0:
+        raise InputError(option, f"{names} in metres or with units (20mm), {names[-1]} > 0", text)
+    return numbers
 
 
 def check_outputs(*, folders: tuple[Path | None, ...] = (), files: tuple[Path | None, ...] = ()) -> None:
     """InputError where an output cannot be written, before the work that it is to hold. Nothing is made."""
     kinds = {True: "a folder", False: "a file"}
     for path, folder in (*((p, True) for p in folders if p), *((p, False) for p in files if p)):
-        if not _is_utf8(path):
+        if any("\ud800" <= c <= "\udfff" for c in str(path)):  # bytes that are no text
             raise InputError("the name of an output", "UTF-8", ascii(str(path)))
         if path.exists():
             if path.is_dir() != folder:
@@ -88,11 +79,3 @@ def check_outputs(*, folders: tuple[Path | None, ...] = (), files: tuple[Path | 
                 raise InputError(path, "a writable path", f"{above}, which is a file")
         if not os.access(above, os.W_OK):
             raise InputError(path, "a writable path", "one without write permission")
-
-
-def _is_utf8(path: Path) -> bool:
-    try:
-        str(path).encode()
-    except UnicodeEncodeError:
-        return False
-    return True

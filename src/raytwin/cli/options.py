@@ -74,7 +74,7 @@ SHARED_OPTIONS: dict[str, dict[str, Row]] = {
         ),
         "rung": _opt("Light level: surface, lambert, shadow, sky or path."),
         "samples": _opt("Samples per pixel (until the verdict is certain)."),
-        "size": _opt("Size of the pictures (the camera's).", **SIZE),
+        "size": _opt("Size of the pictures (the camera's, or less where that is enough).", **SIZE),
         "seed": _opt("Seed of the samples."),
         "out": _opt("Folder to write.", "DIR", *OUT),
         "jobs": _opt("Number of local processes.", "N", "--jobs", "-j"),
@@ -148,7 +148,6 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
     "levels": {
         "tolerance": _opt("Largest error (RMSE in radiance, unless --metric says otherwise)."),
         "metric": _opt("rmse, relmse, mae, max_abs, p999_abs or p999_rel."),
-        "size": _opt("Size of the pictures; 320 wide by default.", **SIZE),
     },
     "laws": {
         "renderer": _arg("A method, FILE.py:FUNCTION, tracer.py, or a command with {scene} and {out}.", "WHAT"),
@@ -161,7 +160,6 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
         **_only("subject", "rung", "samples", "seed", "size", "light"),
     },
     "explore": {
-        "size": _opt("Size of the pictures (the camera's, at most 800 wide).", **SIZE),
         "view": _opt("Open a view copied from the page.", "LINK"),
         "port": _opt("Port of the page's address; 0: any free one."),
         "browser": _opt("Open the page in a browser.", None, "--browser/--no-browser"),
@@ -177,7 +175,6 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
         "out": _opt("File to write (standard output).", "FILE", *OUT),
     },
     "scenes copy": {
-        "scene": _arg("Name or folder of the scene.", **COMPLETED),
         "out": _arg("Folder to write (./NAME).", "[DIR]"),
     },
     "photo": {
@@ -191,7 +188,7 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
         "out": _opt("Write the camera, as TOML, and a page beside it.", "FILE", *OUT),
     },
     "photo light": {
-        "photos": _arg("A photo of the board.", "PHOTO"),
+        "photo": _arg("A photo of the board.", "PHOTO"),
         "camera": _opt("camera.toml, as `raytwin photo calibrate -o` writes it.", "FILE"),
         "out": _opt("light.toml to write; a map and a page go beside it.", "FILE", *OUT),
         "ball": _opt("A mirror ball's rough center and its radius, metres or 20mm.", "X,Y,Z,R"),

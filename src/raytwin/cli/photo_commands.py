@@ -87,7 +87,7 @@ def _write_camera(out: Path, calibration, paths: list[Path], photo: str | None) 
 
 
 def light_command(
-    photos: list[Path], camera: Path, out: Path, board: Path | None = None, ball: list[str] | None = None,
+    photo: Path, camera: Path, out: Path, board: Path | None = None, ball: list[str] | None = None,
     stand: str | None = None, json: Path | None = None,
 ) -> None:  # fmt: skip
     """Estimate sun and sky from a photo.
@@ -103,18 +103,15 @@ def light_command(
     if out.suffix.lower() != ".toml":
         raise InputError(out, "a name that ends in .toml", out.suffix or "no ending")
     check_outputs(files=(out, out.with_suffix(".exr"), out.with_suffix(".html"), json))
-    if len(photos) > 1 or photos[0].is_dir():
-        several = "more than one photo per call was removed in 0.2.0. Use the one that shows ball or pin the largest."
-        raise InputError("`photo light`", several)
     if ball and len(ball) > 1:
         raise InputError("`photo light --ball`", "more than once was removed in 0.2.0. Use one mirror ball.")
     given = parse_placed(ball[0], "--ball", "x,y,z,r") if ball else None
     upright = parse_placed(stand, "--stand", "x,y,h") if stand else None
-    board = board or _board_beside(photos)
+    board = board or _board_beside([photo])
     with show_progress() as progress:
         try:
             with progress.stage("light"):
-                found = estimate_light(photos[0], board, camera, ball=given, stand=upright)
+                found = estimate_light(photo, board, camera, ball=given, stand=upright)
         except LightRefused as refused:
             light_page.write_light_page(refused.found, out.with_suffix(".html"))
             raise InputError(

@@ -1,5 +1,6 @@
 """The main job: photos -> camera -> a subject beside the twin -> comparison."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -148,7 +149,7 @@ def _result(job: Job, made: Image, reference: Image, comparison: Comparison, led
     report = Report(
         scene.name,
         chosen.rung,
-        judged_in_view(comparison, reference, scene).saying(*_folded(scene)),
+        judged_in_view(comparison, reference, scene).saying(*_untested(scene, chosen.rung)),
         dict(job.stages.seconds),
         backend | {"solver": chosen.solver},
         ledger.parts if ledger else (),
@@ -270,12 +271,12 @@ def stage_causes(subject: Renderer) -> tuple[Finding, ...]:
     )  # fmt: skip
 
 
-def _folded(scene: Scene) -> tuple[str, ...]:
-    """What to say where the lens gives a part of the frame no ray."""
-    lost = without_ray(scene.camera)
-    if lost is None:
-        return ()
-    return (f"no ray belongs to {100 * lost.mean():.2g} % of the frame, where the lens folds back: black in both",)
+def _untested(scene: Scene, rung: str) -> Iterator[str]:
+    """What the scene cannot show, whatever the two images are."""
+    if len(scene.objects) == 1 and RUNGS[rung].shadows:  # every shape is convex
+        yield "one object alone: shadows, the sky's occlusion and bounced light stay untested"
+    if (lost := without_ray(scene.camera)) is not None:
+        yield f"no ray belongs to {100 * lost.mean():.2g} % of the frame, where the lens folds back: black in both"
 
 
 def _expected_difference(
