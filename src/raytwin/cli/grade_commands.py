@@ -1,13 +1,11 @@
 """raytwin grade SUBMISSIONS --rubric R | starter | zip, and walk: students' tracers, graded."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from raytwin.cli.option_values import check_outputs
-from raytwin.cli.options import group, register
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError, check_one_of
@@ -15,13 +13,6 @@ from raytwin.errors import InputError, check_one_of
 if TYPE_CHECKING:
     from raytwin.teach.grade.result import Result
     from raytwin.teach.grade.rubric import Rubric
-
-
-MOST_STORED_LISTED = 20
-"""Most results that are listed although they were there already."""
-
-
-app = group("class")
 
 
 def class_command(
@@ -59,7 +50,7 @@ def class_command(
             say(_line(result, read))
 
         results = run(found, out, workers, again, progress, each)
-    for result in results if len(results) <= MOST_STORED_LISTED else ():
+    for result in results:
         if result not in printed:
             say(_line(result, read))
     failed = [result.student for result in results if result.grader_fault]
@@ -137,11 +128,3 @@ def walk_command(notebook: bool = False, out: Path = Path(), solved: bool = Fals
     path = write_walk(out, notebook, solved)
     say(f"wrote {path}")
     say(f"jupyter lab {path}" if notebook else f"python {path}    # its pictures go to walk/; edit it, run it again")
-
-
-COMMANDS: dict[str, Callable[..., None]] = {
-    "class": class_command,
-    "starter": starter_command,
-    "zip": zip_command,
-}
-register(app, COMMANDS, within="grade")

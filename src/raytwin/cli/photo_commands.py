@@ -1,24 +1,39 @@
 """raytwin photo: from photos of a board to camera and light, and back into photos."""
 
-from collections.abc import Callable
 from pathlib import Path
 
-import typer
-
-from raytwin.cli import board_commands
-from raytwin.cli.option_values import check_outputs, parse_ball, parse_numbers, parse_stand
-from raytwin.cli.options import Size, register
-from raytwin.cli.progress_bar import print_seconds, show_progress
-from raytwin.cli.terminal import say, say_wrapped
+from raytwin.cli.option_values import check_outputs, parse_numbers, parse_placed
+from raytwin.cli.options import Size
+from raytwin.cli.progress_bar import show_progress
+from raytwin.cli.terminal import say
 from raytwin.errors import InputError, check_one_of
 from raytwin.study.settings import AugmentSettings
 
-app = typer.Typer(no_args_is_help=True)
+
+def board_command(
+    out: Path = Path("board.pdf"), tag: str = "30mm", columns: int = 5, rows: int = 7, pitch: str = "38mm",
+    paper: str = "a4", first_id: int = 0, family: str = "tag36h11",
+) -> None:  # fmt: skip
+    """Make a board to print, as PDF and TOML.
+
+    The PDF has the exact size and a bar to measure. Lengths need units: 30mm, 3cm, 0.8in.
+    """
+    from raytwin.photos import boards
+    from raytwin.photos.boards import sheet
+    from raytwin.photos.boards.lengths import parse_length
+
+    grid = boards.Grid(columns, rows, parse_length(pitch, "--pitch"), first_id)
+    check_one_of("--family", family, boards.FAMILIES)
+    check_one_of("--paper", paper.lower(), sheet.PAPERS)
+    board = boards.Board(family, parse_length(tag, "--tag"), grid)
+    boards.check_board(board)
+    toml = sheet.write_sheet(out, board, paper.lower())
+    say(f"{columns * rows} tags on {paper.lower()}, print at 100 %: {out}, {toml}")
 
 
 def calibrate_command(
     photos: list[Path], board: list[Path] | None = None, model: str = "auto", photo: str | None = None,
-    json: Path | None = None, out: Path | None = None, verbose: bool = False,
+    json: Path | None = None, out: Path | None = None,
 ) -> None:  # fmt: skip
     """Calibrate a camera from photos of a board.
 
@@ -44,8 +59,7 @@ def calibrate_command(
                 calibration_page.write_calibration(calibration, out.with_suffix(".html"), out.name)
     if json:
         write_json(json, calibration.numbers())
-    say_wrapped(terminal_text.calibration_summary(calibration))
-    print_seconds(progress, verbose)
+    say(terminal_text.calibration_summary(calibration))
 
 
 def _board_beside(photos: list[Path]) -> Path:
@@ -70,8 +84,8 @@ def _write_camera(out: Path, calibration, photo: str | None) -> None:
 
 
 def light_command(
-    photos: list[Path], camera: Path, out: Path, board: Path | None = None, ball: list[str] | None = None,
-    stand: str | None = None, json: Path | None = None, verbose: bool = False,
+    photo: Path, camera: Path, out: Path, board: Path | None = None, ball: list[str] | None = None,
+    stand: str | None = None, json: Path | None = None,
 ) -> None:  # fmt: skip
     """Estimate sun and sky from a photo.
 
@@ -86,18 +100,15 @@ def light_command(
     if out.suffix.lower() != ".toml":
         raise InputError(out, "a name that ends in .toml", out.suffix or "no ending")
     check_outputs(files=(out, out.with_suffix(".exr"), out.with_suffix(".html"), json))
-    if len(photos) > 1 or photos[0].is_dir():
-        several = "more than one photo per call was removed in 0.2.0. Use the one that shows ball or pin the largest."
-        raise InputError("`photo light`", several)
     if ball and len(ball) > 1:
         raise InputError("`photo light --ball`", "more than once was removed in 0.2.0. Use one mirror ball.")
-    given = parse_ball(ball[0], "--ball") if ball else None
-    upright = parse_stand(stand, "--stand") if stand else None
-    board = board or _board_beside(photos)
+    given = parse_placed(ball[0], "--ball", "x,y,z,r") if ball else None
+    upright = parse_placed(stand, "--stand", "x,y,h") if stand else None
+    board = board or _board_beside([photo])
     with show_progress() as progress:
         try:
             with progress.stage("light"):
-                found = estimate_light(photos[0], board, camera, ball=given, stand=upright)
+                found = estimate_light(photo, board, camera, ball=given, stand=upright)
         except LightRefused as refused:
             light_page.write_light_page(refused.found, out.with_suffix(".html"))
             raise InputError(
@@ -109,14 +120,13 @@ def light_command(
         write_json(json, found.numbers())
     say(light_page.light_summary(found))
     light_page.write_light_page(found, out.with_suffix(".html"))
-    print_seconds(progress, verbose)
     say(f"{out}, report: {out.with_suffix('.html')}")
 
 
 def simulate_command(
     out: Path, board: Path, scene: Path | None = None, count: int = 14, size: Size = None,
     focal: float = 1560.0, dist: str = "0.08,-0.16", samples: int = 32, seed: int = 1, bend: str = "0mm",
-    with_objects: bool = False, verbose: bool = False,
+    with_objects: bool = False,
 ) -> None:  # fmt: skip
     """Render photos of a board with Mitsuba, and the true camera."""
     from raytwin.photos.boards.lengths import parse_length
@@ -140,13 +150,11 @@ def simulate_command(
             bend=bent,
             progress=progress,
         )
-    print_seconds(progress, verbose)
     say(f"{count} photos, board.toml and truth.toml: {out}")
 
 
 def draw_command(
     photos: list[Path], scene: Path, out: Path, settings: AugmentSettings, json: Path | None = None,
-    verbose: bool = False,
 ) -> None:  # fmt: skip
     """Draw a scene's objects and their shadows into photos."""
     from raytwin.images.photo_files import list_photos, readable_photos
@@ -161,17 +169,6 @@ def draw_command(
     if json:
         write_json(json, {"photos": rows})
     for photo, why in unread.items():
-        say_wrapped(f"{photo} was left out: {why}")
+        say(f"{photo} was left out: {why}")
     say(terminal_text.augment_summary(rows))
-    print_seconds(progress, verbose)
     say(f"{len(rows)} photos: {out}")
-
-
-COMMANDS: dict[str, Callable[..., None]] = {
-    "board": board_commands.board_command,
-    "calibrate": calibrate_command,
-    "light": light_command,
-    "draw": draw_command,
-    "simulate": simulate_command,
-}
-register(app, COMMANDS, within="photo")

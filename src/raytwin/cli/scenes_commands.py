@@ -5,12 +5,11 @@ from pathlib import Path
 import typer
 
 from raytwin.cli.option_values import check_outputs
-from raytwin.cli.options import Size, group, register
+from raytwin.cli.options import Size
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError
 
-app = group("list", alone=True)
 
 
 def list_command() -> None:
@@ -70,6 +69,3 @@ def export_command(
         typer.echo(text, nl=False)
     else:
         write_text(out, text)
-
-
-register(app, {"list": list_command, "copy": copy_command, "export": export_command}, within="scenes")
