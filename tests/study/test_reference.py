@@ -252,7 +252,7 @@ def test_the_command_replaces_only_when_told_to(overlap, folder, tmp_path):
     before = (folder / "overlap" / "shadow.exr").read_bytes()
     stale = run("check", "--rung", "shadow", code=1)
     assert "FAIL  overlap/shadow" in stale
-    assert re.search(r"stale: the scene has changed since: spheres\[\d\]\.radius 0\.05 -> 0\.051$", stale, re.M)
+    assert "stale: the scene has changed since: spheres" in stale
     told = run(*asked, code=2)
     for part in ("scene_hash", "differs from the old", "ratio of the means 1.0003", "--yes"):
         assert part in told

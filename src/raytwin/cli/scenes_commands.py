@@ -11,7 +11,6 @@ from raytwin.cli.terminal import say
 from raytwin.errors import InputError
 
 
-
 def list_command() -> None:
     """List the built-in scenes, and those in a folder scenes/ here."""
     from raytwin.scene_folders import scenes
