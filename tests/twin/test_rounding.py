@@ -15,7 +15,6 @@ from raytwin.scene import Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.study.beside_twin import compare_with_twin
 from raytwin.twin import render, settle
 
-pytestmark = pytest.mark.usefixtures("compiled")
 LIGHTS = Sun((0.4, 0.5, 0.8)), Sky((0.5, 0.7, 1.0))
 
 
@@ -87,9 +86,6 @@ def test_light_is_followed_from_far_spheres_as_from_near_ones():
         error = (ours.mean.astype(float) - theirs.mean).mean(axis=(0, 1))
         sigma = np.sqrt((ours.variance.astype(float) + theirs.variance).sum(axis=(0, 1))) / (24 * 18)
         assert abs(error / sigma).max() < 4.5
-
-
-# ---------------------------------------------------------------------------------------------- said in the verdict
 
 
 def test_only_what_is_extreme_is_said_to_be_in_single_precision():

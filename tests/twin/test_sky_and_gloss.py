@@ -34,10 +34,7 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(7)
 
 
-# ---------------------------------------------------------------------------------------------- maps
-
-
-def test_mitsubas_map_and_its_open_sky_are_the_tracers(compiled, spotted, rng):
+def test_mitsubas_map_and_its_open_sky_are_the_tracers(spotted, rng):
     """The emitter's radiance; and three moments of it beside nine harmonics, whose constants have six digits."""
     import drjit as dr
     import mitsuba as mi
@@ -67,11 +64,8 @@ def test_the_map_of_the_scene_studio_is_its_formula_and_its_harmonics_have_the_c
         np.testing.assert_allclose(environment_map(found).diffuse_irradiance(tuple(n.tolist())), expected, rtol=2e-3)
 
 
-# ---------------------------------------------------------------------------------------------- highlights
-
-
 @pytest.mark.parametrize(("exponent", "cosine"), [(1.0, 0.2), (7.5, 1.0), (40.0, 0.6)])
-def test_mitsubas_phong_is_the_formula_and_its_samples_weigh_pi_f(compiled, exponent, cosine):
+def test_mitsubas_phong_is_the_formula_and_its_samples_weigh_pi_f(exponent, cosine):
     """eval is f cos, pdf is cos/π, and a sample's weight is their ratio: directions come with the cosine's density."""
     import drjit as dr
     import mitsuba as mi
@@ -95,7 +89,7 @@ def test_mitsubas_phong_is_the_formula_and_its_samples_weigh_pi_f(compiled, expo
 
 
 @pytest.mark.parametrize("exponent", [300.0, 5000.0])
-def test_a_sharp_highlight_is_its_formula_in_the_twin_and_passes_beside_it(compiled, exponent):
+def test_a_sharp_highlight_is_its_formula_in_the_twin_and_passes_beside_it(exponent):
     """A power of r·v in float32 is off by 6e-5 of the peak at 300 and by 4e-4 at 5000: Mitsuba's local frame rounds r·v
     to 1e-8. `settle` grants more, and less than a highlight that is wider by 2 %."""
     scene, expected = glare(exponent)
@@ -128,7 +122,7 @@ def tiles(values: np.ndarray) -> np.ndarray:
     ("name", "depth", "sampling"), [("studio", 2, "center"), ("gloss", 8, "area"), ("both", 4, "area")]
 )
 def test_tracer_and_twin_agree_on_each_pixel_without_noise_and_on_each_tile_with_it(
-    compiled, scenes, name, depth, sampling, spotted
+    scenes, name, depth, sampling, spotted
 ):
     scene = both(scenes, spotted) if name == "both" else read_scene(scenes / name)
     scene = scene.with_camera(scene.camera.resized(64, 48))

@@ -27,7 +27,7 @@ def mean_of(scene: Scene, rung: str = "sky", **options) -> Shown:
 
 
 @pytest.mark.parametrize("name", [*CLOSED][::2])
-def test_the_light_is_what_the_closed_form_says(compiled, name):
+def test_the_light_is_what_the_closed_form_says(name):
     """Every second one; `speed` tries all."""
     row = CLOSED[name]
     found = mean_of(row.scene, "sky" if row.depth == 2 else "path", max_depth=row.depth)
@@ -35,7 +35,7 @@ def test_the_light_is_what_the_closed_form_says(compiled, name):
     assert agrees(found, row.expected, row.bias)
 
 
-def test_no_light_leaks_through_a_wall_of_the_floors_own_material(compiled):
+def test_no_light_leaks_through_a_wall_of_the_floors_own_material():
     """At 0.08 of its height beside it: (1 + d/√(d² + H²)) / 4 = 0.270. The merged rectangles of `load_dict`'s default
     give 0.401 (Mitsuba 3.9)."""
     row = beside_wall(0.08)
@@ -62,7 +62,7 @@ def test_the_formulas_give_the_written_numbers():
 
 
 @pytest.mark.parametrize("depth", [2, 64])
-def test_a_white_scene_in_a_white_sky_is_never_brighter_than_it_and_as_bright_in_the_end(compiled, depth):
+def test_a_white_scene_in_a_white_sky_is_never_brighter_than_it_and_as_bright_in_the_end(depth):
     """Every path that escapes brings Ls. Of 62 bounces between ball and floor next to nothing is left."""
     floor = Rectangle((0, 0, 0), (5, 0, 0), (0, 5, 0), grey(1))
     things = Sphere((0, 0, 1), 1.0, grey(1)), Sphere((1.5, 1, 0.5), 0.5, grey(1)), floor
@@ -72,7 +72,7 @@ def test_a_white_scene_in_a_white_sky_is_never_brighter_than_it_and_as_bright_in
     assert agrees(found, 0.7, 1e-5) if depth == 64 else found.mean < 0.69
 
 
-def test_one_white_body_in_a_white_sky_is_lost_in_it(compiled):
+def test_one_white_body_in_a_white_sky_is_lost_in_it():
     """a Ls everywhere, without noise but for Mitsuba's own choice of where to look for the sky."""
     camera = view_of((0, 0, 0), (0, -3, 1), 2.0, 24)
     scene = scene_of("one", camera, (Sphere((0, 0, 0), 0.9, grey(1)),), (Sky((0.7, 0.7, 0.7)),))
