@@ -34,38 +34,19 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(7)
 
 
-@pytest.fixture
-def directions(rng) -> np.ndarray:
-    d = rng.normal(size=(300, 3))
-    return d / np.linalg.norm(d, axis=1, keepdims=True)
-
-
-# ---------------------------------------------------------------------------------------------- maps
-
-
-def emitter_of(environment: Environment):
-    import mitsuba as mi
-
-    return mi.load_dict(_envmap(environment))
-
-
-def test_mitsubas_map_and_the_tracers_show_the_same_everywhere(compiled, spotted, directions):
+def test_mitsubas_map_and_its_open_sky_are_the_tracers(spotted, rng):
+    """The emitter's radiance; and three moments of it beside nine harmonics, whose constants have six digits."""
     import drjit as dr
     import mitsuba as mi
 
-    expected = np.stack(environment_map(spotted).radiance(tuple(directions.T)), axis=1)
-    si = dr.zeros(mi.SurfaceInteraction3f, 300)
-    si.wi = -mi.Vector3f(np.ascontiguousarray(directions.T, np.float32))
-    np.testing.assert_allclose(emitter_of(spotted).eval(si).numpy().T, expected, rtol=0, atol=1e-5)
-
-
-def test_the_twins_open_sky_is_the_tracers(compiled, spotted, directions):
-    """Three moments of Mitsuba's emitter beside nine harmonics of the map: Ramamoorthi's constants have six digits."""
-    import mitsuba as mi
-
-    expected = np.stack(environment_map(spotted).diffuse_irradiance(tuple(directions.T)), axis=1)
-    found = open_sky(emitter_of(spotted))(mi.Vector3f(np.ascontiguousarray(directions.T, np.float32)))
-    np.testing.assert_allclose(found.numpy().T, expected, rtol=0, atol=2e-5)
+    directions = rng.normal(size=(300, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    emitter, si = mi.load_dict(_envmap(spotted)), dr.zeros(mi.SurfaceInteraction3f, 300)
+    n = mi.Vector3f(np.ascontiguousarray(directions.T, np.float32))
+    si.wi, around = -n, environment_map(spotted)
+    seen, light = (np.stack(f(tuple(directions.T)), axis=1) for f in (around.radiance, around.diffuse_irradiance))
+    np.testing.assert_allclose(emitter.eval(si).numpy().T, seen, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(open_sky(emitter)(n).numpy().T, light, rtol=0, atol=2e-5)
 
 
 def test_the_map_of_the_scene_studio_is_its_formula_and_its_harmonics_have_the_closed_form_of_the_comment(scenes):
@@ -83,11 +64,8 @@ def test_the_map_of_the_scene_studio_is_its_formula_and_its_harmonics_have_the_c
         np.testing.assert_allclose(environment_map(found).diffuse_irradiance(tuple(n.tolist())), expected, rtol=2e-3)
 
 
-# ---------------------------------------------------------------------------------------------- highlights
-
-
 @pytest.mark.parametrize(("exponent", "cosine"), [(1.0, 0.2), (7.5, 1.0), (40.0, 0.6)])
-def test_mitsubas_phong_is_the_formula_and_its_samples_weigh_pi_f(compiled, exponent, cosine):
+def test_mitsubas_phong_is_the_formula_and_its_samples_weigh_pi_f(exponent, cosine):
     """eval is f cos, pdf is cos/π, and a sample's weight is their ratio: directions come with the cosine's density."""
     import drjit as dr
     import mitsuba as mi
@@ -110,11 +88,8 @@ def test_mitsubas_phong_is_the_formula_and_its_samples_weigh_pi_f(compiled, expo
     assert not np.array(below).any()
 
 
-# ---------------------------------------------------------------------------------------------- beside the tracer
-
-
 @pytest.mark.parametrize("exponent", [300.0, 5000.0])
-def test_a_sharp_highlight_is_its_formula_in_the_twin_and_passes_beside_it(compiled, exponent):
+def test_a_sharp_highlight_is_its_formula_in_the_twin_and_passes_beside_it(exponent):
     """A power of r·v in float32 is off by 6e-5 of the peak at 300 and by 4e-4 at 5000: Mitsuba's local frame rounds r·v
     to 1e-8. `settle` grants more, and less than a highlight that is wider by 2 %."""
     scene, expected = glare(exponent)
@@ -128,38 +103,34 @@ def test_a_sharp_highlight_is_its_formula_in_the_twin_and_passes_beside_it(compi
         assert compare(mine, found).verdict == verdict
 
 
+def both(scenes, lit: Environment) -> Scene:
+    """Balls that shine on a ground too large for Mitsuba, under a map."""
+    scene = read_scene(scenes / "weekend")
+    objects = tuple(
+        msgspec.structs.replace(thing, albedo=Phong((0.4, 0.3, 0.2), (0.3, 0.4, 0.2), 5.0 + 3 * i))
+        for i, thing in enumerate(scene.objects)
+    )
+    return changed(scene, objects=objects, lights=(scene.sun, lit))
+
+
 def tiles(values: np.ndarray) -> np.ndarray:
     h, w, _ = values.shape
     return values.reshape(8, h // 8, 8, w // 8, 3).sum(axis=(1, 3), dtype=float)
 
 
-def scene_of(scenes, name: str, lit: Environment) -> Scene:
-    """`both`: balls that shine on a ground too large for Mitsuba, under a map."""
-    scene = read_scene(scenes / (name if name != "both" else "weekend"))
-    if name == "both":
-        objects = tuple(
-            msgspec.structs.replace(thing, albedo=Phong((0.4, 0.3, 0.2), (0.3, 0.4, 0.2), 5.0 + 3 * i))
-            for i, thing in enumerate(scene.objects)
-        )
-        scene = changed(scene, objects=objects, lights=(scene.sun, lit))
-    return scene.with_camera(scene.camera.resized(64, 48))
-
-
-@pytest.mark.parametrize("name", ["studio", "gloss", "both"])
-def test_tracer_and_twin_agree_without_noise_on_the_rungs_of_a_formula(compiled, scenes, name, spotted):
-    scene = scene_of(scenes, name, spotted)
-    for rung in ("lambert", "shadow"):
-        mine, other = (make(scene, rung).mean for make in (fast.trace, lambda s, r: render(s, r, cache=False)))
-        scale = np.quantile(other, 0.99)
-        assert np.quantile(abs(mine - other), 0.999) < 1.5e-5 * scale
-        assert abs(mine - other).max() < 3e-4 * scale
-
-
 @pytest.mark.parametrize(
     ("name", "depth", "sampling"), [("studio", 2, "center"), ("gloss", 8, "area"), ("both", 4, "area")]
 )
-def test_tracer_and_twin_see_the_same_light_in_every_tile(scenes, name, depth, sampling, spotted):
-    scene = scene_of(scenes, name, spotted)
+def test_tracer_and_twin_agree_on_each_pixel_without_noise_and_on_each_tile_with_it(
+    scenes, name, depth, sampling, spotted
+):
+    scene = both(scenes, spotted) if name == "both" else read_scene(scenes / name)
+    scene = scene.with_camera(scene.camera.resized(64, 48))
+    for rung in ("lambert", "shadow"):
+        mine, other = fast.trace(scene, rung).mean, render(scene, rung, cache=False).mean
+        scale = np.quantile(other, 0.99)
+        assert np.quantile(abs(mine - other), 0.999) < 1.5e-5 * scale
+        assert abs(mine - other).max() < 3e-4 * scale
     mine = fast.walk(scene, "path", "drjit32", sampling=sampling, samples=512, seed=4, depth=depth, surface=False)
     other = render(scene, "path", sampling=sampling, samples=256, seed=6, max_depth=depth, cache=False)
     error = np.sqrt(tiles(mine.variance) + tiles(other.variance)) + 1e-5 * tiles(other.mean)

@@ -16,9 +16,9 @@ from raytwin.images.image import Image, Surface
 from raytwin.safe_write import replacing
 
 LIMIT = 2 << 30
-"""Bytes: beyond these the renders that were used longest ago are deleted."""
+"""Bytes of all stored renders: beyond these, those used longest ago are deleted."""
 WORTH_KEEPING = 1.0
-"""Seconds: a render that took less is not stored, since reading it back would save nothing."""
+"""Seconds that a render must have taken to be stored: reading a quicker one back would save nothing."""
 PARTS = "mean", "variance", "third", "samples", "batches"
 """Fields of an Image that are stored beside its surface."""
 
@@ -40,29 +40,24 @@ def load(path: Path) -> Image | None:
     try:
         if not path.is_file():  # reading a pipe would never end
             return None
-        with (
-            path.open("rb") as file,
-            np.load(file, allow_pickle=False) as stored,
-        ):  # the archive has a checksum of each array
-            found = {name: stored[name] for name in PARTS if name in stored}
-            surface = Surface(stored["ids"], stored["depth"], stored["normal"])
-    except Exception:  # encrypted, cut off, of an unknown compression, no array, ...: each has an error of its own
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:  # with a checksum of each array
+            parts: dict[str, Any] = {name: part if part.ndim else int(part) for name, part in stored.items()}
+        image = Image(surface=Surface(parts.pop("ids"), parts.pop("depth"), parts.pop("normal")), **parts)
+    except Exception:  # cut off, encrypted, of an unknown compression, no array, ...: each has an error of its own
         return None
     os.utime(path)
-    parts: dict[str, Any] = {name: part if part.ndim else int(part) for name, part in found.items()}
-    return Image(surface=surface, **parts)
+    return image
 
 
 def store(path: Path, image: Image) -> None:
-    """Store the image; a cache that cannot be written is no error."""
+    """Store the image, and delete the renders used longest ago; a cache that cannot be written is no error."""
     assert image.surface is not None  # the twin always has one
     known = {name: part for name in PARTS if (part := getattr(image, name)) is not None}
     with contextlib.suppress(InputError, OSError):
         with replacing(path) as temporary:
             np.savez(temporary, allow_pickle=False, **known, **vars(image.surface))
-        stored = [(f.stat().st_mtime, f.stat().st_size, f) for f in path.parent.glob("[!.]*.npz")]
         total = 0
-        for _, size, file in sorted(stored, reverse=True):
-            total += size
+        for file in sorted(path.parent.glob("[!.]*.npz"), key=lambda file: file.stat().st_mtime, reverse=True):
+            total += file.stat().st_size
             if total > LIMIT:
                 file.unlink(missing_ok=True)

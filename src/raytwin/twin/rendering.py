@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Mapping
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -63,61 +62,48 @@ def render(
 
     Raises InputError (camera.dist where the distortion cannot be undone, samples, textures, ...) and MachineError.
     """
-    plan = _plan(scene, rung, sampling, samples, seed, batches, max_depth)
-    to_camera_frame(scene, "twin")  # for its checks
+    plan = Plan(rung, sampling, samples, seed, batches, max_depth).settled(scene)
     textures = check_textures(scene, textures)
     about = _about(scene, plan, textures, activate(variant).variant)
     return render_cache.cached(about, cache, lambda: _rendered(scene, textures, plan, progress))
 
 
-def provenance(
-    scene: Scene,
-    rung: str = "shadow",
-    *,
-    textures: Mapping[int, np.ndarray] | None = None,
-    variant: str | None = None,
-    **options: Any,
-) -> dict[str, str]:
+def provenance(scene: Scene, rung: str, sampling: str, samples: int, seed: int) -> dict[str, str]:
     """Everything that decides the pixels of `render` with the same arguments, as text: for an EXR's header."""
-    return _about(scene, _plan(scene, rung, **options), check_textures(scene, textures), activate(variant).variant)
+    return _about(scene, Plan(rung, sampling, samples, seed).settled(scene), {}, activate().variant)
 
 
 class Plan(msgspec.Struct, frozen=True):
-    """`render`'s arguments, checked and with their defaults filled in."""
+    """`render`'s arguments of these names."""
 
     rung: str
     sampling: str
     samples: int
     seed: int
-    batches: int
-    depth: int | None
+    batches: int | None = None
+    depth: int | None = None
 
-
-def _plan(
-    scene: Scene,
-    rung: str,
-    sampling: str = "center",
-    samples: int = 16,
-    seed: int = 0,
-    batches: int | None = None,
-    max_depth: int | None = None,
-) -> Plan:
-    check_one_of("rung", rung, RUNGS)
-    check_one_of("sampling", sampling, SAMPLINGS)
-    check_lens(scene.camera)
-    if not 1 <= samples <= MOST_SAMPLES:
-        raise InputError("samples", f"a whole number from 1 to {MOST_SAMPLES}", samples)
-    if seed < 0:
-        raise InputError("seed", "a whole number, at least 0", seed)
-    if not 1 <= (batches or 1) <= samples or batches == 0:
-        raise InputError("batches", f"a whole number from 1 to samples ({samples})", batches)
-    if max_depth is not None and max_depth < 2:
-        raise InputError("max_depth", "at least 2 (light, surface, eye)", max_depth)
-    if not RUNGS[rung].sampled(sampling):
-        return Plan(rung, sampling, 1, 0, 1, None)
-    each = -(-samples // (batches or min(samples, BATCHES)))
-    batches = batches or -(-samples // each)
-    return Plan(rung, sampling, each * batches, seed, batches, RUNGS[rung].depth and (max_depth or RUNGS[rung].depth))
+    def settled(self, scene: Scene) -> "Plan":
+        """Return it checked, and with its defaults filled in."""
+        check_one_of("rung", self.rung, RUNGS)
+        check_one_of("sampling", self.sampling, SAMPLINGS)
+        check_lens(scene.camera)
+        to_camera_frame(scene, "twin")  # for its checks
+        if not 1 <= self.samples <= MOST_SAMPLES:
+            raise InputError("samples", f"a whole number from 1 to {MOST_SAMPLES}", self.samples)
+        if self.seed < 0:
+            raise InputError("seed", "a whole number, at least 0", self.seed)
+        if self.batches is not None and not 1 <= self.batches <= self.samples:
+            raise InputError("batches", f"a whole number from 1 to samples ({self.samples})", self.batches)
+        if self.depth is not None and self.depth < 2:
+            raise InputError("max_depth", "at least 2 (light, surface, eye)", self.depth)
+        rung = RUNGS[self.rung]
+        if not rung.sampled(self.sampling):
+            return Plan(self.rung, self.sampling, samples=1, seed=0, batches=1)
+        each = -(-self.samples // (self.batches or min(self.samples, BATCHES)))
+        batches = self.batches or -(-self.samples // each)
+        depth = rung.depth and (self.depth or rung.depth)
+        return Plan(self.rung, self.sampling, each * batches, self.seed, batches, depth)
 
 
 def _about(scene: Scene, plan: Plan, textures: Mapping[int, np.ndarray], variant: str | None) -> dict[str, str]:

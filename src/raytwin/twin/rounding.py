@@ -103,7 +103,7 @@ def _taken(
     shade = (np.abs(test.mean - reference.mean)[asked] <= bound).all(axis=-1)
     shade &= ~apart | (spread.max(axis=-1) > LEAST_CHANGE * max(scene.sun.irradiance))
     near = np.abs(own.depth - seen.depth)[asked] <= off + np.ptp(far, axis=0)
-    near &= (np.abs(own.normal - seen.normal)[asked] <= turn).all(axis=-1)
+    near &= np.linalg.norm((own.normal - seen.normal)[asked], axis=1) <= np.linalg.norm(turn, axis=1) + ROUNDING
     lit, alike = np.zeros((2, *asked.shape), bool)
     lit[asked], alike[asked] = np.where(other, found, shade), np.where(other, found, near)
     mean = np.where(lit[..., None], reference.mean, test.mean)
