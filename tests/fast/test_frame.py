@@ -126,17 +126,6 @@ def test_an_unknown_row_is_named_with_those_that_exist(single):
             trace(single, **{field: "nonsense"})
 
 
-def test_objects_in_any_order_give_the_same_pixels(overlap, engine):
-    """Only the ids follow the order."""
-    small = overlap.with_camera(overlap.camera.resized(213, 160))
-    order = [2, 0, 1, 3]
-    assert len(small.objects) == len(order)
-    mixed = changed(small, objects=tuple(small.objects[i] for i in order))
-    a, b = trace(small, "shadow", engine), trace(mixed, "shadow", engine)
-    np.testing.assert_array_equal(a.mean, b.mean)
-    np.testing.assert_array_equal(a.surface.ids, np.array([*order, -1])[b.surface.ids])
-
-
 def test_an_engine_that_the_machine_lacks_is_refused(single, packages):
     if "llvm" not in packages or "cuda" in packages:
         pytest.skip("for a machine with Dr.Jit but without CUDA")

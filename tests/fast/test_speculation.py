@@ -69,22 +69,6 @@ def test_the_closed_form_bounds_the_error_of_interpolation():
     assert 0.2 * bound < worst < bound
 
 
-def test_the_papers_guess_errs_at_edges_where_the_careful_one_does_not():
-    scene = sphere_scene()
-    truth = trace(scene, "lambert").mean
-    paper, _ = speculate(scene, 8, "lambert", engine="numpy64", way="paper")
-    careful, _ = speculate(scene, 8, "lambert", engine="numpy64")
-    assert np.abs(paper - truth).max() > 0.1
-    assert np.abs(careful - truth).max() <= TOLERANCE
-
-
-def test_a_step_of_one_traces_everything(scenes):
-    scene = read_scene(scenes / "single")
-    guess, share = speculate(scene, 1, "shadow", engine="numpy64")
-    assert share == 1
-    np.testing.assert_allclose(guess, trace(scene).mean, atol=1e-6)
-
-
 @pytest.mark.parametrize("width", range(32, 41))
 def test_frames_of_every_size_are_filled_to_their_last_row_and_column(scenes, width):
     # A frame full of a table: a pixel left out would show the sky.
@@ -108,8 +92,3 @@ def test_a_block_is_guessed_where_a_quarter_of_its_corners_second_differences_is
         shape = along.shape[:2]
         found = doubtful(along.astype("f"), ids.reshape(shape), light.reshape(shape), tolerance)
         assert (found[1:-1, 1:-1] == doubted).all()
-
-
-def test_a_guess_is_held_to_5e_4_unless_asked_otherwise(single):
-    shares = [speculate(single, 4, "lambert", **asked)[1] for asked in ({}, {"tolerance": 5e-4}, {"tolerance": 6e-4})]
-    assert shares[0] == shares[1] > shares[2]

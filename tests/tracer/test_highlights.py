@@ -5,7 +5,7 @@ from math import pi
 import numpy as np
 import pytest
 from engines import plain_paths
-from scene_of import changed, scene_of
+from scene_of import scene_of
 from scipy import integrate
 from truths import camera_above, glare
 
@@ -92,12 +92,3 @@ def test_every_engine_follows_the_plain_tracers_paths_from_highlight_to_highligh
     found, plain = fast.walk(scene, "path", engine, samples=3, depth=4), plain_paths(scene, 4, 3)
     close = 1e-6 if ENGINES[engine].bits == 64 else 2e-4
     assert np.quantile(abs(found.mean - plain.mean), 0.99) < close * plain.mean.max()
-
-
-def test_parts_of_the_light_on_highlights_under_a_map_add_up_to_the_whole(scenes):
-    shiny, lit = (read_scene(scenes / name) for name in ("gloss", "studio"))
-    scene = changed(shiny, lights=(shiny.sun, lit.environment))
-    scene = scene.with_camera(scene.camera.resized(32, 24))
-    parts = fast.light_parts(scene, "numpy32", samples=4, seed=3)
-    whole = fast.walk(scene, "path", "numpy32", samples=4, seed=3)
-    np.testing.assert_allclose(sum(part.mean for part in parts.values()), whole.mean, rtol=0, atol=1e-5)
