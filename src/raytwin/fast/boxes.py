@@ -21,7 +21,8 @@ Box = tuple[int, int, int, int]
 """x0, y0, x1, y1 in pixels: x0 <= u < x1 and y0 <= v < y1."""
 
 EMPTY: Box = (0, 0, 0, 0)
-SIDE = np.linspace(0.0, 1.0, 65)
+PLACES_ON_SIDE = np.linspace(0.0, 1.0, 65)
+"""Places on a side of an object's rectangle that are distorted, as shares of the side."""
 
 
 def trim_boxes(things: Sequence[Shape], camera: Camera) -> Int[np.ndarray, "n 4"]:
@@ -42,7 +43,7 @@ def trim_boxes(things: Sequence[Shape], camera: Camera) -> Int[np.ndarray, "n 4"
     empty |= (low > high).any(axis=1)
     low, high = np.where(empty[:, None], near, low), np.where(empty[:, None], far, high)
     (ax, ay), (bx, by) = low.T[..., None], high.T[..., None]
-    along = SIDE if any(camera.dist) else SIDE[[0, -1]]  # without a lens the sides stay straight
+    along = PLACES_ON_SIDE if any(camera.dist) else PLACES_ON_SIDE[[0, -1]]  # without a lens the sides stay straight
     xs, ys = ax + (bx - ax) * along, ay + (by - ay) * along
     x = np.stack([xs, xs, ax + 0 * ys, bx + 0 * ys], axis=1)  # (n, sides, places)
     y = np.stack([ay + 0 * xs, by + 0 * xs, ys, ys], axis=1)
@@ -65,7 +66,7 @@ def field_of_view(camera: Camera) -> Float[np.ndarray, "2 2"] | None:
     low, high = seen.ideal.min(axis=0), seen.ideal.max(axis=0)
     low, high = low - 0.01 * (high - low), high + 0.01 * (high - low)
     # What lies between the sides of a rectangle comes out between its bent sides if nothing folds within.
-    x, y = np.linspace(low, high, len(SIDE)).T
+    x, y = np.linspace(low, high, len(PLACES_ON_SIDE)).T
     folds = determinant(x, y[:, None], camera.coefficients).min() < LEAST_DETERMINANT
     return None if folds else np.array([low, high])
 
