@@ -5,8 +5,6 @@ from itertools import product
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
 from scene_of import changed, scene_of
 
 from raytwin.fast import trace
@@ -37,14 +35,6 @@ def test_a_careful_guess_keeps_its_promise_on_every_scene(scenes, name, n, rung)
     guess, share = speculate(scene, n, rung, tolerance=TOLERANCE)
     assert np.quantile(np.abs(guess - truth), 0.999) <= TOLERANCE
     assert share < 1
-
-
-@given(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(0.01, 0.06), st.sampled_from([2, 4, 8, 16]))
-def test_every_pixel_of_a_lone_sphere_wider_than_the_lattice_is_within_the_tolerance(x, y, radius, n):
-    assume(radius * 200 / 0.45 > n)  # its radius, pixels: whatever its place, it meets a lattice point
-    scene = sphere_scene(x, y, radius, size=(160, 120))
-    guess, _ = speculate(scene, n, "lambert", engine="numpy64", tolerance=TOLERANCE)
-    assert np.abs(guess - trace(scene, "lambert").mean).max() <= TOLERANCE
 
 
 def test_the_closed_form_bounds_the_error_of_interpolation():

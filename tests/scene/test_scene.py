@@ -44,12 +44,6 @@ def test_a_sun_made_again_keeps_its_last_bits(v):
     assert msgspec.json.decode(msgspec.json.encode(sun), type=Sun) == sun
 
 
-def test_a_rectangles_normal_is_perpendicular_and_follows_the_right_hand():
-    flat = Rectangle((1.0, 2.0, 3.0), (2.0, 0.0, 0.0), (0.0, 0.3, 0.4))
-    assert flat.normal == pytest.approx((0, -0.8, 0.6))
-    assert math.hypot(*flat.normal) == pytest.approx(1, rel=1e-15)
-
-
 A, B = Sphere((0.0,) * 3, 1.0), Sphere((1.0,) * 3, 1.0)
 LEAF = Rectangle((0.0,) * 3, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 

@@ -65,15 +65,6 @@ def test_each_surface_takes_its_own_colour_of_the_light():
     assert_mean(found.mean, [SKY[0] * in_red, SKY[1] * in_wedge(90, 0.4, 0.4, inf), SKY[2] * in_blue])
 
 
-def test_what_lies_past_every_object_is_the_sky_and_paths_of_one_seed_are_the_same():
-    scene = changed(corner(), objects=())
-    np.testing.assert_array_equal(plain_paths(scene, samples=3).mean, np.broadcast_to(SKY, (16, 16, 3)))
-    first, again, other = (plain_paths(corner(), 3, samples=2, seed=seed).mean for seed in (0, 0, 1))
-    np.testing.assert_array_equal(first, again)
-    np.testing.assert_array_equal(first, plain_paths(corner(), 3, samples=2).mean)
-    assert (first != other).any(axis=-1).mean() > 0.3
-
-
 def test_directions_about_a_normal_are_those_about_the_z_axis_turned():
     """(√a cos 2πb, √a sin 2πb, √(1 - a)): n·ω is the last, lengths, angles and handedness stay."""
     a, b = np.random.default_rng(2).uniform(size=(2, 50))
