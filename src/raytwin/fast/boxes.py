@@ -80,7 +80,7 @@ def _extents(things: Sequence[Shape], camera: Camera) -> tuple[np.ndarray, np.nd
     for k, along in enumerate((x, y)):
         low[balls, k], high[balls, k] = _tangents(along, z, radius)
     for i in np.flatnonzero(~balls).tolist():
-        x, y, z = _corners(things[i], camera)
+        x, y, z = _in_camera(things[i].center + things[i].corners(), camera)
         if z.max() > 0:
             before = z.min() > 1e-9 * abs(z).max()
             slopes = np.array([x, y]) / z if before else np.array([[-inf, inf]] * 2)
@@ -100,11 +100,6 @@ def _tangents(a: np.ndarray, z: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, 
     return np.where(behind, np.inf, start), np.where(behind, -np.inf, end)
 
 
-def _corners(thing: Shape, camera: Camera) -> np.ndarray:
-    """(3, n): in the camera's frame."""
-    return _in_camera(np.array(thing.center) + thing.corners(), camera)
-
-
 def _in_camera(points: np.ndarray, camera: Camera) -> np.ndarray:
     return np.asarray(np.asarray(camera.R_cam_board) @ points.T + np.asarray(camera.t_cam_board)[:, None])
 
@@ -116,7 +111,7 @@ def corner_box(thing: Shape, camera: Camera) -> Box:
     (it is projected through the eye, to the wrong side) or where distortion bends the outline past the corners.
     """
     with np.errstate(all="ignore"):
-        x, y, z = _corners(thing, camera)
+        x, y, z = _in_camera(thing.center + thing.corners(), camera)
         u, v = _to_pixels(x / z, y / z, camera)
     if not np.isfinite(u + v).all():
         return (0, 0, camera.width, camera.height)
