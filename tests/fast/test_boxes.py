@@ -1,54 +1,19 @@
 """Trim boxes: never a visible pixel outside, and not much else inside."""
 
 import math
-from itertools import cycle
 
-import cv2
 import msgspec
 import numpy as np
-import pytest
-from engines import SHIPPED, TRIED
-from hypothesis import assume, example, given, reject, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scene_of import cameras, reals, vectors
 
-from raytwin.fast import trace, trim_boxes
-from raytwin.fast.boxes import EMPTY, _tangents, corner_box, field_of_view
+from raytwin.fast import trim_boxes
+from raytwin.fast.boxes import EMPTY, corner_box, field_of_view
 from raytwin.fast.frame import touching
 from raytwin.scene import Camera, Rectangle, Shape, Sphere
-from raytwin.scene.lens import undone
-from raytwin.scene.scene_files import read_scene
 from raytwin.tracer import back_project, intersect_rectangle, intersect_sphere
 from raytwin.tracer.pixel_to_ray import to_board
-
-SIZES = [(64, 48), (97, 31), (40, 90)]
-
-
-def reals(low: float, high: float) -> st.SearchStrategy[float]:
-    return st.floats(low, high, allow_subnormal=False)
-
-
-def vectors(low: float, high: float) -> st.SearchStrategy[tuple[float, float, float]]:
-    return st.tuples(*[reals(low, high)] * 3)
-
-
-@st.composite
-def cameras(draw, distorted: bool) -> Camera:
-    """Small images, wide and narrow lenses, any place and turn; half of the lenses distort where that is asked for."""
-    w, h = draw(st.sampled_from(SIZES))
-    f = draw(reals(0.3, 3)) * w
-    K = (
-        (f, 0.0, draw(reals(0.3, 0.7)) * w),
-        (0.0, f * draw(reals(0.8, 1.25)), draw(reals(0.3, 0.7)) * h),
-        (0.0, 0.0, 1.0),
-    )
-    R = cv2.Rodrigues(np.array(draw(vectors(-3, 3))))[0]
-    dist = ()
-    if distorted:
-        dist = tuple(draw(reals(-b, b)) for b in (0.35, 0.1, 0.02, 0.02, 0.05))
-    camera = Camera((w, h), K, tuple(map(tuple, R.tolist())), draw(vectors(-1, 1)), dist)
-    if undone(camera.K, camera.dist, camera.image_size).fault:  # it folds over within the frame
-        reject()
-    return camera
 
 
 def trim_box(thing: Shape, camera: Camera) -> tuple[int, ...]:
@@ -120,29 +85,6 @@ def test_a_pinholes_box_is_tight(camera, right, down, share):
     assert (y1 - 1) - rows[-1] < 2
 
 
-@settings(max_examples=300, deadline=None)
-@given(reals(-3, 3), reals(-3, 3), reals(0.01, 2))
-@example(0.0, -1.0, 0.999)
-@example(0.0, -1.0, 1.001)
-@example(1.0, 0.0, 0.5)
-@example(-1.0, -0.1, 0.5)
-def test_the_tangents_bound_the_slopes_of_all_rays_that_meet_the_circle(a, z, r):
-    assume(abs(math.hypot(a, z) - r) > 1e-3)
-    angle = np.linspace(-np.pi / 2, np.pi / 2, 20_001)[1:-1]
-    d = np.stack([np.sin(angle), np.cos(angle)])
-    along = d[0] * a + d[1] * z
-    off = np.abs(d[0] * z - d[1] * a)
-    met = (off < r) & ((along > 0) | (math.hypot(a, z) < r))
-    found = [float(s) for s in _tangents(*(np.array(c) for c in (a, z, r)))]
-    if not met.any():
-        assert found == [math.inf, -math.inf] or math.atan(found[1]) - math.atan(found[0]) < 2 * np.pi / 20_000
-        return
-    low, high = (math.atan(s) for s in found)
-    step = np.pi / 20_000 * 1.01
-    assert low <= angle[met][0] <= low + step
-    assert high - step <= angle[met][-1] <= high
-
-
 def test_what_lies_behind_has_no_box_and_what_is_round_the_eye_or_past_a_fold_the_whole_frame(single):
     camera, (x, y, z) = single.camera, single.camera.eye
     whole, behind = (0, 0, *camera.image_size), (x, y, z + 1)
@@ -155,20 +97,6 @@ def test_what_lies_behind_has_no_box_and_what_is_round_the_eye_or_past_a_fold_th
         (single.spheres[0], folding, whole),
     ):
         assert trim_box(thing, seen_by) == box, thing
-
-
-@pytest.mark.parametrize("k1", [-0.08, -0.3])
-def test_what_a_frame_sees_of_a_lens_is_turned_with_the_frame(single, k1):
-    """Long and high: a lens that folds beyond the long side alone leaves boxes, one that folds within it none."""
-    fields = []
-    for w, h in ((200, 60), (60, 200)):
-        K = ((80.0, 0.0, (w - 1) / 2), (0.0, 80.0, (h - 1) / 2), (0.0, 0.0, 1.0))
-        fields.append(field_of_view(Camera((w, h), K, single.camera.R_cam_board, single.camera.t_cam_board, (k1,))))
-    if k1 == -0.3:
-        assert fields == [None, None]
-    else:
-        np.testing.assert_allclose(fields[1], fields[0][:, ::-1], rtol=1e-9)
-        assert fields[0][1, 0] > 100 / 80
 
 
 def test_the_papers_box_is_that_of_the_projected_corners_and_the_frame_where_one_has_no_pixel(single):
@@ -196,13 +124,3 @@ def test_a_tile_lists_the_objects_whose_boxes_share_a_pixel_with_it_in_their_ord
         inside[box[1] : box[3], box[0] : box[2]] = True
         shared = [i for i, (x0, y0, x1, y1) in enumerate(boxes) if inside[y0:y1, x0:x1].any()]
         assert touching(boxes, box).tolist() == shared
-
-
-@pytest.mark.parametrize(("name", "engine"), [*zip(SHIPPED, cycle(TRIED))], indirect=["engine"])
-def test_trimming_changes_not_one_bit(scenes, name, engine):
-    scene = read_scene(scenes / name)
-    small = scene.with_camera(scene.camera.resized(213, 160))
-    trimmed, full = trace(small, "shadow", engine, trim="conic"), trace(small, "shadow", engine, trim="none")
-    np.testing.assert_array_equal(trimmed.mean, full.mean)
-    for layer in ("ids", "depth", "normal"):
-        np.testing.assert_array_equal(getattr(trimmed.surface, layer), getattr(full.surface, layer))

@@ -11,30 +11,23 @@ import msgspec
 import numpy as np
 import pytest
 from closed_forms import CLOSED
-from engines import SHIPPED, TRIED, plain_paths, to_numpy
+from engines import TRIED, to_numpy
 from scene_of import changed, scene_of
 from truths import (
-    BLACK,
     WHITE,
     Shown,
     agrees,
-    by_chance,
     grey,
     shown,
     view_of,
 )
 
 from raytwin import fast as fast_package
-from raytwin import twin
 from raytwin.fast import ENGINES, frame
 from raytwin.fast.engine import from_numpy
-from raytwin.fast.sampling import BATCHES, sobol_pair
-from raytwin.images.image import Image
+from raytwin.fast.sampling import sobol_pair
 from raytwin.scene import Phong, Rectangle, Scene, Sky, Sphere, Sun
-from raytwin.scene.scene_files import read_scene
 
-EVERY = "single", "overlap", "distorted", "grazing", "wedge", "ball", "eclipse", "weekend"
-"""The scenes whose camera is written down."""
 MANY = {"drjit32": 1 << 20, "numpy32": 1 << 13}
 
 
@@ -79,34 +72,6 @@ def test_a_batchs_first_places_have_one_in_each_cell_of_their_area_whatever_its_
         np.testing.assert_array_equal(cells, 1, err_msg=f"bounce {bounce}, {1 << k} columns")
 
 
-def test_the_mean_of_a_smooth_integrand_errs_by_far_less_than_by_chance():
-    """x y² over 256 places, by chance of variance 7/180/256 = 1.5e-4; and at 4096 places, where a lattice stalls."""
-    for places_, most in ((256, 1e-7), (4096, 1e-10)):
-        pixel, place = (a.ravel() for a in np.mgrid[:16, :places_])
-        a, b = sobol_pair(np.zeros(place.shape), pixel, 0, place, 3, 1)
-        assert np.square((a * b * b).reshape(16, -1).mean(axis=1) - 1 / 6).mean() < most
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize(
-    ("name", "engine"),
-    [(name, TRIED[k % len(TRIED)]) for i, name in enumerate(SHIPPED) for k in (i, ~i)],
-    indirect=["engine"],
-)
-def test_every_engine_follows_the_plain_tracers_paths(scenes, name, engine):
-    """The same numbers, the same paths; float32's rounding sends one in a thousand elsewhere at an edge."""
-    scene = read_scene(scenes / name)
-    samples = (3, 18)[(SHIPPED.index(name) + TRIED.index(engine)) % 2]
-    small = scene.with_camera(scene.camera.resized(32, 24))
-    plain, fast = (
-        plain_paths(small, 4, samples, seed=9),
-        fast_package.walk(small, "path", engine, samples=samples, seed=9, depth=4),
-    )
-    off = np.abs(fast.mean - plain.mean).max(axis=-1)
-    assert off.max() <= 3e-7 * plain.mean.max() if ENGINES[engine].bits == 64 else (off > 1e-5).mean() < 0.01
-    assert (fast.samples, fast.batches) == (samples, min(samples, BATCHES))
-
-
 def test_tiles_of_any_size_give_the_same_image(overlap, engine, monkeypatch):
     side = (16, 40)[TRIED.index(engine) // 2 % 2]
     small = overlap.with_camera(overlap.camera.resized(60, 50))
@@ -146,38 +111,3 @@ def test_inside_a_white_sphere_light_is_followed_from_wall_to_wall(fast):
     shiny = msgspec.structs.replace(scene.objects[0], albedo=Phong((0.5,) * 3, (0.4,) * 3, 100.0))
     within = changed(scene, objects=(shiny,))  # a way's rounding errors must not grow by each bounce
     np.testing.assert_array_equal(fast_package.walk(within, "path", fast, samples=16, depth=100).mean, 0)
-
-
-def tiles(values: np.ndarray) -> np.ndarray:
-    return values.reshape(8, 9, 8, 12, 3).sum(axis=(1, 3), dtype=float)
-
-
-def apart(mine, other) -> np.ndarray:
-    """(8, 8, 3): by how many standard errors the tiles of two (mean, variance) differ, float32's rounding granted."""
-    error = np.sqrt(tiles(mine[1]) + tiles(other[1])) + 1e-6 * tiles(np.ones_like(other[0]))
-    return (tiles(mine[0]) - tiles(other[0])) / error
-
-
-def twin_to(scene: Scene, depth: int, seed: int) -> Image:
-    """Mitsuba's light to a depth; the eye alone sees what black objects leave of it."""
-    if depth == 1:
-        black = tuple(msgspec.structs.replace(thing, albedo=BLACK) for thing in scene.objects)
-        scene = changed(scene, objects=black)
-    return twin.render(scene, "path", sampling="area", samples=160, seed=seed, max_depth=max(depth, 2), cache=False)
-
-
-LIT = (*EVERY, "gloss", "studio")
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize(("name", "depth"), [*zip(LIT, itertools.cycle((1, 2, 3, 8)))])
-def test_the_twin_sees_the_same_light_in_every_tile(scenes, name, fast, depth):
-    """1.1 million samples each; a channel's 8 x 8 tiles by chance, so that a correct pair fails in 3 of 1000."""
-    scene = read_scene(scenes / name)
-    small = scene.with_camera(scene.camera.resized(96, 72))
-    mine = fast_package.walk(small, "path", fast, samples=160, seed=4, depth=depth)
-    other = twin_to(small, depth, 5)
-    z = apart((mine.mean, mine.variance), (other.mean, other.variance))
-    assert all(by_chance(z[..., channel]) for channel in range(3)), np.sort(np.abs(z).ravel())[-4:]
-    if depth == 1:
-        assert mine.mean[mine.surface.ids >= 0].min() == 0

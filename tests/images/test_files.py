@@ -113,7 +113,7 @@ WRONG = {
     "a negative sky": ("radiance = [0.1", "radiance = [-0.1", "sky.radiance[0]: expected a number >= 0, got -0.1"),
     "a sun without direction": ("[0.3, 0.0, 1.0]", "[0, 0, 0]", "sun.to_light: expected a direction, got the zero vector"),  # noqa: E501
     "a rotation without a map": ("radiance = [0.1", "rotation = 90.0\nradiance = [0.1", "sky.rotation: expected only where there is a map, got 90.0"),  # noqa: E501
-    "texels by hand": ("radiance = [0.1", "texels = 3\nradiance = [0.1", "sky.texels: expected a table, got 3"),
+    "texels by hand": ("radiance = [0.1", "texels = 3\nradiance = [0.1", "sky.texels is no known key."),
     "half-edges that lean": ("[0.0, 0.3, 0.0]", "[0.3, 0.3, 0.0]", "planes[0].half_v: expected a vector perpendicular to half_u, got 45 degrees"),  # noqa: E501
     "a half-edge of no length": ("[0.0, 0.3, 0.0]", "[0, 0, 0]", "planes[0].half_u: expected half_u and half_v longer than 0 m"),  # noqa: E501
     "a mirrored R": ("[[1, 0, 0], [0, -1, 0]", "[[1, 0, 0], [0, 1, 0]", "camera.R_cam_board: expected a rotation matrix, got a mirroring (determinant -1): negate an axis"),  # noqa: E501

@@ -121,20 +121,6 @@ def test_pixels_past_a_fold_and_those_within_a_cell_of_it_have_no_ray_and_a_warn
     check_lens(camera)
 
 
-def test_what_newtons_method_does_not_find_its_way_through_has_no_ray_either():
-    camera = camera_of(401.0, (101.0, 409.0), (0.853, -0.066, -0.01, -0.114, -0.089))
-    known = undone(camera.K, camera.dist, SIZE)
-    xd, yd = ((known.pixels[~known.found] - (101.0, 409.0)) / 401).T
-    share, least = march(xd, yd, camera.coefficients)
-    assert (share == 1).all()
-    assert (least > LEAST_DETERMINANT).all()
-    u, v = known.pixels[~known.found].T
-    with pytest.warns(Folds):
-        lost = without_ray(camera)
-    inside = (np.abs(u - 320) < 319) & (np.abs(v - 240) < 239)
-    assert lost[v[inside].round().astype(int), u[inside].round().astype(int)].mean() > 0.9
-
-
 @settings(max_examples=12, deadline=None)
 @given(cameras())
 def test_what_is_undone_comes_back_and_grows_all_along_the_line_to_it(camera):
@@ -150,63 +136,6 @@ def test_what_is_undone_comes_back_and_grows_all_along_the_line_to_it(camera):
     for part in (0.25, 0.5, 0.999):
         hx, hy, found = inverse(*distort(part * x, part * y, dist), dist)
         np.testing.assert_allclose((hx[found], hy[found]), (part * x[found], part * y[found]), rtol=1e-6, atol=1e-6)
-
-
-def march(xd, yd, dist, h=4e-3, most=3000):
-    """(share, least determinant) of each way, by another route: by arc length in the ideal plane, Runge and Kutta.
-
-    With A = adj J the curve dx/dτ = A q / |A q|, ds/dτ = det J / |A q| has distort(x) = s q; it walks through a fold
-    instead of stopping at it, so that s turns back there.
-    """
-
-    def slope(x, y):
-        k1, k2, p1, p2, k3 = dist
-        rr = x * x + y * y
-        g, dg = 1 + k1 * rr + k2 * rr**2 + k3 * rr**3, 2 * k1 + 4 * k2 * rr + 6 * k3 * rr**2
-        a = g + x * x * dg + 2 * p1 * y + 6 * p2 * x
-        b = x * y * dg + 2 * p1 * x + 2 * p2 * y
-        c = g + y * y * dg + 6 * p1 * y + 2 * p2 * x
-        wx, wy = c * xd - b * yd, a * yd - b * xd
-        n = np.hypot(wx, wy)
-        return wx / n, wy / n, (a * c - b * b) / n, a * c - b * b
-
-    x, y, s = np.zeros((3, len(xd)))
-    best, least, open_ = np.zeros(len(xd)), np.ones(len(xd)), np.ones(len(xd), bool)
-    for _ in range(most):
-        one = slope(x, y)
-        two = slope(x + h / 2 * one[0], y + h / 2 * one[1])
-        three = slope(x + h / 2 * two[0], y + h / 2 * two[1])
-        four = slope(x + h * three[0], y + h * three[1])
-        dx, dy, ds, _ = ((a + 2 * b + 2 * c + d) * h / 6 for a, b, c, d in zip(one, two, three, four, strict=True))
-        least = np.where(open_, np.minimum(least, one[3]), least)
-        open_ &= one[3] > 0
-        best = np.where(open_, s, best)
-        open_ &= s < 1
-        if not open_.any():
-            return np.minimum(best, 1), least
-        x, y, s = x + dx, y + dy, s + ds
-    return np.minimum(best, 1), least
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_a_march_by_another_route_ends_at_the_same_places(seed):
-    """Lenses from mild to absurd, in which alone Newton's method misses what the march reaches."""
-    rng = np.random.default_rng(seed)
-    for size in (0.05, 0.3, 1.0, 3.0):
-        dist = rng.uniform(-size, size, 5) * (1, 1, 0.1, 0.1, 1)
-        camera = camera_of(rng.uniform(200, 1500), (640 * rng.random(), 480 * rng.random()), dist.tolist())
-        known = undone(camera.K, camera.dist, SIZE)
-        some = np.linspace(0, len(known.found) - 1, 60).astype(int)
-        xd, yd = ((known.pixels[some] - (camera.cx, camera.cy)) / (camera.fx, camera.fy)).T
-        away = np.hypot(xd, yd) > 1e-3
-        with np.errstate(all="ignore"):
-            share, least = march(xd[away], yd[away], camera.coefficients)
-        found = known.found[some][away]
-        # Between 0 and LEAST_DETERMINANT, and within a step of either, both answers are correct.
-        assert (share[found] == 1).all()
-        assert not found[least < 0].any()
-        missed = ~found & (least > 3 * LEAST_DETERMINANT) & (share == 1)
-        assert size >= 1 or not missed.any()
 
 
 @pytest.mark.filterwarnings("ignore::raytwin.scene.lens.Folds")

@@ -1,4 +1,4 @@
-"""All that makes the subject fast, and changes no pixel of it: engines, boxes, lists, points, speculation, walks.
+"""What makes the subject fast and changes no pixel of it: engines, boxes, trees, speculation, path tracing.
 
 scene -> EyeScene (camera's frame, engine's floats) -> boxes -> plan (tiles and their lists) -> tracer -> canvas
 """

@@ -21,7 +21,8 @@ Box = tuple[int, int, int, int]
 """x0, y0, x1, y1 in pixels: x0 <= u < x1 and y0 <= v < y1."""
 
 EMPTY: Box = (0, 0, 0, 0)
-SIDE = np.linspace(0.0, 1.0, 65)
+PLACES_ON_SIDE = np.linspace(0.0, 1.0, 65)
+"""Places on a side of an object's rectangle that are distorted, as shares of the side."""
 
 
 def trim_boxes(things: Sequence[Shape], camera: Camera) -> Int[np.ndarray, "n 4"]:
@@ -42,7 +43,7 @@ def trim_boxes(things: Sequence[Shape], camera: Camera) -> Int[np.ndarray, "n 4"
     empty |= (low > high).any(axis=1)
     low, high = np.where(empty[:, None], near, low), np.where(empty[:, None], far, high)
     (ax, ay), (bx, by) = low.T[..., None], high.T[..., None]
-    along = SIDE if any(camera.dist) else SIDE[[0, -1]]  # without a lens the sides stay straight
+    along = PLACES_ON_SIDE if any(camera.dist) else PLACES_ON_SIDE[[0, -1]]  # without a lens the sides stay straight
     xs, ys = ax + (bx - ax) * along, ay + (by - ay) * along
     x = np.stack([xs, xs, ax + 0 * ys, bx + 0 * ys], axis=1)  # (n, sides, places)
     y = np.stack([ay + 0 * xs, by + 0 * xs, ys, ys], axis=1)
@@ -65,7 +66,7 @@ def field_of_view(camera: Camera) -> Float[np.ndarray, "2 2"] | None:
     low, high = seen.ideal.min(axis=0), seen.ideal.max(axis=0)
     low, high = low - 0.01 * (high - low), high + 0.01 * (high - low)
     # What lies between the sides of a rectangle comes out between its bent sides if nothing folds within.
-    x, y = np.linspace(low, high, len(SIDE)).T
+    x, y = np.linspace(low, high, len(PLACES_ON_SIDE)).T
     folds = determinant(x, y[:, None], camera.coefficients).min() < LEAST_DETERMINANT
     return None if folds else np.array([low, high])
 
@@ -79,7 +80,7 @@ def _extents(things: Sequence[Shape], camera: Camera) -> tuple[np.ndarray, np.nd
     for k, along in enumerate((x, y)):
         low[balls, k], high[balls, k] = _tangents(along, z, radius)
     for i in np.flatnonzero(~balls).tolist():
-        x, y, z = _corners(things[i], camera)
+        x, y, z = _in_camera(things[i].center + things[i].corners(), camera)
         if z.max() > 0:
             before = z.min() > 1e-9 * abs(z).max()
             slopes = np.array([x, y]) / z if before else np.array([[-inf, inf]] * 2)
@@ -99,11 +100,6 @@ def _tangents(a: np.ndarray, z: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, 
     return np.where(behind, np.inf, start), np.where(behind, -np.inf, end)
 
 
-def _corners(thing: Shape, camera: Camera) -> np.ndarray:
-    """(3, n): in the camera's frame."""
-    return _in_camera(np.array(thing.center) + thing.corners(), camera)
-
-
 def _in_camera(points: np.ndarray, camera: Camera) -> np.ndarray:
     return np.asarray(np.asarray(camera.R_cam_board) @ points.T + np.asarray(camera.t_cam_board)[:, None])
 
@@ -115,7 +111,7 @@ def corner_box(thing: Shape, camera: Camera) -> Box:
     (it is projected through the eye, to the wrong side) or where distortion bends the outline past the corners.
     """
     with np.errstate(all="ignore"):
-        x, y, z = _corners(thing, camera)
+        x, y, z = _in_camera(thing.center + thing.corners(), camera)
         u, v = _to_pixels(x / z, y / z, camera)
     if not np.isfinite(u + v).all():
         return (0, 0, camera.width, camera.height)

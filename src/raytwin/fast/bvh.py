@@ -1,8 +1,8 @@
 """Many objects for rays from anywhere: a tree of boxes (BVH), most of which a ray misses with all that they contain.
 
 The nodes are in depth-first order, and each says which node follows when its box is missed (Smits, "Efficiency Issues
-for Ray Tracing", JGT 3(2), 1998): a loop without a stack, within Dr.Jit's kernel. NumPy tries one object after
-the other: a tree there saved a quarter.
+for Ray Tracing", JGT 3(2), 1998): a loop without a stack, within Dr.Jit's kernel. NumPy has no
+tree, which saved only a quarter there: it tries one object after the other.
 """
 
 from typing import Any, NamedTuple

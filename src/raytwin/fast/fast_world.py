@@ -24,7 +24,7 @@ SHAPES: dict[type, tuple[str, ...]] = {Sphere: ("center", "radius"), Rectangle: 
 """What a shape is made of. To add a shape, add a row."""
 SIZE_MARGIN, POINT_MARGIN = 1e-4, 1e-6
 """How much larger an object is taken to be, as shares of its size and of the largest coordinate: float32's rounding."""
-FLAT = 1e-20
+LEAST_COMPONENT = 1e-20
 """A smaller component of a ray's direction is replaced by this: its inverse must be finite."""
 
 Body = Callable[..., Any]
@@ -42,7 +42,7 @@ class Tree(NamedTuple):
         """state = body(state, index, object) for each object whose box the ray meets before reach(*state)."""
         import drjit
 
-        inverse = tuple(1 / select(abs(c) > FLAT, c, FLAT) for c in d)
+        inverse = tuple(1 / select(abs(c) > LEAST_COMPONENT, c, LEAST_COMPONENT) for c in d)
         fields = SHAPES[type(self.thing)]
 
         def step(place: Any, *state: Any) -> Any:

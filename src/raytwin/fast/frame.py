@@ -25,10 +25,10 @@ from raytwin.tracer.sphere import SOLVERS, intersect_sphere
 from raytwin.tracer.world import surface_at
 
 TILE_NUMPY, TILE_DRJIT = 128, 32
-CHUNK = 1 << 14
-"""Points that NumPy traces at a time: they stay in the processor's cache, as a tile does."""
-BOXED = ("intersect_sphere", "intersect_rectangle", "nearer", "sun_visible")
-"""The stages on which it depends which objects a ray can be spared."""
+POINTS_AT_ONCE = 1 << 14
+"""Points that NumPy traces together: they stay in the processor's cache, as a tile of TILE_NUMPY² pixels does."""
+STAGES_OF_BOXES = ("intersect_sphere", "intersect_rectangle", "nearer", "sun_visible")
+"""Where one of these is replaced, every ray tests every object: boxes no longer say what it can meet."""
 SAME_ROOT_WITHIN = 1e-4
 """Solutions farther apart than this, in normalised coordinates, are different roots; rounding moves them far less."""
 Piece = tuple[Any, Any, Any, FastWorld]
@@ -152,7 +152,7 @@ class EyeScene:
         if self.undo is undistort:  # and not a student's, or a fault's
             self.undo = partial(undistort, steps=newton_steps(scene.camera, engine.precision))
         # A replaced step may meet objects beyond their boxes, or ask for others than the nearest.
-        replaced = any(getattr(stages, name) is not getattr(STAGES, name) for name in BOXED)
+        replaced = any(getattr(stages, name) is not getattr(STAGES, name) for name in STAGES_OF_BOXES)
         self.objects = Objects(self.local, engine, every or replaced)
 
     def ray(self, u: Any, v: Any) -> Vec:
@@ -219,8 +219,8 @@ def points(view: EyeScene, boxes: Int[np.ndarray, "n 4"], u: np.ndarray, v: np.n
         place = drjit.arange(drjit.uint32_array_t(view.engine.float_type), len(u))
         yield from_numpy(view.engine, u), from_numpy(view.engine, v), place, view.world()
         return
-    for start in range(0, len(u), CHUNK):
-        part = slice(start, start + CHUNK)
+    for start in range(0, len(u), POINTS_AT_ONCE):
+        part = slice(start, start + POINTS_AT_ONCE)
         x, y = u[part], v[part]
         ids = touching(boxes, np.array((x.min(), y.min(), x.max() + 1, y.max() + 1)))
         yield *(from_numpy(view.engine, a)[None] for a in (x, y)), (slice(1), part), view.world(ids)

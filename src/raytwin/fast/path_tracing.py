@@ -51,16 +51,15 @@ def walk(
     samples: int = 16,
     seed: int = 0,
     depth: int | None = None,
-    side: float = 1.0,
     surface: bool = True,
     stages: Stages = STAGES,
 ) -> Image:
     """Return the radiance of a path-traced rung: mean and variance over the pixels' `area`, or at the `center`.
 
-    `depth` counts surfaces as Mitsuba does and is the rung's own where not given. `side` of the area, in pixels, about
-    their centres. `surface`: also what the rays through the pixels' centres meet first.
+    `depth` counts surfaces as Mitsuba does and is the rung's own where not given. `surface`: also what the rays through
+    the pixels' centres meet first.
     """
-    deep, side = depth or RUNGS[rung].depth or 2, side if sampling == "area" else 0.0
+    deep, side = depth or RUNGS[rung].depth or 2, 1.0 if sampling == "area" else 0.0
     view = EyeScene(scene, ENGINES[engine], stages)
     surfaces = constant(view.engine, deep)
     closed = deep == 2 and not side and not scene.environment and not scene.glossy

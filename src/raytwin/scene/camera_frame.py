@@ -10,7 +10,7 @@ import numpy as np
 from raytwin.errors import InputError
 from raytwin.scene.camera import UNTURNED
 from raytwin.scene.lights import Sky
-from raytwin.scene.record_base import Vector
+from raytwin.scene.record_base import Vector, unchecked
 from raytwin.scene.scene import Scene
 
 LIMITS = {"float32": (1e-12, 1e12, 2e-6), "float64": (1e-100, 1e100, 1e-13), "twin": (1e-12, 1e12, 5e-8)}
@@ -33,11 +33,11 @@ def to_camera_frame(scene: Scene, precision: str = "float64") -> Scene:
 
     centers = turned(np.array([thing.center for thing in scene.objects]).reshape(-1, 3) - eye)
     objects: Any = tuple(thing.turned(R, c) for thing, c in zip(scene.objects, centers, strict=True))
-    camera = replace(scene.camera, R_cam_board=UNTURNED, t_cam_board=(0.0, 0.0, 0.0))
+    camera = unchecked(scene.camera, R_cam_board=UNTURNED, t_cam_board=(0.0, 0.0, 0.0))
     sun, sky, placed = replace(scene.sun, to_light=turned(scene.sun.to_light)[0]), scene.sky, len(scene.spheres)
     if (around := scene.environment) is not None:
         sky = Sky(texels=replace(around, R_map_board=tuple(turned(around.R_map_board))))
-    local = replace(scene, camera=camera, spheres=objects[:placed], planes=objects[placed:], sun=sun, sky=sky)
+    local = unchecked(scene, camera=camera, spheres=objects[:placed], planes=objects[placed:], sun=sun, sky=sky)
     _check_lengths(local, precision)
     _check_places(local, LIMITS[precision][2])
     return local

@@ -3,8 +3,10 @@
 import colorsys
 from collections.abc import Sequence
 
-GREYEST, BLACKEST, WHITEST = 0.25, 0.06, 0.7
-"""Saturation below which a colour is a grey; lightness (HSV's value, of linear light) of black and of white."""
+GREY_BELOW = 0.25
+"""Saturation below which a colour is a grey."""
+BLACK_BELOW, WHITE_ABOVE = 0.06, 0.7
+"""HSV's value, of linear light, below which a colour is black, and above which a grey is white."""
 HUES = (
     (20, "red"), (45, "orange"), (70, "yellow"), (165, "green"), (195, "cyan"), (265, "blue"), (300, "purple"),
     (340, "pink"), (360, "red"),
@@ -19,7 +21,7 @@ def colour_word(albedo: Sequence[float]) -> str:
     ['red', 'blue', 'grey', 'brown', 'white']
     """
     hue, saturation, value = colorsys.rgb_to_hsv(*albedo)
-    if saturation < GREYEST or value < BLACKEST:
-        return "black" if value < BLACKEST else "white" if value > WHITEST else "grey"
+    if saturation < GREY_BELOW or value < BLACK_BELOW:
+        return "black" if value < BLACK_BELOW else "white" if value > WHITE_ABOVE else "grey"
     word = next(word for end, word in HUES if 360 * hue <= end)
     return "brown" if word in ("red", "orange") and value < 0.45 and saturation < 0.7 else word

@@ -1,4 +1,4 @@
-"""A Mitsuba scene file (XML): what identifies it and how large its image is, read without Mitsuba.
+"""A Mitsuba scene file (XML): what identifies it and how large its image is, read without Mitsuba. No more is modelled.
 
 Mitsuba itself loads the file, with all that the file names: it is like code, and only for those who trust it.
 """
@@ -15,13 +15,35 @@ import msgspec
 from raytwin.errors import InputError
 from raytwin.images.limits import MAX_PIXELS
 from raytwin.safe_write import check_file
-from raytwin.scene.mitsuba_scene import MitsubaScene
+from raytwin.scene.record_base import PixelCount, Record
+from raytwin.scene.scene import Tolerance
 from raytwin.scene_folders import find_scene
 
 DEEPEST_INCLUDE = 15
 """Includes within includes, as in Mitsuba."""
 USUAL_SIDES = {"width": 768, "height": 576}
 """Pixels of a film that states none: Mitsuba's."""
+
+
+class MitsubaScene(Record, frozen=True):
+    """A Mitsuba XML file: what stands for a Scene where any renderer's scene will do.
+
+    `file`: what Mitsuba and other programs are given. `image_size` is the film's, or the one that is asked for.
+    `files`: the file and every one that it names, relative to its folder, with their SHA-256; an XML file's leaves
+    comments out. `names`: of its shapes, in Mitsuba's order, once Mitsuba has loaded it (`twin.named_shapes`).
+    """
+
+    name: str
+    file: str
+    image_size: tuple[PixelCount, PixelCount]
+    files: dict[str, str]
+    names: tuple[str, ...] = ()
+    tolerance: Tolerance = Tolerance()
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the contents of all files and of the image's size, 32 hexadecimal digits."""
+        return hashlib.sha256(msgspec.json.encode((sorted(self.files.items()), self.image_size))).hexdigest()[:32]
 
 
 def is_mitsuba(path: str | os.PathLike[str]) -> bool:

@@ -90,8 +90,11 @@ def scene_text(scene: Scene, comment: str = "") -> str:
 
 def read_sky_map(file: Path, data: dict[str, Any]) -> None:
     """Put the pixels of [sky] map into the table that the record is made from."""
-    sky = data.get("sky")
-    if not (isinstance(sky, dict) and isinstance(sky.get("map"), str)):
+    if not isinstance(sky := data.get("sky"), dict):
+        return
+    if "texels" in sky:  # of the record, not of the file
+        raise InputError(f"{file}: sky.texels", "is no known key.")
+    if not isinstance(sky.get("map"), str):
         return
     path = file.parent / sky["map"]
     pixels = read_image(path).mean

@@ -19,7 +19,7 @@ from raytwin.scene import Rectangle, Shape, Sphere
 from raytwin.tracer.arrays import Vec, dot, maximum, select, sqrt
 from raytwin.tracer.lights.lookup import arctan2
 
-ABOVE = 1e-5
+ROUNDING_MARGIN = 1e-5
 """More than float32's rounding: the sine of the angle above the horizon from which a rectangle's corner counts, and
 the part of a distance that a point must lie within a sphere to count as inside.
 """
@@ -64,7 +64,7 @@ def sky_visibility(hit: Place, objects: Sequence[Shape]) -> tuple[Any, Any]:
             apart = (level + wide <= 0) | (hit.ids == second) | (dot(toward, to) <= both)
             known = known & (~hides | apart)
         left = left - select(hides, sphere_share(1 / sine, cosine), 0.0)
-        enclosed = enclosed | (other & (sine > 1 + ABOVE))
+        enclosed = enclosed | (other & (sine > 1 + ROUNDING_MARGIN))
     return select(enclosed, 0.0, maximum(left, 0.0)), known | enclosed
 
 
@@ -86,5 +86,5 @@ def _rises(thing: Rectangle, hit: Place) -> Any:
         for b in (-1, 1):
             corners = zip(thing.center, thing.half_u, thing.half_v, hit.point, strict=True)
             x, y, z = (c + a * u + b * v - p for c, u, v, p in corners)
-            above = above | (dot((x, y, z), hit.normal) > ABOVE * sqrt(x * x + y * y + z * z))
+            above = above | (dot((x, y, z), hit.normal) > ROUNDING_MARGIN * sqrt(x * x + y * y + z * z))
     return above
