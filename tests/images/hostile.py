@@ -1,6 +1,6 @@
 """Damaged and adversarial image files, and a child process of limited memory that reads them.
 
-`python tests/images/hostile.py FOLDER RESULTS` reads every file there and writes, for each, its name and what came of it.
+`python tests/images/hostile.py FOLDER RESULTS` writes what came of reading each file there.
 """
 
 import io
