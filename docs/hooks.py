@@ -11,6 +11,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 from typer.main import get_command
+from typer.testing import CliRunner
 
 import raytwin
 from raytwin.cli import app
@@ -20,7 +21,7 @@ import fault_gallery
 import figures
 import gallery
 
-WIDTH = 100
+WIDTH = "100"
 """Columns of a command's help text."""
 
 
@@ -56,19 +57,18 @@ def commands_page() -> str:
         "# Commands\n\nThis page is what each command prints under `--help`. A scene is a folder, a `scene.toml`, or"
         " the name of a built-in scene. [Exit codes](files.md#exit-codes) mean the same for all of them.\n"
     ]
-    for name, context in walk(get_command(app), "raytwin", None):
-        parts.append(f"## {name}\n\n```text\n{context.get_help()}\n```\n")
+    for name in walk(get_command(app), "raytwin"):
+        shown = CliRunner(env={"COLUMNS": WIDTH}).invoke(app, [*name.split()[1:], "--help"], prog_name="raytwin").output
+        parts.append(f"## {name}\n\n```text\n{shown.strip()}\n```\n")
     return "\n".join(parts)
 
 
-def walk(command: click.Command, name: str, parent: click.Context | None) -> Iterator[tuple[str, click.Context]]:
-    """Yield a command's full name and context, then those of its subcommands in their order."""
-    context = command.context_class(
-        command, info_name=name.rpartition(" ")[2], parent=parent, terminal_width=WIDTH, max_content_width=WIDTH
-    )
-    yield name, context
+def walk(command: click.Command, name: str) -> Iterator[str]:
+    """Yield a command's full name, then those of its subcommands in their order."""
+    yield name
     for child in getattr(command, "commands", {}):
-        yield from walk(command.commands[child], f"{name} {child}", context)
+        if child.strip():  # what a group does by itself has no name
+            yield from walk(command.commands[child], f"{name} {child}")
 
 
 def api_page() -> str:

@@ -4,7 +4,6 @@ import contextlib
 import io
 import json
 import os
-import re
 import subprocess
 import sys
 import tempfile
@@ -18,13 +17,12 @@ from raytwin.cli import app, main
 
 WIDE = "1000"
 """Columns of a test's terminal: sentences are not broken, so that a test may look for a part of one."""
-STAGE = re.compile(r"^[\w/ .-]+: \d+ of \d+, [\d.]+ s\n", re.MULTILINE)
 
 Done = subprocess.CompletedProcess[str]
 
 
 def raytwin(*arguments: object, cwd: Path | None = None) -> Done:
-    """What it did, without the lines that a busy machine's long stages leave on standard error."""
+    """What it did."""
     command = ["raytwin", *map(str, arguments)]
     with (
         pytest.MonkeyPatch.context() as patch, contextlib.chdir(cwd or Path.cwd()),
@@ -37,7 +35,7 @@ def raytwin(*arguments: object, cwd: Path | None = None) -> Done:
             main()
         except SystemExit as ended:
             code = ended.code
-    return subprocess.CompletedProcess(command, code, out[0], STAGE.sub("", err[0]))
+    return subprocess.CompletedProcess(command, code, out[0], err[0])
 
 
 @contextlib.contextmanager
@@ -72,12 +70,10 @@ def _instead(name: str, value):
 def raytwin_alone(*arguments: object, cwd: Path | None = None, **environment: str) -> Done:
     """The same in a process of its own, with more in its environment."""
     command = [sys.executable, "-m", "raytwin", *map(str, arguments)]
-    run = subprocess.run(
+    return subprocess.run(
         command, capture_output=True, text=True, cwd=cwd, env={"COLUMNS": WIDE} | os.environ | environment,
         timeout=600, check=False, stdin=subprocess.DEVNULL,
     )  # fmt: skip
-    run.stderr = STAGE.sub("", run.stderr)
-    return run
 
 
 def parse(words: list[str]) -> str | None:

@@ -22,7 +22,9 @@ def test_a_dozen_poses_tilt_to_fifty_degrees_every_way_cover_the_frame_and_see_t
         pixels = np.concatenate([lens_model.project(points, R, t, CAMERA.K, CAMERA.dist) for R, t in stands])
         inside = ((pixels >= 0) & (pixels <= np.array(CAMERA.image_size) - 1)).all(axis=1)
         assert inside.mean() > 0.65
-        assert diagnostics.coverage(pixels[inside], CAMERA.image_size) > 0.75
+        width, height = CAMERA.image_size
+        cells = np.floor((pixels[inside] + 0.5) * 10 / (width, height))
+        assert len(np.unique(cells, axis=0)) > 75
         assert diagnostics.normal_spread([R for R, _ in stands]) > 60
         for R, t in stands:
             assert np.abs(R @ R.T - np.eye(3)).max() < 1e-12

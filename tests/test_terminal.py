@@ -11,7 +11,7 @@ import typer
 from program import raytwin, raytwin_alone, refused
 
 from raytwin import cli
-from raytwin.cli.terminal import say, say_wrapped
+from raytwin.cli.terminal import say
 from raytwin.images.image import Image
 from raytwin.images.image_formats import write_image
 
@@ -38,22 +38,14 @@ def test_a_verdict_is_coloured_on_a_terminal_alone_and_never_by_a_strangers_text
 def test_no_sentence_is_wider_than_the_terminal_and_a_path_stays_whole(monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "60")
     path = "out/" + "x" * 70
-    say_wrapped(f"FAIL  {'word ' * 40}\n  {'reason ' * 30}\nreport: {path}")
+    say(f"FAIL  {'word ' * 40}\n  {'reason ' * 30}\nreport: {path}")
     lines = capsys.readouterr().out.splitlines()
-    assert [len(line) for line in lines if path not in line and len(line) > 60] == []
+    assert [line for line in lines if len(line) > 60] == [f"  {path}"]
     assert sum(line.startswith("    reason") for line in lines) >= 3
-    assert any(path in line for line in lines)
     monkeypatch.delenv("COLUMNS")
     monkeypatch.setattr("sys.__stdout__", None)  # no terminal: a log is searched by lines
-    say_wrapped("word " * 40)
+    say("word " * 40)
     assert capsys.readouterr().out.count("\n") == 1
-
-
-def test_braces_in_a_name_stay_in_the_page(tmp_path):
-    a, b = picture(tmp_path / "a{}{0}{x}.pfm"), picture(tmp_path / "b.pfm")
-    run = raytwin("diff", a, b, "-o", tmp_path / "out{}")
-    assert run.returncode == 0, run.stderr
-    assert "A: a{}{0}{x}.pfm of a{}{0}{x}.pfm, 24 by 24 pixels" in (tmp_path / "out{}" / "report.html").read_text()
 
 
 @pytest.mark.nightly
@@ -69,7 +61,7 @@ def test_no_command_sends_a_names_escapes_to_the_terminal(scenes, tmp_path):
     (tmp_path / "class").mkdir()
     (tmp_path / "class" / f"{ESCAPE}.py").write_text("def tag_centers(: no Python\n")
     raytwin("grade", "starter", "--rubric", "-o", tmp_path / "rubric.toml")
-    commands = (
+    for command in (
         ("diff", a, b),
         ("diff", tmp_path / "one", tmp_path / "other"),
         ("diff", tmp_path / f"{ESCAPE}.none", b),
@@ -77,8 +69,7 @@ def test_no_command_sends_a_names_escapes_to_the_terminal(scenes, tmp_path):
         ("compare", ESCAPE, "--size", "16x12", "-o", tmp_path / "out"),
         ("compare", f"--{ESCAPE}"),
         ("grade", tmp_path / "class", "--rubric", tmp_path / "rubric.toml", "-o", tmp_path / "grades"),
-    )
-    for command in commands:
+    ):
         run = raytwin(*command, cwd=tmp_path)
         said = run.stdout + run.stderr
         assert "owned" in said, command
@@ -90,7 +81,7 @@ def test_only_say_prints():
     for file in Path(cli.__file__).parent.glob("*.py"):
         if file.name != "terminal.py":
             prints = re.findall(r"(?:typer\.echo|\bprint|secho)\((.*)", file.read_text(encoding="utf-8"))
-            assert [p for p in prints if not p.startswith(("text, nl=False", 'f"{stage}: '))] == [], file.name
+            assert [p for p in prints if not p.startswith("text, nl=False")] == [], file.name
 
 
 @pytest.mark.skipif(os.name == "nt", reason="there a name is never bytes")

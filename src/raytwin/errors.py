@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 
-class InputError(Exception):
+class InputError(ValueError):
     """`where: expected ..., got ...`: the caller's input is wrong. Without `got`: a sentence, of which `where` is the
     subject and `expected` the rest, as in `tracer.py exists. --force overwrites it.`
 

@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from raytwin.explain.curve import _aces, _hable
 from raytwin.explain.diagnosis import explain
 from raytwin.images.image import Image
 from raytwin.images.image_formats import write_image
-from raytwin.images.photo_files import srgb_encode
 from raytwin.scene.scene_files import read_scene
 from raytwin.study.diff_files import compare as diff
 from raytwin.tracer import trace
@@ -18,21 +16,16 @@ SMOOTH = np.stack([0.02 + 0.6 * X, 0.05 + 0.6 * Y, 0.1 + 0.3 * X * Y], axis=-1)
 SMOOTH[40:64, 30:60] *= 1.8
 SMOOTH[4:28, 50:78] = 18
 RANDOM = RNG.gamma(1, 0.4, (96, 128, 3))
-ENCODE = srgb_encode
+ANY = "one curve, as a view transform makes it"
 CURVES = {
     "without a square root": lambda v: v**0.5,
     "the power 0.5 = 1/2, times 2": lambda v: 2 * v**0.5,
     "without a power of 1/2.2": lambda v: v ** (1 / 2.2),
     "raised to the power 0.417": lambda v: v ** (1 / 2.4),
     "the power 0.7, times 2.5": lambda v: 2.5 * v**0.7,
-    "the view transform ACES": _aces,
-    "the view transform ACES of 0.6 x, encoded as sRGB": lambda v: ENCODE(_aces(0.6 * v)),
-    "the view transform Hable's, raised to the power 1/2.2": lambda v: _hable(v) ** (1 / 2.2),
-    "the view transform log(1 + x)": np.log1p,
-    "one curve, as a view transform makes it": lambda v: v * (1 + v / 16) / (1 + v),
+    ANY: lambda v: v * (1 + v / 16) / (1 + v),
     "tone-mapped, x / (1 + x)": lambda v: v / (1 + v),
     "tone-mapped, 1 - exp(-x)": lambda v: 1 - np.exp(-v),
-    "the view transform 1 - exp(-x), encoded as sRGB": lambda v: ENCODE(1 - np.exp(-v)),
 }
 OTHERS = {
     "a factor": lambda v: 1.7 * v,
@@ -54,10 +47,10 @@ def test_a_curve_is_told_with_its_exponent_or_name(words, picture):
 
 
 def test_a_curve_is_told_of_pictures_of_8_bits(tmp_path):
-    light, words = SMOOTH / 2, "the view transform ACES"
-    for name, values in (("test", CURVES[words](light)), ("reference", light)):
+    light = SMOOTH / 2
+    for name, values in (("test", np.log1p(light)), ("reference", light)):
         write_image(tmp_path / f"{name}.png", Image(values.astype(np.float32)))
-    assert words in diff(tmp_path / "test.png", tmp_path / "reference.png").cause
+    assert ANY in diff(tmp_path / "test.png", tmp_path / "reference.png").cause
 
 
 def test_no_curve_is_told_of_anything_else():
@@ -77,6 +70,6 @@ def test_a_curve_is_told_of_a_known_scene_and_pairs_of_other_scenes_are_none():
     scenes = [read_scene(name) for name in ("overlap", "eclipse")]
     scenes = [scene.with_(size=(80, 60)) for scene in scenes]
     right, other = (trace(scene, "shadow") for scene in scenes)
-    shown = Image(_aces(right.mean).astype(np.float32))
-    assert "the view transform ACES" in explain(shown, right, scenes[0])[0].text
+    shown = Image(np.log1p(right.mean))
+    assert ANY in explain(shown, right, scenes[0])[0].text
     assert not any("one curve" in found.text for found in explain(Image(other.mean), right))

@@ -25,7 +25,7 @@ SIZES = {"eclipse": (80, 60), "overlap": (88, 66), "distorted": (88, 66)}
 
 
 def small(name):
-    scene = read_scene(find_scene(scene_folders.SCENES / name)).scene
+    scene = read_scene(find_scene(scene_folders.SCENES / name))
     return scene.with_camera(scene.camera.resized(*SIZES[name]))
 
 

@@ -131,7 +131,7 @@ ACCIDENTS = (
         "        if near:\n            best = t\n            k = 1\n        made.append(lambda x: x + t)\n"
         "    for t in b:\n        if near:\n            k = 2\n    return made, m\n",
         ("in b:\n        near = t < best\n", "        if near:\n            best = t\n            k = 2\n",
-         "lambda x, t=t: x + t", "m = c @ b @ a"),
+         "m = c @ b @ a"),
     ),
 )  # fmt: skip
 """A function's text, and lines that it would have without an accident of copying, moving, hiding or forgetting."""

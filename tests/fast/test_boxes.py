@@ -11,7 +11,7 @@ from engines import SHIPPED, TRIED
 from hypothesis import assume, example, given, reject, settings
 from hypothesis import strategies as st
 
-from raytwin.fast import trace, trim_box
+from raytwin.fast import trace, trim_boxes
 from raytwin.fast.boxes import EMPTY, _tangents, corner_box, field_of_view
 from raytwin.fast.frame import touching
 from raytwin.scene import Camera, Rectangle, Shape, Sphere
@@ -49,6 +49,10 @@ def cameras(draw, distorted: bool) -> Camera:
     if undone(camera.K, camera.dist, camera.image_size).fault:  # it folds over within the frame
         reject()
     return camera
+
+
+def trim_box(thing: Shape, camera: Camera) -> tuple[int, ...]:
+    return tuple(trim_boxes([thing], camera)[0].tolist())
 
 
 def hits(thing: Shape, camera: Camera) -> np.ndarray:

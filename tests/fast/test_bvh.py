@@ -34,7 +34,7 @@ def test_many_objects_in_trees_give_the_light_of_one_after_the_other(overlap, en
     """As NumPy tries them; float32's rounding sends one path in some fifty elsewhere at an edge."""
     scene = strewn(overlap.with_camera(overlap.camera.resized(16, 12)), rng, spheres, sheets)
     bits = ENGINES[engine].bits
-    kinds = [tree.kind for tree in EyeScene(scene, ENGINES[engine]).objects.trees]
+    kinds = [type(tree.thing) for tree in EyeScene(scene, ENGINES[engine]).objects.trees]
     assert kinds == [Sphere, Rectangle]
     found, plain = (walk(scene, "path", name, samples=4, seed=2, depth=4).mean for name in (engine, f"numpy{bits}"))
     off = np.abs(found - plain).max(axis=-1)

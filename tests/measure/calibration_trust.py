@@ -173,7 +173,7 @@ def measure(name: str) -> tuple[list[str], float, float | None]:
     K, sigma = numbers(whole)
     off = rms((K - truth) / sigma) if truth else None
     shown = "-" if off is None else f"{off:.2f}"
-    row = [name, str(len(tags)), whole.basis.taken, f"{rms(z):.2f}", shown, f"{np.median(ratios):.2f}"]
+    row = [name, str(len(tags)), whole.evidence.taken, f"{rms(z):.2f}", shown, f"{np.median(ratios):.2f}"]
     return row, rms(z), off
 
 

@@ -96,7 +96,7 @@ def rendered(scene: Scene, textures: dict[int, np.ndarray], samples: int, seed: 
     world = translate(scene, place := place_of(scene), textures)
     reflectance = {"type": "rgb", "value": list(scene.objects[0].material.albedo)}
     world["object-0"]["bsdf"] = {"type": "conductor", "material": "none", "specular_reflectance": reflectance}
-    world["sensor"] = sensor_at(scene.camera, np.asarray(scene.camera.R_cam_board), place.eye, place.unit)
+    world["sensor"] = sensor_at(scene.camera, place.eye, place.unit)
     world["integrator"] = {"type": "path", "max_depth": 8}
     loaded, passes = load(world), math.ceil(samples / SAMPLES_PER_PASS)
     total = np.zeros((scene.camera.height, scene.camera.width, 3))

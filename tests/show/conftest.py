@@ -15,7 +15,7 @@ from raytwin.fast import trace
 from raytwin.images.image import Image, Surface
 from raytwin.images.photo_files import list_photos, to_bytes
 from raytwin.photos import boards
-from raytwin.photos.camera import Calibration, Pose, PoseReport, calibrate
+from raytwin.photos.camera import Calibration, calibrate
 from raytwin.photos.camera.calibration_result import CalibrationWarning, View
 from raytwin.scene import Scene
 from raytwin.scene.scene_files import read_scene
@@ -83,8 +83,6 @@ def photographed(result: Result) -> Result:
         (width, height), "k1k2", camera.K, (0.0803, -0.1624), sigma, 0.1274, views,
         warnings=(CalibrationWarning("few_views", "12 photos: 15 or more would halve the standard deviations."),),
     )  # fmt: skip
-    far = tuple(x + 0.0011 for x in t)
-    pose = PoseReport("photo_03.jpg", 35, Pose(R, far, 0.52), Pose(R, t, 0.118), 0.084, 0.0019, 7.3, (12,))
     seen = result.subject.surface.ids
     drawn = (seen >= 0) & (seen < len(scene.spheres))
     augmented = np.where(drawn[..., None], to_bytes(result.subject.mean), photo)
@@ -94,7 +92,7 @@ def photographed(result: Result) -> Result:
         photo=photo,
         augmented=augmented,
         calibration=calibration,
-        pose=pose,
+        pose=views[2],
     )
 
 

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from raytwin.photos import camera
+from raytwin.photos.camera.calibration_result import Evidence
+from raytwin.photos.camera.diagnostics import coverage
 from raytwin.show import calibration_page, terminal_text
 from raytwin.show.calibration_pictures import (
     MEAN,
@@ -22,12 +24,12 @@ def elements(drawing: str, kind: str, **like: str) -> list[ElementTree.Element]:
 
 
 def test_the_residuals_kept_are_those_that_the_rms_is_of(calibration):
-    evidence = calibration.basis
+    evidence = calibration.evidence
     off = np.array(evidence.residuals)
     assert len(off) == len(evidence.seen)
     assert np.sqrt((off**2).sum(axis=1).mean()) == pytest.approx(calibration.rms_px, rel=1e-6)
     view = calibration.views[0]  # projected minus seen: within the detector's bias, which is taken out of what is seen
-    board = calibration.basis.board
+    board = calibration.evidence.board
     xyz = board.points(board.centers())
     at = camera.project(xyz, np.array(view.R_cam_board), np.array(view.t_cam_board), calibration.K, calibration.dist)
     shown = np.array(evidence.seen[: view.tags]) + off[: view.tags]
@@ -37,10 +39,10 @@ def test_the_residuals_kept_are_those_that_the_rms_is_of(calibration):
 
 def test_a_common_shift_shows_in_every_cell_and_noise_in_none(calibration):
     rng = np.random.default_rng(4)
-    noise = rng.normal(0, 0.1, (len(calibration.basis.seen), 2))
+    noise = rng.normal(0, 0.1, (len(calibration.evidence.seen), 2))
     lengths = {}
     for name, off in (("noise", noise), ("shift", noise + np.array([0.3, 0.0]))):
-        evidence = msgspec.structs.replace(calibration.basis, residuals=tuple(map(tuple, off.tolist())))
+        evidence = msgspec.structs.replace(calibration.evidence, residuals=tuple(map(tuple, off.tolist())))
         drawing = residual_drawing(msgspec.structs.replace(calibration, evidence=evidence))
         by = float(re.search(r"drawn ([\d.e+]+) times", drawing)[1]) * SIDE / max(calibration.image_size)
         lines = [e.get("points").split() for e in elements(drawing, "polyline", stroke=MEAN)[:-1]]  # the last: the key
@@ -51,7 +53,7 @@ def test_a_common_shift_shows_in_every_cell_and_noise_in_none(calibration):
 
 
 def test_the_page_of_a_calibration_that_was_read_back_has_its_photos_the_worst_first(calibration, tmp_path):
-    back = msgspec.structs.replace(calibration, evidence=None)
+    back = msgspec.structs.replace(calibration, evidence=Evidence())
     calibration_page.write_calibration(back, tmp_path / "camera.html", "camera.toml")
     text = (tmp_path / "camera.html").read_text(encoding="utf-8")
     assert f"<b>{len(back.views)} photos</b>" in text
@@ -62,13 +64,11 @@ def test_the_page_of_a_calibration_that_was_read_back_has_its_photos_the_worst_f
     assert "views" not in re.sub(r"<(script|style).*?</\1>|class=\"views\"", "", text, flags=re.DOTALL)
 
 
-def test_the_page_says_how_the_board_was_tilted_and_how_it_is_bent(calibration, tmp_path):
+def test_the_page_says_where_tags_were_seen_and_how_the_board_is_bent(calibration, tmp_path):
     bent = msgspec.structs.replace(calibration, board=camera.FoundBoard(None, 1.234, 0.056))
     calibration_page.write_calibration(bent, tmp_path / "camera.html", "camera.toml")
-    tilts = calibration.basis.tilts
-    share = 100 * calibration.basis.coverage
-    said = f"The board was tilted by {min(tilts):.0f} to {max(tilts):.0f} degrees. "
-    said += f"Tags were seen in {share:.0f} % of the frame. The board is bent by 1.23 ± 0.06 mm, fitted"
+    said = f"Tags were seen in {100 * coverage(calibration):.0f} % of the frame. "
+    said += "The board is bent by 1.23 ± 0.06 mm, fitted"
     assert said in (tmp_path / "camera.html").read_text(encoding="utf-8")
 
 

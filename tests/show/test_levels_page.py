@@ -57,7 +57,7 @@ def test_the_recommendation_names_the_choice_the_next_cheaper_one_and_what_can_b
         "Its rmse is 0.0076.",
         "It costs 35 rays per pixel, shadow rays included.",
         "The next cheaper, drjit32-shadow-conic, has 0.014, which exceeds it.",
-        "Can be dropped, each alone: bounces beyond 1, lens coefficients k2, p1.",
+        "Any one of these can be left out and rmse <= 0.01 still holds: bounces beyond 1, lens coefficients k2, p1.",
     ]
     tied = msgspec.structs.replace(SHADOW, error=0.0099, error_most=0.0102)
     told = answer(msgspec.structs.replace(FOUND, rows=(FILL, tied, PATH, TWIN)))

@@ -1,7 +1,6 @@
-"""A camera that sees no object compares the sky alone: undecided, in a line that names the pose that was meant."""
+"""A camera that sees no object compares the sky alone: undecided, in a line that says where the objects are."""
 
 import numpy as np
-import pytest
 
 from raytwin.scene import Camera, Scene, Sky, Sphere
 from raytwin.study.compare_scene import compare_scene
@@ -10,12 +9,6 @@ TURNED = np.array([[0.0, 0, 1, 0.4], [1, 0, 0, 0.2], [0, 1, 0, 0.1], [0, 0, 0, 1
 """From the world to an OpenCV camera."""
 BALL = np.array([1.0, 0.8, 4, 1])
 """To the right of that camera, below it and in front of it. A frame that begins at its axis sees this quarter alone."""
-FLIPS = {
-    "as OpenGL, NeRF and Blender have them": (1, -1, -1),
-    "x and y axes flipped": (-1, -1, 1),
-    "x and z axes flipped": (-1, 1, -1),
-}
-"""Of OpenCV's axes."""
 
 
 def scene_of(to_camera: np.ndarray, ball: np.ndarray = BALL) -> Scene:
@@ -50,21 +43,16 @@ def flipped(axes: tuple[int, int, int]) -> np.ndarray:
     return np.diag((*axes, 1.0))
 
 
-@pytest.mark.parametrize("name", FLIPS)
-def test_a_pose_in_other_axes_is_named(name):
+def test_a_camera_that_sees_no_object_is_undecided_and_told_where_they_are():
     assert compare_scene(scene_of(TURNED), rung="lambert").comparison.verdict == "pass"
-    line = told(compare_scene(scene_of(flipped(FLIPS[name]) @ TURNED), rung="lambert"))
-    assert "inverted" not in line
-    assert name in line
-    assert ("is outside the frame" if "x and y" in name else "is behind it") in line
-
-
-@pytest.mark.parametrize("axes", [(1, 1, 1), (1, -1, -1)])
-def test_an_inverted_pose_is_named(axes):
-    """OpenCV's or OpenGL's matrix from the camera to the world in the place of the other."""
-    line = told(compare_scene(scene_of(np.linalg.inv(TURNED) @ flipped(axes)), rung="surface"))
-    assert "its matrix inverted" in line
-    assert ("OpenGL" in line) == (axes != (1, 1, 1))
+    aside = np.array([50.0, 0.1, 1, 1])
+    for rung, scene, place in (
+        ("lambert", scene_of(flipped((1, -1, -1)) @ TURNED), "1 object is behind it"),
+        ("surface", scene_of(TURNED, aside), "1 object is outside the frame"),
+        ("path", scene_of(TURNED, aside), "1 object is outside the frame"),
+    ):
+        line = told(compare_scene(scene, rung=rung))
+        assert f"compared: {place}. R_cam_board and t_cam_board must" in line
 
 
 def test_a_mitsuba_file_whose_camera_looks_away_is_undecided(tmp_path):
@@ -72,12 +60,6 @@ def test_a_mitsuba_file_whose_camera_looks_away_is_undecided(tmp_path):
     right = np.linalg.inv(TURNED) @ flipped((-1, -1, 1))
     assert compare_scene(file_of(tmp_path, right), **subject).comparison.verdict == "pass"
     assert told(compare_scene(file_of(tmp_path, right @ flipped((-1, 1, -1))), **subject)).endswith("is compared")
-
-
-def test_a_scene_that_no_flip_brings_into_view_is_undecided_at_every_level():
-    for rung in ("surface", "path"):
-        line = told(compare_scene(scene_of(TURNED, np.array([50.0, 0.1, 1, 1])), rung=rung))
-        assert line.endswith("1 object is outside the frame")
 
 
 def test_a_wrong_sky_still_fails_and_no_objects_at_all_still_pass(tmp_path):

@@ -50,7 +50,7 @@ def test_the_tracer_stands_on_the_highest_rung_up_to_the_twins_that_a_formula_gi
     [
         ("compare", compare_commands.compare_command, CompareSettings),
         ("diff", compare_commands.diff_command, DiffSettings),
-        ("photo.draw", photo_commands.draw_command, AugmentSettings),
+        ("photo draw", photo_commands.draw_command, AugmentSettings),
     ],
 )
 def test_each_field_is_an_option_with_the_records_default_and_reaches_the_command(name, command, record):

@@ -131,20 +131,17 @@ def test_only_what_is_extreme_is_said_to_be_in_single_precision():
     for radius, said in ((1 / 40, False), (1 / 80, True)):  # 2 m ahead: 80 and 160 radii
         scene = beside_near(radius)
         image = render(scene, "shadow", cache=False)
-        _, granted, sentences = settle(image, image, scene)
+        _, sentences = settle(image, image, scene)
         assert [text.startswith("single precision") for text in sentences] == [True] * said
-        assert (granted is not None) == said
         if said:
             assert f"{(image.surface.ids == 1).sum()} pixels, compared within the rounding of object 1" in sentences[0]
-            assert (granted[image.surface.ids != 1] == 0).all()
-            assert granted.max() < 1e-2
 
 
 def test_a_kilometre_of_ground_passes_and_is_said():
     scene = weekend(1e3)
     exact, found = fast.trace(scene, "shadow", "numpy64"), render(scene, "shadow", cache=False)
-    test, granted, said = settle(exact, found, scene)
-    assert compare(test, found, half_steps=(granted, None)).verdict == "pass"
+    test, said = settle(exact, found, scene)
+    assert compare(test, found).verdict == "pass"
     assert "object 0" in said[-1]
 
 
@@ -153,8 +150,8 @@ def test_far_balls_beside_a_near_one_pass_though_single_pixels_see_another_objec
     differ = 0
     for scene in (scene for label, scene, _ in far(2) if label == "300 radii, another near"):
         ids, _, exact, found = errors(scene)
-        test, granted, said = settle(exact, found, scene)
-        assert compare(test, found, half_steps=(granted, None)).verdict == "pass", said
+        test, said = settle(exact, found, scene)
+        assert compare(test, found).verdict == "pass", said
         differ += ids
     assert differ > 0
 
@@ -186,13 +183,13 @@ def test_a_shadow_is_forgiven_at_its_edge_alone():
     for places, left in (([(60, column)], 0), ([(60, column + 1)], 1), ([(60, column), (60, column - 1)], 1)):
         test = flipped(image, places, scene)
         assert (test.mean != image.mean).any(axis=-1).sum() == len(places)
-        settled, _, said = settle(test, image, scene)
+        settled, said = settle(test, image, scene)
         assert (settled.mean != image.mean).any(axis=-1).sum() == left
         assert len(said) == len(places) - left
     for wrong in (np.nan, np.inf, -1.0, 50.0):  # no rounding makes these, nor a firefly
         mean = image.mean.copy()
         mean[60, column] = wrong
-        settled, _, said = settle(replace(image, mean=mean), image, scene)
+        settled, said = settle(replace(image, mean=mean), image, scene)
         np.testing.assert_array_equal(settled.mean, mean)
         assert not said
 
@@ -204,6 +201,6 @@ def test_another_object_is_forgiven_on_an_outline_alone():
     row, column = np.argwhere(ids >= 0)[len(np.argwhere(ids >= 0)) // 2]
     ids[row, column] = -1
     wrong = replace(image, surface=replace(image.surface, ids=ids))
-    settled, _, said = settle(wrong, image, scene)
+    settled, said = settle(wrong, image, scene)
     assert settled.surface.ids[row, column] == -1
     assert not said

@@ -10,6 +10,7 @@ from raytwin.scene.scene_files import read_scene
 from raytwin.twin import render
 from raytwin.twin.opencv_sensor import lens_at
 
+STRAIGHT = tuple(map(tuple, np.eye(3).tolist()))
 LENSES = [(), (-0.22, 0.045), (0.1, -0.05, 0.002, -0.003), (-0.22, 0.045, 0.0012, -0.0008, -0.0035)]
 
 
@@ -18,9 +19,9 @@ def test_opencv_projects_every_ray_back_to_its_pixel(scenes, compiled, dist):
     import mitsuba as mi
     from drjit.llvm import Float64
 
-    camera = msgspec.structs.replace(read_scene(scenes / "distorted").camera, dist=dist)
+    camera = msgspec.structs.replace(read_scene(scenes / "distorted").camera, dist=dist, R_cam_board=STRAIGHT)
     u, v = (a.ravel() for a in np.meshgrid(np.linspace(-0.5, 799.5, 40), np.linspace(-0.5, 599.5, 30)))
-    eye = mi.load_dict(lens_at(camera, np.eye(3), np.zeros(3)))
+    eye = mi.load_dict(lens_at(camera, np.zeros(3)))
     d = np.stack([axis.numpy() for axis in eye.direction(Float64(u), Float64(v))], axis=1)
     np.testing.assert_allclose(np.linalg.norm(d, axis=1), 1, rtol=1e-14)
     found, _ = cv2.projectPoints(d, np.zeros(3), np.zeros(3), np.array(camera.K), np.array(camera.coefficients))

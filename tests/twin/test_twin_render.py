@@ -223,7 +223,7 @@ def test_the_light_is_that_of_mitsubas_own_camera_film_and_integrator(scenes, co
     try:
         mi.set_variant("scalar_rgb")
         world = translate(scene, place := place_of(scene), {}) | {"integrator": {"type": "path", "max_depth": depth}}
-        world["sensor"] = sensor_at(scene.camera, np.asarray(scene.camera.R_cam_board), place.eye, place.unit)
+        world["sensor"] = sensor_at(scene.camera, place.eye, place.unit)
         theirs = [np.array(mi.render(load(world), spp=16, seed=seed)) for seed in range(8)]
     finally:
         mi.set_variant(compiled)

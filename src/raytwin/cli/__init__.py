@@ -6,11 +6,9 @@ Exit codes: 0 pass, 1 the comparison failed, 2 undecided, or the input or the ma
 import contextlib
 import io
 import os
-import re
 import sys
 import traceback
 import warnings
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,64 +25,75 @@ from raytwin.cli import (
     reference_commands,
     scenes_commands,
 )
-from raytwin.cli.examples import EXAMPLES
-from raytwin.cli.options import register
+from raytwin.cli.options import with_options
 from raytwin.cli.terminal import say
-from raytwin.errors import InputError, MachineError, extras_for
+from raytwin.errors import InputError, extras_for
 from raytwin.removed import moved_command, removed_command
 
-COMPARE, REFERENCES, MEASURE = "Compare and explain", "References", "Measure"
-PHOTOS, CLASSES, FURTHER = "Photos", "Learn and teach", "Further"
-COMMANDS: dict[str, tuple[str, Any]] = {
-    "compare": (COMPARE, compare_commands.compare_command),
-    "diff": (COMPARE, compare_commands.diff_command),
-    "laws": (COMPARE, method_commands.laws_command),
-    "explore": (COMPARE, method_commands.explore_command),
-    "shrink": (COMPARE, method_commands.shrink_command),
-    "reference": (REFERENCES, reference_commands.app),
-    "bench": (MEASURE, bench_commands.app),
-    "levels": (MEASURE, method_commands.levels_command),
-    "stability": (MEASURE, bench_commands.stability_command),
-    "photo": (PHOTOS, photo_commands.app),
-    "walk": (CLASSES, grade_commands.walk_command),
-    "grade": (CLASSES, grade_commands.app),
-    "scenes": (FURTHER, scenes_commands.app),
-    "doctor": (FURTHER, doctor_command.doctor_command),
+COMMANDS: dict[str, tuple[Any, str]] = {
+    "compare": (compare_commands.compare_command, "overlap --rung path --samples 256"),
+    "diff": (compare_commands.diff_command, "mine.exr reference.exr -o out/diff"),
+    "laws": (method_commands.laws_command, "'./mytracer {scene} {out}'"),
+    "explore": (method_commands.explore_command, "overlap"),
+    "shrink": (method_commands.shrink_command, "overlap --subject mine.py:render"),
+    "reference": ("Make, accept, check, show reference images, merge reports.", "make overlap --rung shadow"),
+    "reference make": (reference_commands.make_command, "overlap --rung shadow"),
+    "reference accept": (reference_commands.accept_command, "pages/new/logo/lambert.exr --because 'new logo'"),
+    "reference check": (reference_commands.check_command, "overlap"),
+    "reference show": (reference_commands.show_command, "overlap"),
+    "reference merge": (reference_commands.merge_command, "linux mac windows"),
+    "bench": (bench_commands.scene_command, "overlap wedge --subject mine.py:render --methods 'drjit32-*'"),
+    "bench list": (bench_commands.list_command, "--methods 'numpy*'"),
+    "levels": (method_commands.levels_command, "overlap --tolerance 0.03 --size 160x120"),
+    "stability": (bench_commands.stability_command, "sphere-far"),
+    "photo": ("Calibrate from photos, find their light, draw into them.", "calibrate photos -o camera.toml"),
+    "photo board": (photo_commands.board_command, "--tag 30mm --columns 5 --rows 7 --pitch 38mm -o board.pdf"),
+    "photo calibrate": (photo_commands.calibrate_command, "photos --board board.toml -o camera.toml"),
+    "photo light": (photo_commands.light_command, "a.jpg --camera c.toml --ball=-6cm,15cm,2cm,2cm -o light.toml"),
+    "photo draw": (photo_commands.draw_command, "photos/*.jpg --scene desk -o out/drawn"),
+    "photo simulate": (photo_commands.simulate_command, "--board board.toml --count 20 -o photos"),
+    "walk": (grade_commands.walk_command, "--notebook"),
+    "grade": (grade_commands.class_command, "submissions --rubric rubric.toml --jobs 4"),
+    "grade starter": (grade_commands.starter_command, "-o tracer.py"),
+    "grade zip": (grade_commands.zip_command, "rubric.toml"),
+    "scenes": (scenes_commands.list_command, ""),
+    "scenes list": (scenes_commands.list_command, ""),
+    "scenes copy": (scenes_commands.copy_command, "desk my-desk"),
+    "scenes export": (scenes_commands.export_command, "overlap --mitsuba-xml -o overlap.xml"),
+    "doctor": (doctor_command.doctor_command, ""),
 }
-"""Command -> the heading that it stands under in `--help`, and what runs. An app is a group of commands."""
-GROUP_HELP = {
-    "reference": "Make, accept, check, show reference images, merge reports.",
-    "bench": "Measure speed against accuracy.",
-    "photo": "Calibrate from photos, find their light, draw into them.",
-    "grade": "Grade students' tracers.",
-    "scenes": "List, copy or export scenes.",
+"""Command -> what runs, or the help of a group that does nothing by itself; and words for it, as an example."""
+HEADINGS = {
+    "Compare and explain": ("compare", "diff", "laws", "explore", "shrink"),
+    "References": ("reference",),
+    "Measure": ("bench", "levels", "stability"),
+    "Photos": ("photo",),
+    "Learn and teach": ("walk", "grade"),
+    "Further": ("scenes", "doctor"),
 }
-"""Group of commands -> its line of help."""
+"""Heading in `--help` -> the commands under it."""
+BY_ITSELF = " "
+"""Name of what a group does without a subcommand: no folder can have it."""
 
 
-class Grouped(TyperGroup):
-    """The list of commands under headings; a command that moved into a group still answers to its old name."""
+class InOrder(TyperGroup):
+    """The program, whose `--help` lists commands and groups in the order of COMMANDS."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        return [name for name in COMMANDS if " " not in name]
+
+
+class RunsByItself(TyperGroup):
+    """A group that does something by itself: words that begin with no subcommand are its own, and so is its help."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        return super().parse_args(ctx, moved_command(args))
+        if not args or args[0] not in {*self.commands, *ctx.help_option_names}:
+            args = [BY_ITSELF, *args]
+        return super().parse_args(ctx, args)
 
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
-        limit = formatter.width - 6 - max(map(len, self.commands))
-        for heading in dict.fromkeys(heading for heading, _ in COMMANDS.values()):
-            named = [n for n, (own, _) in COMMANDS.items() if own == heading]
-            with formatter.section(heading):
-                formatter.write_dl([(n, self.commands[n].get_short_help_str(limit)) for n in named])
-
-
-app = typer.Typer(
-    cls=Grouped,
-    help="Compare a ray tracer with Mitsuba on the same scene and explain the difference.",
-    epilog="Example: raytwin compare single. Each command has its own --help.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        command: Any = self.commands[BY_ITSELF]
+        command.format_help(command.context_class(command, info_name=ctx.info_name, parent=ctx.parent), formatter)
 
 
 def _version(asked: bool) -> None:
@@ -95,7 +104,6 @@ def _version(asked: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _options(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
@@ -104,19 +112,39 @@ def _options(
     pass
 
 
-for name, (_, command) in COMMANDS.items():
-    if isinstance(command, typer.Typer):
-        app.add_typer(command, name=name, help=GROUP_HELP[name], epilog=f"Example: {EXAMPLES[name]}")
-    else:
-        register(app, {name: command})
+def _program() -> typer.Typer:
+    """Make the program of COMMANDS."""
+    program = typer.Typer(
+        help="Compare a ray tracer with Mitsuba on the same scene and explain the difference.",
+        epilog="Example: raytwin compare single. Each command has its own --help.",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        cls=InOrder,
+        rich_markup_mode="markdown",
+        context_settings={"help_option_names": ["-h", "--help"]},
+        callback=_options,
+    )
+    heading_of = {name: heading for heading, names in HEADINGS.items() for name in names}
+    groups: dict[str, typer.Typer] = {}
+    for name, (command, example) in COMMANDS.items():
+        first, _, last = name.partition(" ")
+        within = [other for other in COMMANDS if other.startswith(f"{name} ")]
+        epilog = " ".join(f"Example: raytwin {name} {example}".split())
+        if within and callable(command):
+            epilog += f". Beside it: {', '.join(f'raytwin {other}' for other in within)}"
+        shown: dict[str, Any] = {"epilog": epilog, "rich_help_panel": heading_of.get(name)}
+        if within:
+            by_itself = callable(command)
+            groups[name] = typer.Typer(cls=RunsByItself if by_itself else TyperGroup, no_args_is_help=not by_itself)
+            text = (command.__doc__ or "").splitlines()[0] if by_itself else command
+            program.add_typer(groups[name], name=name, help=text, **shown)
+        if callable(command):
+            place, own = (groups[first], last or BY_ITSELF) if first in groups else (program, name)
+            place.command(own, **shown)(with_options(command, name))
+    return program
 
-NEEDS = {
-    "bench": ("twin", "llvm"), "compare": ("twin", "llvm"), "explore": ("live", "twin", "llvm"),
-    "levels": ("twin", "llvm"), "photo": ("photos",), "photo simulate": ("photos", "twin", "llvm"),
-    "reference": ("twin", "llvm"), "shrink": ("twin", "llvm"), "stability": ("photos",),
-}  # fmt: skip
-"""The extras that a command needs whatever it is given: named all at once where one of them is missing."""
 
+app = _program()
 
 INTERRUPTED, CLOSED, OWN_FAULT = 130, 141, 70
 """Exit codes as shells and sysexits.h have them. 1 says that a comparison failed, and nothing else."""
@@ -136,10 +164,11 @@ def _run() -> int:
     # as long.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
-        if gone := removed_command(moved_command(sys.argv[1:])):
+        words = moved_command(sys.argv[1:])
+        if gone := removed_command(words):
             return _said(gone)
         Path.cwd()  # before a library looks for it: Mitsuba aborts the whole process where it is gone
-        code = app(standalone_mode=False, prog_name="raytwin")
+        code = app(words, standalone_mode=False, prog_name="raytwin")
         sys.stdout.flush()
         return code or 0
     except Exception as error:
@@ -154,29 +183,19 @@ def _run() -> int:
 
 def _report(error: Exception) -> int:
     """The error in one line on standard error, and its exit code."""
-    missing = error.__context__ if isinstance(error, MachineError) else error
-    if isinstance(missing, ModuleNotFoundError) and (extras := extras_for(missing)):
-        words = [word for word in moved_command(sys.argv[1:]) if not word.startswith("-")] or ["this"]
-        command = " ".join(words[: 2 if words[0] == "photo" else 1])
-        wanted = ",".join(dict.fromkeys((*NEEDS.get(command, NEEDS.get(words[0], ())), *extras)))
-        return _said(f"{command} needs {missing.name}, which is not installed: pip install 'raytwin[{wanted}]'")
+    if isinstance(error, ModuleNotFoundError) and (extras := ",".join(extras_for(error))):
+        return _said(f"this needs {error.name}, which is not installed: pip install 'raytwin[{extras}]'")
     if isinstance(error, InputError):
         return _said(str(error), error.exit_code)
     if isinstance(error, typer.Abort):
         return _said("interrupted", INTERRUPTED)
-    if hasattr(error, "show"):  # typer's own
-        shown: Any = error
-        if type(error).__name__ == "NoArgsIsHelpError":
-            say(shown.format_message(), err=True)
-            return 2
-        return _said(_misused(shown))
+    if hasattr(error, "format_message"):  # typer's own
+        return _said(text) if (text := _misused(error)) else 2  # without words the help is printed already
     if isinstance(error, OSError):
         if error.filename is None:  # what was left to print: not a second time, when Python ends
             with contextlib.suppress(OSError, ValueError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if isinstance(error, BrokenPipeError):
-            return CLOSED
-        return _said(str(_unusable(error)))
+        return CLOSED if isinstance(error, BrokenPipeError) else _said(str(_unusable(error)))
     if isinstance(error, UnicodeEncodeError):
         return _said(str(InputError("the name of a file", "UTF-8", repr(error.object)[:80])))
     if isinstance(error, MemoryError):
@@ -186,33 +205,10 @@ def _report(error: Exception) -> int:
 
 
 def _misused(error: Any) -> str:
-    """What is wrong with the words of the command line, in a line of our own.
-
-    Typer's exceptions have moved between its releases: they are known by their fields.
-    """
-    text = error.format_message()
-    if value := re.match(r"Option '(.*)' (requires|does not take)", text):
-        return f"{value[1]} {'needs a' if value[2] == 'requires' else 'takes no'} value."
-    command = error.ctx.command_path.rstrip()
-    help_lists = f"`{command} --help` lists what it takes."
-    if (param := getattr(error, "param", None)) is not None:
-        name = param.opts[0] if param.opts[0].startswith("-") else param.name.upper()
-        if text.startswith("Missing"):
-            return f"{name} is missing. {help_lists}"
-        found: list[dict[str, Any]] = getattr(error.__cause__, "errors", list)()
-        if not found:
-            return f"{name}: {error.message}"
-        kind = {"int": "a whole number", "float": "a number"}.get(found[0]["type"].partition("_")[0])
-        bound = found[0]["msg"].removeprefix("Input should be ").replace("greater than or equal to", "a number >=")
-        return str(InputError(name, kind or bound, found[0]["input"]))
-    if more := re.search(r"unexpected extra argument.*\((.*)\)", text):
-        return f"`{command}` takes no further words, as here {more[1]}. {help_lists}"
-    if unknown := re.match(r"No such (option|command):? '?([^\s']*)", text):
-        parameters = [name for p in error.ctx.command.params for name in p.opts]
-        known = parameters if unknown[1] == "option" else error.ctx.command.commands
-        meant = get_close_matches(unknown[2], known, 1)
-        return f"`{command}` has no {unknown[1]} {unknown[2]}. {f'Did you mean {meant[0]}?' if meant else help_lists}"
-    return f"{text.rstrip('.')}. {help_lists}"
+    """What typer says is wrong with the words of the command line, and where to look; empty where it says nothing."""
+    text = error.format_message().rstrip(".")
+    command = error.ctx.command_path.rstrip() if getattr(error, "ctx", None) else "raytwin"
+    return f"{text} (`{command} --help` lists what it takes)" if text else ""
 
 
 def _unusable(error: OSError) -> InputError:

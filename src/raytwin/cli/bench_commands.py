@@ -1,22 +1,18 @@
 """raytwin bench and `bench list`: speed against accuracy; raytwin stability."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
 from raytwin.cli.option_values import check_outputs, parse_numbers
-from raytwin.cli.options import group, register
 from raytwin.cli.progress_bar import show_progress
-from raytwin.cli.terminal import say, say_wrapped, worst_code
+from raytwin.cli.terminal import say, worst_code
 from raytwin.errors import check_one_of
 from raytwin.rungs import RUNGS
 
 if TYPE_CHECKING:
     from raytwin.images.image import Image
-
-app = group("scene")
 
 
 def scene_command(
@@ -54,7 +50,7 @@ def scene_command(
     if json:
         write_bench(found, json)
     for of_scene in found:
-        say_wrapped(bench_page.bench_summary(of_scene))
+        say(bench_page.bench_summary(of_scene))
     say(f"report: {folder / 'bench.html'}")
     raise typer.Exit(worst_code(of_scene.exit_code for of_scene in found))
 
@@ -91,16 +87,9 @@ def stability_command(
             atlas_page.write_atlas(found, folder)
     if json:
         write_json(json, found)
-    say_wrapped(atlas_page.atlas_summary(found))
+    say(atlas_page.atlas_summary(found))
     say(f"report: {folder / 'atlas.html'}")
 
 
 def split(globs: str) -> tuple[str, ...]:
     return tuple(part.strip() for part in globs.split(",") if part.strip())
-
-
-COMMANDS: dict[str, Callable[..., None]] = {
-    "scene": scene_command,
-    "list": list_command,
-}
-register(app, COMMANDS, within="bench")

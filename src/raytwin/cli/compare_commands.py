@@ -8,7 +8,7 @@ import typer
 
 from raytwin.cli.option_values import check_outputs
 from raytwin.cli.progress_bar import print_seconds, show_progress
-from raytwin.cli.terminal import say, say_wrapped, worst_code
+from raytwin.cli.terminal import say, worst_code
 from raytwin.errors import InputError
 from raytwin.study.diff_settings import DiffSettings
 from raytwin.study.settings import CompareSettings
@@ -31,7 +31,7 @@ def compare_command(
         result = compare_scene(scene, settings, progress=progress)
         folder = out or Path("out") / result.scene.name
         report_folder.write_all(result, folder, json, progress=progress)
-    say_wrapped(terminal_text.summary(result))
+    say(terminal_text.summary(result))
     print_seconds(progress, verbose, result.worth)
     say(f"report: {folder / 'report.html'}")
     raise typer.Exit(result.comparison.exit_code)
@@ -72,7 +72,7 @@ def diff_command(
 
         with show_progress() as progress:
             report_folder.write_diff(found, out, progress)
-    say_wrapped(text)
+    say(text)
     if out:
         say(f"report: {out / 'report.html'}")
     raise typer.Exit(found.comparison.exit_code)

@@ -1,13 +1,11 @@
 """raytwin grade SUBMISSIONS --rubric R | starter | zip, and walk: students' tracers, graded."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from raytwin.cli.option_values import check_outputs
-from raytwin.cli.options import group, register
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError, check_one_of
@@ -15,13 +13,6 @@ from raytwin.errors import InputError, check_one_of
 if TYPE_CHECKING:
     from raytwin.teach.grade.result import Result
     from raytwin.teach.grade.rubric import Rubric
-
-
-MOST_STORED_LISTED = 20
-"""Most results that are listed although they were there already."""
-
-
-app = group("class")
 
 
 def class_command(
@@ -39,7 +30,7 @@ def class_command(
     from raytwin.parallel import parse_workers
     from raytwin.show import autograder_sites as sites
     from raytwin.show import class_page as pages
-    from raytwin.teach.grade.class_run import jobs_of, run, with_class
+    from raytwin.teach.grade.class_run import jobs_of, run
     from raytwin.teach.grade.rubric import read_rubric
 
     check_outputs(folders=(out,), files=(gradescope, junit))
@@ -59,19 +50,17 @@ def class_command(
             say(_line(result, read))
 
         results = run(found, out, workers, again, progress, each)
-    for result in results if len(results) <= MOST_STORED_LISTED else ():
+    for result in results:
         if result not in printed:
             say(_line(result, read))
     failed = [result.student for result in results if result.grader_fault]
     if gradescope is not None:  # whoever asks for it has no use for pages
         sites.write_gradescope(results[0], read, gradescope)
         raise typer.Exit(1 if failed else 0)
-    graded, results = len(results), with_class(results, out, read)
     failed += pages.write_class(results, read, out, for_students)
     if junit is not None:
         sites.write_grade_junit(results, junit)
-    among = f", in the class of {len(results)} that is there" if graded < len(results) else ""
-    say(f"{graded} graded{among}; report: {out / 'index.html'}")
+    say(f"{len(results)} graded; report: {out / 'index.html'}")
     if failed:
         say(f"the grader itself failed on {', '.join(dict.fromkeys(failed))}: grade again once that is mended")
         raise typer.Exit(1)
@@ -139,11 +128,3 @@ def walk_command(notebook: bool = False, out: Path = Path(), solved: bool = Fals
     path = write_walk(out, notebook, solved)
     say(f"wrote {path}")
     say(f"jupyter lab {path}" if notebook else f"python {path}    # its pictures go to walk/; edit it, run it again")
-
-
-COMMANDS: dict[str, Callable[..., None]] = {
-    "class": class_command,
-    "starter": starter_command,
-    "zip": zip_command,
-}
-register(app, COMMANDS, within="grade")

@@ -10,8 +10,7 @@ import typer
 from raytwin.cli.option_values import check_outputs
 from raytwin.cli.options import Size
 from raytwin.cli.progress_bar import show_progress
-from raytwin.cli.terminal import say, say_wrapped
-from raytwin.errors import InputError
+from raytwin.cli.terminal import say
 from raytwin.study.settings import CompareSettings
 
 
@@ -22,7 +21,7 @@ def levels_command(
     """Find how much light a scene needs.
 
     Every light level is measured against all light, with its cost. With --tolerance the answer is the cheapest method
-    that meets it, and what can be dropped. Exit code 2 means that none does. The folder gets levels.html and
+    that meets it, and what can be left out. Exit code 2 means that none does. The folder gets levels.html and
     levels.json.
     """
     check_outputs(folders=(out or Path("out"),), files=(json,))
@@ -37,13 +36,13 @@ def levels_command(
             levels_page.write_levels(made, folder)
     if json:
         write_json(json, made.found)
-    say_wrapped(levels_page.levels_summary(made.found))
+    say(levels_page.levels_summary(made.found))
     say(f"report: {folder / 'levels.html'}")
     raise typer.Exit(0 if made.found.choice or tolerance is None else 2)
 
 
 def laws_command(
-    settings: CompareSettings, renderer: str | None = None, scene: Path | None = None, without: str = "",
+    renderer: str, settings: CompareSettings, scene: Path | None = None, without: str = "",
     json: Path | None = None, out: Path | None = None,
 ) -> None:  # fmt: skip
     """Judge a renderer without a reference.
@@ -52,9 +51,6 @@ def laws_command(
     laws that break name the cause. Exit code 0: none is broken; 1: one is; 2: undecided.
     """
     check_outputs(folders=(out or Path("out"),), files=(json,))
-    what = [one for one in (renderer, settings.subject) if one is not None]
-    if len(what) != 1:
-        raise InputError("--subject", "the one renderer to judge", "two" if what else "none")
     with show_progress() as progress:
         with progress.stage("imports"):
             from raytwin.scene.scene_files import read_scene
@@ -62,14 +58,14 @@ def laws_command(
             from raytwin.show import laws_page
             from raytwin.study.laws import laws
             from raytwin.teach.contract.subject import find_subject
-        subject = find_subject(what[0], settings.rung, settings.sampling)
+        subject = find_subject(renderer, settings.rung, settings.sampling)
         read = read_scene(scene) if scene else None
         found = laws(subject, read, size=settings.size, budget=settings.spending, without=without, progress=progress)
         folder = out or Path("out") / "laws"
         laws_page.write_laws(found, folder)
     if json:
         write_json(json, found.numbers())
-    say_wrapped(laws_page.laws_summary(found))
+    say(laws_page.laws_summary(found))
     say(f"report: {folder / 'laws.html'}")
     raise typer.Exit(found.exit_code)
 
@@ -79,10 +75,9 @@ def shrink_command(
 ) -> None:
     """Find the smallest scene in which a renderer still fails.
 
-    It fails as on this scene, and is written for a bug report. Each step keeps the kind of failure. Exit code 2 means
-    that it does not fail.
+    Each step keeps the kind of failure. The folder gets scene.toml for a bug report, which begins with what was found
+    and how to reproduce it. Exit code 2 means that it does not fail.
     """
-    from raytwin.safe_write import write_text
     from raytwin.scene.scene_files import write_scene
     from raytwin.scene.toml_json import write_json
     from raytwin.study.shrink import shrink
@@ -90,20 +85,17 @@ def shrink_command(
     check_outputs(folders=(out or Path("out"),), files=(json,))
     with show_progress() as progress:
         found = shrink(scene, settings, time_limit=time_limit, progress=progress)
-    name, small = found.before.name, found.after
-    folder = out or Path("out") / f"shrink-{name}"
-    file = folder / "scene.toml"
+    file = (out or Path("out") / f"shrink-{found.before.name}") / "scene.toml"
     samples = f" --samples {settings.samples}" if settings.samples else ""
     subject = f"--subject {shlex.quote(str(settings.subject))} --rung {found.rung}{samples}"
-    shown = f"raytwin compare {shlex.quote(str(file))} {subject}"
-    said = (f"{name}, reduced by raytwin shrink.", *found.sentences)
-    write_scene(file, small, "\n".join((*said, "bug.md has the command that reproduces it.")))
-    write_text(folder / "bug.md", "\n\n".join((*said, f"To reproduce: `{shown}`\n")))
+    command = f"raytwin compare {shlex.quote(str(file))} {subject}"
+    said = (*found.sentences, f"To reproduce: {command}")
+    write_scene(file, found.after, "\n".join((f"{found.before.name}, reduced by raytwin shrink.", *said)))
     if json:
-        write_json(json, found.numbers() | {"scene": str(file), "command": shown})
-    for line in (*found.sentences, f"To reproduce: {shown}"):
+        write_json(json, found.numbers() | {"scene": str(file), "command": command})
+    for line in said:
         say(line)
-    count = [len(scene.objects) for scene in (found.before, small)]
+    count = [len(scene.objects) for scene in (found.before, found.after)]
     say(f"{count[0]} objects to {count[1]}, {found.evaluations} comparisons, {found.seconds:.1f} s")
     say(f"scene: {file}")
 

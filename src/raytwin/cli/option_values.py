@@ -4,11 +4,12 @@ import math
 import os
 import re
 from pathlib import Path
+from typing import Any
 
 from raytwin.errors import InputError
 
 MOST_PIXELS = 400_000_000
-"""As much as a file may have."""
+"""Pixels of a picture, at most: 4.8 GB per image."""
 MAX_SIDE = 100_000
 """Largest width or height of a picture, in pixels, that is not taken for a typing error."""
 
@@ -43,47 +44,30 @@ def parse_numbers(text: str, option: str) -> tuple[float, ...]:
     return numbers
 
 
-def parse_ball(text: str, option: str) -> tuple[float, float, float, float]:
-    """The center and the radius of a ball: 'x,y,z,r', metres or with units."""
-    numbers = parse_places(text, option)
-    if len(numbers) != 4 or not numbers[3] > 0:
-        raise InputError(option, "x,y,z,r in metres or with units (20mm), r > 0", text)
-    return numbers[0], numbers[1], numbers[2], numbers[3]
+def parse_placed(text: str, option: str, names: str) -> Any:
+    """Return as many numbers as `names` has, in metres, each with or without a unit; the last is a length above 0.
 
-
-def parse_stand(text: str, option: str) -> tuple[float, float, float]:
-    """The foot (x, y) and the height of an upright: 'x,y,h', metres or with units."""
-    numbers = parse_places(text, option)
-    if len(numbers) != 3 or not numbers[2] > 0:
-        raise InputError(option, "x,y,h in metres or with units (20mm), h > 0", text)
-    return numbers[0], numbers[1], numbers[2]
-
-
-def parse_places(text: str, option: str) -> tuple[float, ...]:
-    """Metres, each number with or without a unit.
-
-    >>> parse_places("-60mm,0.15,2cm", "--ball")
+    >>> parse_placed("-60mm,0.15,2cm", "--stand", "x,y,h")
     (-0.06, 0.15, 0.02)
     """
-    parts = [part.strip() for part in text.split(",")]
-    with_unit = [part[-1:].isalpha() and part.lower() not in ("nan", "inf", "-inf") for part in parts]
-    if not any(with_unit):
-        return parse_numbers(text, option)
     from raytwin.photos.boards.lengths import parse_length  # OpenCV comes with it
 
-    return tuple(
-        (-1 if part.startswith("-") else 1) * parse_length(part.removeprefix("-"), option, zero=True)
-        if unit
-        else parse_numbers(part or "nothing", option)[0]
-        for part, unit in zip(parts, with_unit, strict=True)
-    )
+    def metres(part: str) -> float:
+        if not part[-1:].isalpha():
+            return parse_numbers(part or "nothing", option)[0]
+        return (-1 if part.startswith("-") else 1) * parse_length(part.removeprefix("-"), option, zero=True)
+
+    numbers = tuple(metres(part.strip()) for part in text.split(","))
+    if len(numbers) != len(names.split(",")) or not numbers[-1] > 0:
+        raise InputError(option, f"{names} in metres or with units (20mm), {names[-1]} > 0", text)
+    return numbers
 
 
 def check_outputs(*, folders: tuple[Path | None, ...] = (), files: tuple[Path | None, ...] = ()) -> None:
     """InputError where an output cannot be written, before the work that it is to hold. Nothing is made."""
     kinds = {True: "a folder", False: "a file"}
     for path, folder in (*((p, True) for p in folders if p), *((p, False) for p in files if p)):
-        if not _is_utf8(path):
+        if any("\ud800" <= c <= "\udfff" for c in str(path)):  # bytes that are no text
             raise InputError("the name of an output", "UTF-8", ascii(str(path)))
         if path.exists():
             if path.is_dir() != folder:
@@ -95,11 +79,3 @@ def check_outputs(*, folders: tuple[Path | None, ...] = (), files: tuple[Path | 
                 raise InputError(path, "a writable path", f"{above}, which is a file")
         if not os.access(above, os.W_OK):
             raise InputError(path, "a writable path", "one without write permission")
-
-
-def _is_utf8(path: Path) -> bool:
-    try:
-        str(path).encode()
-    except UnicodeEncodeError:
-        return False
-    return True

@@ -1,24 +1,39 @@
 """raytwin photo: from photos of a board to camera and light, and back into photos."""
 
-from collections.abc import Callable
 from pathlib import Path
 
-import typer
-
-from raytwin.cli import board_commands
-from raytwin.cli.option_values import check_outputs, parse_ball, parse_numbers, parse_stand
-from raytwin.cli.options import Size, register
-from raytwin.cli.progress_bar import print_seconds, show_progress
-from raytwin.cli.terminal import say, say_wrapped
+from raytwin.cli.option_values import check_outputs, parse_numbers, parse_placed
+from raytwin.cli.options import Size
+from raytwin.cli.progress_bar import show_progress
+from raytwin.cli.terminal import say
 from raytwin.errors import InputError, check_one_of
 from raytwin.study.settings import AugmentSettings
 
-app = typer.Typer(no_args_is_help=True)
+
+def board_command(
+    out: Path = Path("board.pdf"), tag: str = "30mm", columns: int = 5, rows: int = 7, pitch: str = "38mm",
+    paper: str = "a4", first_id: int = 0, family: str = "tag36h11",
+) -> None:  # fmt: skip
+    """Make a board to print, as PDF and TOML.
+
+    The PDF has the exact size and a bar to measure. Lengths need units: 30mm, 3cm, 0.8in.
+    """
+    from raytwin.photos import boards
+    from raytwin.photos.boards import sheet
+    from raytwin.photos.boards.lengths import parse_length
+
+    grid = boards.Grid(columns, rows, parse_length(pitch, "--pitch"), first_id)
+    check_one_of("--family", family, boards.FAMILIES)
+    check_one_of("--paper", paper.lower(), sheet.PAPERS)
+    board = boards.Board(family, parse_length(tag, "--tag"), grid)
+    boards.check_board(board)
+    toml = sheet.write_sheet(out, board, paper.lower())
+    say(f"{columns * rows} tags on {paper.lower()}, print at 100 %: {out}, {toml}")
 
 
 def calibrate_command(
     photos: list[Path], board: list[Path] | None = None, model: str = "auto", photo: str | None = None,
-    json: Path | None = None, out: Path | None = None, verbose: bool = False,
+    json: Path | None = None, out: Path | None = None,
 ) -> None:  # fmt: skip
     """Calibrate a camera from photos of a board.
 
@@ -40,12 +55,11 @@ def calibrate_command(
         calibration = taken.calibrate(paths, definition, model=model, progress=progress)
         if out:
             with progress.stage("page"):
-                _write_camera(out, calibration, paths, photo)
+                _write_camera(out, calibration, photo)
                 calibration_page.write_calibration(calibration, out.with_suffix(".html"), out.name)
     if json:
         write_json(json, calibration.numbers())
-    say_wrapped(terminal_text.calibration_summary(calibration))
-    print_seconds(progress, verbose)
+    say(terminal_text.calibration_summary(calibration))
 
 
 def _board_beside(photos: list[Path]) -> Path:
@@ -58,22 +72,20 @@ def _board_beside(photos: list[Path]) -> Path:
     return found[0]
 
 
-def _write_camera(out: Path, calibration, paths: list[Path], photo: str | None) -> None:
+def _write_camera(out: Path, calibration, photo: str | None) -> None:
     """camera.toml with the pose of `photo`, the first one's by default."""
     from raytwin.photos import camera as taken
 
-    shown = [view.photo for view in calibration.views]
-    name, board = photo or shown[0], calibration.basis.board
-    check_one_of("--photo", name, dict.fromkeys([*shown, *(Path(p).name for p in calibration.basis.found)]))
-    path = next(p for p in paths if name in (p.name, str(p)))
-    camera = taken.camera_at(calibration, taken.pose_of_photo(calibration, path, board).refined)
-    comment = f"Calibrated from {len(shown)} photos, rms {calibration.rms_px:.3f} px."
-    taken.write_camera_file(out, camera, board, comment)
+    views = {Path(view.photo).name: view for view in reversed(calibration.views)}
+    name = photo or Path(calibration.views[0].photo).name
+    check_one_of("--photo", name, views)
+    comment = f"Calibrated from {len(calibration.views)} photos, rms {calibration.rms_px:.3f} px."
+    taken.write_camera_file(out, taken.camera_at(calibration, views[name]), calibration.evidence.board, comment)
 
 
 def light_command(
-    photos: list[Path], camera: Path, out: Path, board: Path | None = None, ball: list[str] | None = None,
-    stand: str | None = None, json: Path | None = None, verbose: bool = False,
+    photo: Path, camera: Path, out: Path, board: Path | None = None, ball: list[str] | None = None,
+    stand: str | None = None, json: Path | None = None,
 ) -> None:  # fmt: skip
     """Estimate sun and sky from a photo.
 
@@ -88,18 +100,15 @@ def light_command(
     if out.suffix.lower() != ".toml":
         raise InputError(out, "a name that ends in .toml", out.suffix or "no ending")
     check_outputs(files=(out, out.with_suffix(".exr"), out.with_suffix(".html"), json))
-    if len(photos) > 1 or photos[0].is_dir():
-        several = "more than one photo per call was removed in 0.2.0. Use the one that shows ball or pin the largest."
-        raise InputError("`photo light`", several)
     if ball and len(ball) > 1:
         raise InputError("`photo light --ball`", "more than once was removed in 0.2.0. Use one mirror ball.")
-    given = parse_ball(ball[0], "--ball") if ball else None
-    upright = parse_stand(stand, "--stand") if stand else None
-    board = board or _board_beside(photos)
+    given = parse_placed(ball[0], "--ball", "x,y,z,r") if ball else None
+    upright = parse_placed(stand, "--stand", "x,y,h") if stand else None
+    board = board or _board_beside([photo])
     with show_progress() as progress:
         try:
             with progress.stage("light"):
-                found = estimate_light(photos[0], board, camera, ball=given, stand=upright)
+                found = estimate_light(photo, board, camera, ball=given, stand=upright)
         except LightRefused as refused:
             light_page.write_light_page(refused.found, out.with_suffix(".html"))
             raise InputError(
@@ -111,22 +120,21 @@ def light_command(
         write_json(json, found.numbers())
     say(light_page.light_summary(found))
     light_page.write_light_page(found, out.with_suffix(".html"))
-    print_seconds(progress, verbose)
     say(f"{out}, report: {out.with_suffix('.html')}")
 
 
 def simulate_command(
     out: Path, board: Path, scene: Path | None = None, count: int = 14, size: Size = None,
     focal: float = 1560.0, dist: str = "0.08,-0.16", samples: int = 32, seed: int = 1, bend: str = "0mm",
-    with_objects: bool = False, verbose: bool = False,
+    with_objects: bool = False,
 ) -> None:  # fmt: skip
     """Render photos of a board with Mitsuba, and the true camera."""
-    from raytwin.photos.boards import lengths
+    from raytwin.photos.boards.lengths import parse_length
     from raytwin.study.photograph import photograph_board
 
     check_outputs(folders=(out,))
     # A number without a unit is in millimetres.
-    bent = lengths.parse_length(bend if bend.strip()[-1:].isalpha() else f"{bend}mm", "--bend", zero=True)
+    bent = parse_length(bend if bend.strip()[-1:].isalpha() else f"{bend}mm", "--bend", zero=True)
     with show_progress() as progress:
         photograph_board(
             board,
@@ -142,13 +150,11 @@ def simulate_command(
             bend=bent,
             progress=progress,
         )
-    print_seconds(progress, verbose)
     say(f"{count} photos, board.toml and truth.toml: {out}")
 
 
 def draw_command(
     photos: list[Path], scene: Path, out: Path, settings: AugmentSettings, json: Path | None = None,
-    verbose: bool = False,
 ) -> None:  # fmt: skip
     """Draw a scene's objects and their shadows into photos."""
     from raytwin.images.photo_files import list_photos, readable_photos
@@ -163,17 +169,6 @@ def draw_command(
     if json:
         write_json(json, {"photos": rows})
     for photo, why in unread.items():
-        say_wrapped(f"{photo} was left out: {why}")
+        say(f"{photo} was left out: {why}")
     say(terminal_text.augment_summary(rows))
-    print_seconds(progress, verbose)
     say(f"{len(rows)} photos: {out}")
-
-
-COMMANDS: dict[str, Callable[..., None]] = {
-    "board": board_commands.board_command,
-    "calibrate": calibrate_command,
-    "light": light_command,
-    "draw": draw_command,
-    "simulate": simulate_command,
-}
-register(app, COMMANDS, within="photo")

@@ -1,14 +1,13 @@
 """raytwin reference make | accept | check | show | merge: references that renders are compared with."""
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
 from raytwin.cli.option_values import check_outputs
-from raytwin.cli.options import register
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say, worst_code
 from raytwin.errors import InputError, check_one_of
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
 
     Case = tuple[Path, str, Scene | MitsubaScene]
 
-app = typer.Typer(no_args_is_help=True)
 
 REFERENCES = Path("reference")
 WORDS = ("PASS", "FAIL", "?   ")
@@ -132,31 +130,24 @@ def check_command(
     raise typer.Exit(worst_code(codes))
 
 
-def show_command(
-    scenes: list[Path] | None = None, rung: list[str] | None = None, folder: Path | None = None, whole: bool = False
-) -> None:
-    """Print what made each reference, and how noisy it is. Exit with 2 if one is damaged."""
+def show_command(scenes: list[Path] | None = None, rung: list[str] | None = None, folder: Path | None = None) -> None:
+    """Print a line for each reference, or all that is known of a single one. Exit with 2 if one is damaged."""
     from raytwin.renderers import references
     from raytwin.rungs import RUNGS
 
-    folder = _source(folder)
+    folder, known = _source(folder), RUNGS
     for one in rung or ():
-        check_one_of("--rung", one, RUNGS)
-    cases = references.listed(folder)
+        check_one_of("--rung", one, known)
     paths = [path for path in scenes or () if path.suffix == ".exr"]
-    names = [_name(path) for path in scenes or () if path.suffix != ".exr"]
+    cases = references.listed(folder)
+    names = [_name(path) for path in scenes or () if path.suffix != ".exr"] or ([] if paths else [n for n, _ in cases])
     for name in names:
-        check_one_of(folder, name, dict.fromkeys(name for name, _ in cases))
-    if names or not paths:
-        paths += [
-            references.path_of(folder, *case)
-            for case in cases
-            if case[0] in (names or [case[0]]) and case[1] in (rung or [case[1]])
-        ]
+        check_one_of(folder, name, dict(cases))
+    paths += [references.path_of(folder, *case) for case in cases if case[0] in names and case[1] in (rung or known)]
     if not paths:
         raise InputError(folder, "references", "none of these light levels" if cases else "none")
-    whole, damaged = whole or len(paths) == 1, False
-    if not whole:
+    alone, damaged = len(paths) == 1, False
+    if not alone:
         say(references.OUTLINE)
     for path in paths:
         try:
@@ -165,7 +156,7 @@ def show_command(
             damaged = True
             say(f"{path.parent.name}/{path.stem}  {error}")
         else:
-            say("\n".join(references.show(found)) if whole else references.outline(found))
+            say("\n".join(references.show(found)) if alone else references.outline(found))
     if damaged:
         raise typer.Exit(2)
 
@@ -214,13 +205,3 @@ def _asked(question: str) -> bool:
 
 def _count(things: Sequence[object]) -> str:
     return f"{len(things)} reference{'s' * (len(things) != 1)}"
-
-
-COMMANDS: dict[str, Callable[..., None]] = {
-    "make": make_command,
-    "accept": accept_command,
-    "check": check_command,
-    "show": show_command,
-    "merge": merge_command,
-}
-register(app, COMMANDS, within="reference")

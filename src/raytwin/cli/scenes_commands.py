@@ -5,15 +5,10 @@ from pathlib import Path
 import typer
 
 from raytwin.cli.option_values import check_outputs
-from raytwin.cli.options import Size, group, register
+from raytwin.cli.options import Size
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError
-
-app = group("list", alone=True)
-
-SEEN = 0.01
-"""Pixels: what a lens that is left out may move without a word."""
 
 
 def list_command() -> None:
@@ -46,7 +41,6 @@ def export_command(
     from raytwin.scene.scene_files import scene_and_photos
     from raytwin.scene.toml_json import json_text
     from raytwin.twin.mitsuba_xml import mitsuba_xml as as_xml
-    from raytwin.twin.mitsuba_xml import moved_by
     from raytwin.twin.rounding import extreme_spheres
 
     if json == mitsuba_xml:
@@ -65,11 +59,8 @@ def export_command(
         text = json_text(as_json(as_arrays(made, rung or "shadow")))
     else:
         text = as_xml(made, rung or "path")
-        if (moved := moved_by(made)) > SEEN:
-            say(
-                f"raytwin: the XML has neither distortion nor a second focal length: it sees up to {moved:.1f} px off",
-                err=True,
-            )
+        if any(made.camera.coefficients) or made.camera.fx != made.camera.fy:
+            say("raytwin: the XML has no lens distortion and one focal length, so its image is another", err=True)
         if coarse := extreme_spheres(made):
             names = ", ".join(f"object-{i}" for i in coarse)
             say(f"raytwin: very large or very far away, Mitsuba's float32 may shade them falsely: {names}", err=True)
@@ -77,6 +68,3 @@ def export_command(
         typer.echo(text, nl=False)
     else:
         write_text(out, text)
-
-
-register(app, {"list": list_command, "copy": copy_command, "export": export_command}, within="scenes")

@@ -26,30 +26,20 @@ def printable(text: str) -> str:
 
 
 def say(text: object, err: bool = False) -> None:
-    """Print a line. File, scene and student names are a stranger's text: only `say` prints in this package."""
-    shown = VERDICT.sub(lambda word: typer.style(word[1], COLOURS[word[1]], bold=True), printable(str(text)))
+    """Print lines, broken at the terminal's width and indented below their first; a pipe gets them whole.
+
+    File, scene and student names are a stranger's text: only `say` prints in this package.
+    """
+    shown = printable(str(text))
+    if width := shutil.get_terminal_size((0, 0)).columns:
+        shown = "\n".join(_broken(line, width) for line in shown.split("\n"))
+    shown = VERDICT.sub(lambda word: typer.style(word[1], COLOURS[word[1]], bold=True), shown)
     typer.echo(shown, err=err, color=False if "NO_COLOR" in os.environ else None)
 
 
-def say_wrapped(text: object) -> None:
-    """Print sentences, broken at the terminal's width and indented below their first line; a pipe gets them whole."""
-    width = shutil.get_terminal_size((0, 0)).columns
-    say("\n".join(broken(line, width) if width else line for line in str(text).splitlines()))
-
-
-def broken(line: str, width: int) -> str:
-    r"""Return a line in lines of at most `width` columns, where its words allow.
-
-    >>> broken("  the images agree", 14)
-    '  the images\n    agree'
-    """
-    if len(line) <= width:
-        return line
-    indent = line[: len(line) - len(line.lstrip())]
-    return textwrap.fill(
-        line, width, subsequent_indent=f"{indent}  ", break_long_words=False, break_on_hyphens=False,
-        drop_whitespace=True, replace_whitespace=False,
-    )  # fmt: skip
+def _broken(line: str, width: int) -> str:
+    indent = line[: len(line) - len(line.lstrip())] + "  "
+    return textwrap.fill(line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
 
 
 def worst_code(codes: Iterable[int]) -> int:

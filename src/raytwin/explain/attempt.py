@@ -6,40 +6,13 @@ The text of these functions is sent into the sandbox: each imports what it needs
 from typing import Any
 
 
-def remembering(space: Any, name: Any) -> Any:
-    """Cache the function of that name by its arguments; never for calls that modify them."""
-    import pickle
-
-    kept, right = space.setdefault("raytwin_kept", {}), space[name]
-
-    def remembered(*args: Any, **named: Any) -> Any:
-        try:
-            key = name, pickle.dumps((args, named))
-        except Exception:  # of classes that are made anew
-            return right(*args, **named)
-        if key not in kept:
-            if len(kept) > 50:
-                kept.clear()
-            got = right(*args, **named)
-            try:
-                if pickle.dumps((args, named)) != key[1]:
-                    return got
-                kept[key] = pickle.dumps(got)
-            except Exception:
-                return got
-        return pickle.loads(kept[key])
-
-    return remembered
-
-
 def attempt(
-    space: Any, function: Any, codes: Any, names: Any, arguments: Any, seconds: Any, changed: Any = False,
-    innocent: Any = (),
-) -> Any:  # fmt: skip
-    """What the function returns with each of `codes` run in `space`; the `names` that it binds are put back after.
+    space: Any, function: Any, codes: Any, names: Any, arguments: Any, seconds: Any, changed: Any = False
+) -> Any:
+    """Return what the function returns with each of `codes` run in `space`; `names`: what each code binds.
 
-    A list of arrays or None: it raised, it took too long, it changed its arguments, or, if `changed`, it returns what
-    it does without. `innocent` are functions known to be correct, whose results are cached.
+    A list of arrays or None: the function raised, took too long or changed its arguments. With `changed`, also None
+    where the code changes nothing in what it returns. Afterwards every name is bound as before.
     """
     import contextlib
     import io
@@ -62,42 +35,40 @@ def attempt(
                 exec(code, space)
             given = pickle.loads(stored)
             before = [pickle.dumps(one) for one in given if not isinstance(one, dict)]
-            got = space[function](*given)
+            returned = space[function](*given)
+            arrays = returned if isinstance(returned, tuple) else (returned,)
             if before != [pickle.dumps(one) for one in given if not isinstance(one, dict)]:
                 return None
-            return tuple(numpy.array(a, dtype=float) for a in (got if isinstance(got, tuple) else (got,)))
+            return tuple(numpy.array(a, dtype=float) for a in arrays)
         except (Exception, SystemExit):  # a change that does not run is none
             return None
         finally:
             if timed:
                 signal.setitimer(signal.ITIMER_VIRTUAL, 0)
 
-    def said(arrays: Any) -> Any:
+    def comparable(arrays: Any) -> Any:
         return None if arrays is None else [(a.shape, a.tobytes()) for a in arrays]
 
     stored = pickle.dumps(arguments)
     timed = hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread()
-    before_it = signal.signal(signal.SIGVTALRM, stop) if timed else None
-    made = []
-    correct = {name: space[name] for name in innocent if name in space}
-    space.update({name: remembering(space, name) for name in correct})
+    previous_handler = signal.signal(signal.SIGVTALRM, stop) if timed else None
+    answers = []
     with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings(), numpy.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         began = time.process_time()
-        as_it_is = said(answer(seconds, None))
-        if as_it_is is not None:
+        unchanged = comparable(answer(seconds, None))
+        if unchanged is not None:
             seconds = min(seconds, 0.1 + 10 * (time.process_time() - began))
         for code, bound in zip(codes, names, strict=True):
             old = {name: space[name] for name in bound if name in space}
-            got = None
-            with contextlib.suppress(TimeoutError):  # the clock may ring on the way out, too
-                got = answer(seconds, code)
+            arrays = None
+            with contextlib.suppress(TimeoutError):  # the timer may fire after the answer, too
+                arrays = answer(seconds, code)
             space.update(old)
-            made.append(None if changed and said(got) == as_it_is else got)
-    space.update(correct)
+            answers.append(None if changed and comparable(arrays) == unchanged else arrays)
     if timed:
-        signal.signal(signal.SIGVTALRM, before_it)
-    return made
+        signal.signal(signal.SIGVTALRM, previous_handler)
+    return answers
 
 
 def lines_run(space: Any, function: Any, arguments: Any, seconds: Any) -> Any:
@@ -125,8 +96,8 @@ def lines_run(space: Any, function: Any, arguments: Any, seconds: Any) -> Any:
             sys.settrace(None)
             threading.settrace(None)
 
-    before_it = sys.gettrace()
+    previous_trace = sys.gettrace()
     space["raytwin_traced"] = traced
     attempt(space, "raytwin_traced", [], [], arguments, seconds)
-    sys.settrace(before_it)
+    sys.settrace(previous_trace)
     return count

@@ -372,16 +372,6 @@ def _apart(a: str, b: str) -> float:
     return USUAL if alike or len(a) == len(b) == 1 or beginning else FAR
 
 
-def _late_variable(n: ast.Lambda, scope: Scope) -> Found:
-    """A function made in a loop, which reads the loop's variable when it is called: by then, the last one."""
-    named = {name for loop in scope.loops_around(n) for name in names_in(loop, ast.Store)}
-    if late := sorted((names_in(n.body) & named) - {argument.arg for argument in n.args.args}):
-        more, values = [ast.arg(name) for name in late], [template(name) for name in late]
-        own = changed(n.args, args=n.args.args + more, defaults=n.args.defaults + values)
-        words = "the loop's variable is read when the function is called, not when it is made"
-        yield words, COPIED, changed(n, args=own)
-
-
 def _hiding(n: ast.For | ast.ListComp | ast.GeneratorExp, scope: Scope) -> Found:
     """The loop's variable has the name of another value, which is wanted behind the loop, or at one place in it."""
     own, target = all_names(n), n.target if isinstance(n, ast.For) else n.generators[0].target
@@ -514,7 +504,7 @@ def _function(n: ast.FunctionDef, scope: Scope) -> Found:
 OPERATORS: tuple[tuple[Any, Callable[[Any, Scope], Found]], ...] = (
     (ast.expr, _around), (ast.BoolOp, _conditions), (ast.Call, _call),
     (ast.Call, _counts_and_letters), (ast.Tuple | ast.List, _sequence), (ast.Constant, _constant),
-    (ast.Attribute, _attribute), (ast.Name, _name), (ast.Lambda, _late_variable),
+    (ast.Attribute, _attribute), (ast.Name, _name),
     (ast.For | ast.ListComp | ast.GeneratorExp, _hiding), (ast.Assign, _assign), (ast.AugAssign, _augmented),
     (ast.Expr, _expression), (ast.If, _condition), (ast.For | ast.While, _loop), (ast.Break | ast.Continue, _jump),
     (ast.Return, _return), (ast.FunctionDef, _function),
@@ -542,19 +532,7 @@ def _in_block(block: list[ast.stmt], scope: Scope) -> Iterator[Edit]:
                     yield Edit(into, RARE, first, [before, first], moved=before)
         if isinstance(one, ast.Return):
             yield Edit("it returns too early", COPIED, one, [ast.Pass()])
-    yield from _companion(block, scope)
     yield from _lost(block, scope)
-
-
-def _companion(block: list[ast.stmt], scope: Scope) -> Iterator[Edit]:
-    """A line like one that exchanges two entries, for another name."""
-    for one in block:
-        if isinstance(one, ast.Assign) and isinstance(one.targets[0], ast.Tuple):
-            stored = {n.id for n in all_names(one.targets[0])} & names_in(one.value)
-            for base, name in itertools.product(sorted(stored), scope.names):
-                if name != base:
-                    like = renamed(one, {base: name})
-                    yield Edit(f"`{short(like)}` is missing", COPIED, one, [one, like])
 
 
 def _lost(block: list[ast.stmt], scope: Scope) -> Iterator[Edit]:

@@ -76,12 +76,12 @@ def written(pipeline: Pipeline) -> dict[str, Any]:
         if isinstance(what, tuple):
             texts[name] = (*texts.get(name, ()), *what)
     texts.setdefault("sun_visible", FACES_AWAY)
-    space = namespace((slipped(name, texts.get(name, ())) for name in FUNCTIONS), fast_textbook.FAST)
-    twins = {
+    space = namespace(slipped(name, texts.get(name, ())) for name in FUNCTIONS)
+    forms = {
         "undistort": fast_textbook.undistort, "normals_at": fast_textbook.normals_at,
         "intersect_all": partial(fast_textbook.intersect_all, space),
     }  # fmt: skip
-    space |= {name: twin for name, twin in twins.items() if name not in texts}
+    space |= {name: form for name, form in forms.items() if name not in texts}
     for name, what in pipeline:
         if name != SPREAD and not isinstance(what, tuple):
             space[name] = what(space.get(name))

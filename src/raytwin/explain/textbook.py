@@ -229,9 +229,9 @@ def slipped(function: str, changes: Changes) -> str:
     return text
 
 
-def namespace(texts: Iterable[str], numpy: Any = np) -> dict[str, Any]:
+def namespace(texts: Iterable[str]) -> dict[str, Any]:
     """Functions of these texts, which call one another."""
-    space: dict[str, Any] = {"np": numpy, "Any": Any, "__builtins__": __builtins__, "srgb_decode": srgb_decode}
+    space: dict[str, Any] = {"np": np, "Any": Any, "__builtins__": __builtins__, "srgb_decode": srgb_decode}
     space["srgb_encode"] = srgb_encode
     for code in map(code_of, texts):
         space[code.co_name] = FunctionType(code, space)

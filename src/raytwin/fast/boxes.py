@@ -56,11 +56,6 @@ def trim_boxes(things: Sequence[Shape], camera: Camera) -> Int[np.ndarray, "n 4"
     return np.where(empty[:, None], 0, np.concatenate([first, last], axis=1))
 
 
-def trim_box(thing: Shape, camera: Camera) -> Box:
-    """The box of one object, see `trim_boxes`."""
-    return tuple(trim_boxes([thing], camera)[0].tolist())
-
-
 @lru_cache(maxsize=64)
 def field_of_view(camera: Camera) -> Float[np.ndarray, "2 2"] | None:
     """The least and the greatest normalised (x, y) that the frame sees; None where the lens folds within them."""

@@ -3,14 +3,14 @@
 import os
 import sys
 from collections.abc import Sequence
-from copy import copy
 from functools import reduce
 from typing import Any, NamedTuple
 
-import msgspec
 import numpy as np
+from msgspec import Struct, structs
 
 from raytwin.errors import MachineError
+from raytwin.scene.record_base import unchecked
 from raytwin.tracer.arrays import library, select
 
 
@@ -100,11 +100,8 @@ def constant(engine: Engine, value: int) -> Any:
 
 def to_engine(value: Any, engine: Engine) -> Any:
     """A record with its floats as the engine's: on Dr.Jit as data, so that a kernel outlives a change of scene."""
-    if isinstance(value, msgspec.Struct):
-        record = copy(value)  # copied, not constructed: a record's own checks are for plain numbers
-        for name in value.__struct_fields__:
-            msgspec.structs.force_setattr(record, name, to_engine(getattr(value, name), engine))
-        return record
+    if isinstance(value, Struct):
+        return unchecked(value, **{name: to_engine(part, engine) for name, part in structs.asdict(value).items()})
     if isinstance(value, tuple):
         lifted = [to_engine(v, engine) for v in value]
         return type(value)(*lifted) if hasattr(value, "_fields") else tuple(lifted)

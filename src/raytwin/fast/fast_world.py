@@ -13,6 +13,7 @@ import numpy as np
 from raytwin.fast.bvh import Nodes, grow
 from raytwin.fast.engine import Engine, from_numpy, gather, to_engine
 from raytwin.scene import Rectangle, Scene, Shape, Sphere
+from raytwin.scene.record_base import unchecked
 from raytwin.tracer.arrays import INFINITY, Vec, integers, maximum, minimum, select
 from raytwin.tracer.hit import Facts, Hit, Stages
 from raytwin.tracer.world import distance, facts_in, facts_row, hides
@@ -31,9 +32,9 @@ Body = Callable[..., Any]
 
 
 class Tree(NamedTuple):
-    """Objects of one `kind` in the `nodes` of `fast.bvh`, and for each leaf the numbers of its object's `shape`."""
+    """Objects like `thing` in the `nodes` of `fast.bvh`, and for each leaf the numbers of its object's `shape`."""
 
-    kind: type
+    thing: Shape
     nodes: Nodes
     shape: tuple[Any, ...]
 
@@ -42,13 +43,15 @@ class Tree(NamedTuple):
         import drjit
 
         inverse = tuple(1 / select(abs(c) > FLAT, c, FLAT) for c in d)
+        fields = SHAPES[type(self.thing)]
 
         def step(place: Any, *state: Any) -> Any:
             near, far = through(gather(self.nodes.low, place), gather(self.nodes.high, place), origin, inverse)
             met, index = (near <= far) & (near < reach(*state)), gather(self.nodes.thing, place)
 
             def test(*state: Any) -> Any:
-                return body(state, index, self.kind(*gather(self.shape, place)))
+                numbers = dict(zip(fields, gather(self.shape, place), strict=True))
+                return body(state, index, unchecked(self.thing, **numbers))
 
             state = drjit.if_stmt(state, met & (index >= 0), test, lambda *same: same)
             return (select(met, place + 1, gather(self.nodes.onward, place)), *state)
@@ -58,22 +61,19 @@ class Tree(NamedTuple):
         return tuple(looped[1:])
 
 
-def grow_tree(kind: type, ids: Sequence[int], objects: Sequence[Shape], engine: Engine, every: bool) -> Tree:
-    """The tree of the objects `ids`, all of this kind; with `every`, its boxes hold all of space."""
+def grow_tree(ids: Sequence[int], objects: Sequence[Shape], engine: Engine, every: bool) -> Tree:
+    """Return the tree of the objects `ids`, all of one kind; with `every`, its boxes hold all of space."""
     things = [objects[i] for i in ids]
     nodes = grow(np.array([t.center for t in things]), np.array([t.extent(np.eye(3)) for t in things]))
     low, high = (np.full_like(c, s * INFINITY) if every else c for s, c in ((-1, nodes.low), (1, nodes.high)))
-    shape = [np.array([getattr(t, field) for t in things])[nodes.thing] for field in SHAPES[kind]]
+    shape = (np.array([getattr(t, field) for t in things])[nodes.thing] for field in SHAPES[type(things[0])])
     index = np.where(nodes.thing >= 0, np.array(ids)[nodes.thing], -1)
-    return Tree(
-        kind, Nodes(*(columns(engine, part) for part in (low, high, index, nodes.onward))), columns(engine, shape)
-    )
+    lifted = Nodes(*(columns(engine, part) for part in (low, high, index, nodes.onward)))
+    return Tree(things[0], lifted, tuple(columns(engine, part) for part in shape))
 
 
-def columns(engine: Engine, values: Any) -> Any:
-    """A table (n, k) as a tuple of k columns, (n,) as one, and a list of tables as a tuple of these."""
-    if isinstance(values, list):
-        return tuple(columns(engine, table) for table in values)
+def columns(engine: Engine, values: np.ndarray) -> Any:
+    """Return a table (n, k) as a tuple of k columns, and (n,) as one, in the engine's numbers."""
     # Two more rows: Dr.Jit cannot look up in an empty array, and treats an array of one number as that number.
     padded = np.concatenate([values, np.zeros((2, *values.shape[1:]), values.dtype)])
     found = tuple(from_numpy(engine, column, values.dtype.kind == "i") for column in padded.reshape(len(padded), -1).T)
@@ -92,9 +92,9 @@ class Objects:
         self.objects = to_engine(scene.objects, engine) if one_by_one else scene.objects
         # Of a few objects each number is one of the kernel's parameters.
         self.rows = tuple([to_engine(x, engine) for x in c] for c in rows.T.tolist()) if few else columns(engine, rows)
-        kinds = [] if one_by_one else [type(thing) for thing in scene.objects]
-        ids = {kind: [i for i, own in enumerate(kinds) if own is kind] for kind in dict.fromkeys(kinds)}
-        self.trees = [grow_tree(kind, ids[kind], scene.objects, engine, every) for kind in ids]
+        spheres, planes = range(len(scene.spheres)), range(len(scene.spheres), self.number)
+        kinds = () if one_by_one else (spheres, planes)
+        self.trees = [grow_tree(ids, scene.objects, engine, every) for ids in kinds if ids]
         self.center = np.array([thing.center for thing in scene.objects]).reshape(-1, 3)
         self.size = (1 + SIZE_MARGIN) * np.array([np.hypot.reduce(thing.sizes) for thing in scene.objects])
 

@@ -21,7 +21,6 @@ from raytwin.photos.camera.pose import rotation
 from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Matrix, PixelCount, Record, Rectangle, Vector
 from raytwin.scene.record_base import NonNegative
-from raytwin.scene.scene_files import check_camera
 from raytwin.scene.toml_json import plain, read_toml, to_record, write_toml
 
 Render = Callable[[Camera, np.ndarray, Rectangle], np.ndarray]
@@ -60,7 +59,10 @@ def read_truth(path: str | os.PathLike) -> Truth:
     """A truth.toml, as `photograph` writes it."""
     truth = to_record(path, read_toml(path), Truth)
     for name, (R, t) in truth.photos.items():
-        check_camera(Camera(truth.image_size, truth.K, R, t, truth.dist), f"{path}: photos.{name}.")
+        try:
+            Camera(truth.image_size, truth.K, R, t, truth.dist)
+        except InputError as error:
+            raise error.at(f"{path}: photos.{name}.") from None
     return truth
 
 

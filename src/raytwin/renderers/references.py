@@ -22,7 +22,6 @@ from raytwin.images.photo_files import list_photos
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, Tolerance
 from raytwin.scene.mitsuba_file import is_mitsuba, read_mitsuba, with_film
-from raytwin.scene.scene_changes import summary
 from raytwin.scene.scene_files import scene_and_photos
 from raytwin.scene.toml_json import read_toml, to_record
 from raytwin.scene_folders import REFERENCES, find_scene
@@ -230,8 +229,8 @@ def stale(old: Reference, path: str | Path) -> str | None:
     # The reference's camera has its own size; one that was found in photos is none of the file's.
     before = old.scene.camera
     if old.header["scene_hash"] != scene_hash(path):
-        changed = summary(old.scene, scene.with_camera(before if photos else scene.camera.resized(*before.image_size)))
-        return "the scene has changed since" + (f": {changed}" if changed else "")
+        now = scene.with_camera(before if photos else scene.camera.resized(*before.image_size))
+        return f"the scene has changed since: {', '.join(now.differences(old.scene))}".rstrip(": ")
     if old.tolerance != scene.tolerance:
         return "the scene's tolerance has changed since"
     return None

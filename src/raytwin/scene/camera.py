@@ -4,18 +4,17 @@ import msgspec
 import numpy as np
 
 from raytwin.errors import InputError
+from raytwin.images.limits import MAX_PIXELS
 from raytwin.scene.record_base import Matrix, PixelCount, Record, Vector
-
-FURTHER = "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"
-"""What follows k3 in OpenCV's order: the terms that this lens lacks."""
 
 
 class Camera(Record, frozen=True):
     """`p_cam = R_cam_board @ p_board + t_cam_board`, then distort, then `u = fx x + cx`, `v = fy y + cy`.
 
     OpenCV's camera frame (x right, y down, z forward) and OpenCV's pixels: (0, 0) is the centre of the top-left pixel.
-    `dist` is any prefix of k1, k2, p1, p2, k3, or OpenCV's 8, 12 or 14 numbers if all further ones are 0. `image_size`
-    is (width, height); K is in pixels; t is in metres.
+    `dist` is any prefix of k1, k2, p1, p2, k3; further terms of OpenCV's are taken where they are 0. `image_size` is
+    (width, height); K is in pixels; t is in metres. Raises InputError unless the focal lengths are positive and R is a
+    rotation, to 1e-6.
     """
 
     image_size: tuple[PixelCount, PixelCount]
@@ -25,13 +24,19 @@ class Camera(Record, frozen=True):
     dist: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        for number, (name, value) in enumerate(zip(FURTHER, self.dist[5:], strict=False), start=5):
-            if value:
-                raise InputError(f"dist[{number}]", f"0 ({name}: the lens here has k1, k2, p1, p2, k3 alone)", value)
-        if len(self.dist) > 5:
-            if len(self.dist) > 5 + len(FURTHER):
-                raise InputError("dist", f"at most {5 + len(FURTHER)} numbers", len(self.dist))
-            msgspec.structs.force_setattr(self, "dist", tuple(self.dist[:5]))
+        if self.width * self.height > MAX_PIXELS:
+            found = f"{self.width} x {self.height}"
+            raise InputError("image_size", f"at most {MAX_PIXELS / 1e6:.0f} megapixels", found)
+        (fx, skew, _), (zero, fy, _), last = self.K
+        if not (fx > 0 and fy > 0):
+            raise InputError("K", "focal lengths > 0 px", f"{fx:g} and {fy:g}")
+        if (skew, zero, *last) != (0, 0, 0, 0, 1):
+            raise InputError("K", "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]] (cameras here have no skew)", self.K)
+        if wrong := _no_rotation(np.asarray(self.R_cam_board)):
+            raise InputError("R_cam_board", "a rotation matrix", wrong)
+        if any(self.dist[5:]):
+            raise InputError("dist", "k1, k2, p1, p2, k3, and 0 for any further term", list(self.dist))
+        msgspec.structs.force_setattr(self, "dist", tuple(self.dist[:5]))
 
     @property
     def width(self) -> int:
@@ -74,8 +79,11 @@ class Camera(Record, frozen=True):
 
         `size` is (width, height), by default this camera's.
         """
-        (a, s, cx), (z, b, cy), last = self.K
-        K = ((a / step, s / step, (cx - x) / step), (z, b / step, (cy - y) / step), last)
+        K = (
+            (self.fx / step, 0.0, (self.cx - x) / step),
+            (0.0, self.fy / step, (self.cy - y) / step),
+            (0.0, 0.0, 1.0),
+        )
         return msgspec.structs.replace(self, image_size=size or self.image_size, K=K)
 
     def every(self, step: int) -> "Camera":
@@ -89,11 +97,26 @@ class Camera(Record, frozen=True):
         """
         sx, sy = width / self.width, height / self.height
         K = (
-            (self.fx * sx, self.K[0][1] * sx, (self.cx + 0.5) * sx - 0.5),
+            (self.fx * sx, 0.0, (self.cx + 0.5) * sx - 0.5),
             (0.0, self.fy * sy, (self.cy + 0.5) * sy - 0.5),
             (0.0, 0.0, 1.0),
         )
         return msgspec.structs.replace(self, image_size=(width, height), K=K)
+
+
+def _no_rotation(R: np.ndarray) -> str:
+    """Return why R is no rotation, and what to write in its place; empty for one, to 1e-6.
+
+    A rounded matrix is not mended in silence: the file, the scene's hash and the dict that a subject gets would each
+    have another pose.
+    """
+    if not np.abs(R).max() <= 1.1:  # NaN too
+        return "numbers beyond -1 to 1"
+    if np.abs(R @ R.T - np.eye(3)).max() <= 1e-6:
+        return "" if np.linalg.det(R) > 0 else "a mirroring (determinant -1): negate an axis"
+    u, _, v = np.linalg.svd(R)
+    off, nearest = np.abs(R - u @ v).max(), (np.round(u @ v, 9) + 0.0).tolist()
+    return f"one that is off by {off:.2g}. The nearest is {nearest}"
 
 
 UNTURNED: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

@@ -9,8 +9,8 @@ has a ray where Newton's method, from the distorted point, comes to an ideal poi
 determinant stays positive on the straight line to there from the middle.
 
 A fit folds where no photo constrains the lens, in a corner. Renderers leave such pixels black, as if they met nothing
-(`without_ray`), and say so once; a lens that loses more than MAX_SHARE_WITHOUT_RAYS of the frame
-is refused (`check_lens`).
+(`without_ray`), and say so once; a lens that loses more than MAX_SHARE_WITHOUT_RAYS of the frame is refused
+(`check_lens`).
 """
 
 import warnings
@@ -25,21 +25,19 @@ from raytwin.errors import InputError
 from raytwin.scene.camera import Camera
 
 LEAST_DETERMINANT = 1e-3
-"""The least determinant that counts as undone: there a pixel sees a thousand times the solid angle of the middle's."""
+"""Determinant below which a lens counts as folded: a pixel there sees 1000 times the solid angle of the middle's."""
 
 NEWTON_STEPS = 20
-"""Newton's steps: each doubles the number of correct digits; a strong lens needs half a dozen before that begins."""
+"""Steps of Newton's method: each doubles the correct digits; a strong lens needs half a dozen before that begins."""
 
-SETTLED, COMES_BACK = 1e-9, 1e-9
-"""After a step of Newton's shorter than this the next would be rounding. What distorts back to within this is found."""
+LAST_STEP, LARGEST_ERROR = 1e-9, 1e-9
+"""Newton's method ends after a shorter step: the next would be rounding. A point that distorts back to within the
+second, relative to its size, is found. Both in focal lengths."""
 
-SIDE = 65
-"""Places tested on each side of the border, corners included. A smooth fold that comes in between two of them comes in
-by (side / 128)² / (2 · its radius of curvature): less than the half pixel from the border to a pixel's centre."""
-
-CELLS = 128
-"""Cells along each side by which pixels without a ray are found: a cell has rays where all four of its corners do. The
-part that can be undone is round, so a cell whose corners lie within it lies within it whole."""
+CELLS = 48
+"""Cells along each side of the frame, at whose corners the lens is inverted: a cell has rays where its four corners do.
+The part with rays is round, so a cell whose corners lie within it lies within it whole. A smooth fold that comes in
+between two corners on the frame's border comes in by (side / 96)² / (2 · its radius of curvature)."""
 
 MAX_SHARE_WITHOUT_RAYS = 0.5
 """The largest share of the frame that may be without rays."""
@@ -49,9 +47,9 @@ ALONG = np.linspace(0, 1, 49)[1:, None]
 
 
 class Undone(NamedTuple):
-    """Over which part of the frame a distortion can be undone; all arrays are by place, border and inside.
+    """Where a distortion can be inverted, at the corners of CELLS x CELLS cells, row by row.
 
-    `pixels` (n, 2): the places. `ideal` (n, 2): their ideal points, normalised. `found` (n,): it is the inverse.
+    `pixels` (n, 2): the places; `ideal` (n, 2): their ideal points, normalised; `found` (n,): whether those are right.
     """
 
     pixels: Float[np.ndarray, "n 2"]
@@ -60,7 +58,7 @@ class Undone(NamedTuple):
 
     @property
     def fault(self) -> str:
-        """Which pixel cannot be undone: of those the farthest from the middle of all; empty where all can."""
+        """Return which pixel has no ray, of several the one farthest from the middle; empty where all have one."""
         if self.found.all():
             return ""
         away = np.hypot(*(self.pixels - self.pixels.mean(axis=0)).T)
@@ -69,10 +67,17 @@ class Undone(NamedTuple):
 
 
 def undone(K: Any, dist: Sequence[float], image_size: tuple[int, int]) -> Undone:
-    """Where the distortion `dist` (any prefix of k1, k2, p1, p2, k3) can be undone in a frame of (width, height)."""
+    """Return where `dist` (any prefix of k1, k2, p1, p2, k3) can be inverted in a frame of (width, height)."""
     numbers = (*map(float, dist), *(0.0,) * (5 - len(dist)))
     (fx, _, cx), (_, fy, cy), _ = np.asarray(K, float).tolist()
     return _undone(fx, fy, cx, cy, numbers, tuple(image_size))
+
+
+@lru_cache(maxsize=64)
+def _undone(fx: float, fy: float, cx: float, cy: float, dist: tuple[float, ...], image_size: tuple[int, int]) -> Undone:
+    u, v = (a.ravel() for a in np.meshgrid(*(np.linspace(-0.5, side - 0.5, CELLS + 1) for side in image_size)))
+    x, y, found = inverse((u - cx) / fx, (v - cy) / fy, dist)
+    return Undone(np.stack([u, v], axis=1), np.stack([x, y], axis=1), found)
 
 
 def check_lens(camera: Camera) -> None:
@@ -88,11 +93,19 @@ class Folds(UserWarning):
     """A lens that cannot be undone over a part of the frame, whose pixels are left black."""
 
 
+@lru_cache(maxsize=8)
 def without_ray(camera: Camera) -> Bool[np.ndarray, "h w"] | None:
     """Return (H, W) bool, read-only: the pixels that no ray belongs to; None if every pixel has a ray."""
-    if not any(camera.dist) or not undone(camera.K, camera.dist, camera.image_size).fault:
+    if not any(camera.dist):
         return None
-    lost = _without_ray(camera.fx, camera.fy, camera.cx, camera.cy, camera.coefficients, camera.image_size)
+    corner = ~undone(camera.K, camera.dist, camera.image_size).found.reshape(CELLS + 1, CELLS + 1)
+    cell = corner[:-1, :-1] | corner[:-1, 1:] | corner[1:, :-1] | corner[1:, 1:]
+    column, row = (CELLS * (2 * np.arange(side) + 1) // (2 * side) for side in camera.image_size)
+    lost: np.ndarray = cell[row[:, None], column]
+    lost.flags.writeable = False
+    if 0 < lost.mean() <= MAX_SHARE_WITHOUT_RAYS:
+        text = f"no ray belongs to {lost.sum()} of {lost.size} pixels ({100 * lost.mean():.2g} %): left black"
+        warnings.warn(text, Folds, stacklevel=3)
     return lost if lost.any() else None
 
 
@@ -105,31 +118,14 @@ def has_no_ray(camera: Camera, u: Any, v: Any) -> Bool[np.ndarray, "..."]:
     return np.asarray(lost[row, column])
 
 
-@lru_cache(maxsize=8)
-def _without_ray(
-    fx: float, fy: float, cx: float, cy: float, dist: tuple[float, ...], image_size: tuple[int, int]
-) -> Bool[np.ndarray, "h w"]:
-    us, vs = (np.linspace(-0.5, side - 0.5, CELLS + 1) for side in image_size)
-    xd, yd = (a.ravel() for a in np.meshgrid((us - cx) / fx, (vs - cy) / fy))
-    bad = ~inverse(xd, yd, dist)[2].reshape(CELLS + 1, CELLS + 1)
-    bad = bad[:-1, :-1] | bad[:-1, 1:] | bad[1:, :-1] | bad[1:, 1:]
-    column, row = (CELLS * (2 * np.arange(side) + 1) // (2 * side) for side in image_size)
-    lost: np.ndarray = bad[row[:, None], column]
-    lost.flags.writeable = False
-    if lost.sum() > 0 and lost.mean() <= MAX_SHARE_WITHOUT_RAYS:
-        text = f"no ray belongs to {lost.sum()} of {lost.size} pixels ({100 * lost.mean():.2g} %): left black"
-        warnings.warn(f"camera.dist: {list(dist)} cannot be undone there, and {text}", Folds, stacklevel=2)
-    return lost
-
-
 def inverse(
     xd: Float[np.ndarray, " n"], yd: Float[np.ndarray, " n"], dist: Sequence[float]
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-    """The ideal points (x, y) of the distorted (xd, yd), all (n,), and where they are the inverse: see above."""
+    """Return the ideal points (x, y) of the distorted (xd, yd), all (n,), and where they are the inverse: see above."""
     x, y = newton(xd, yd, dist)
     with np.errstate(all="ignore"):
         back = distort(x, y, dist)
-        found = np.hypot(back[0] - xd, back[1] - yd) <= COMES_BACK * (1 + np.hypot(xd, yd))
+        found = np.hypot(back[0] - xd, back[1] - yd) <= LARGEST_ERROR * (1 + np.hypot(xd, yd))
         area = determinant(ALONG * x, ALONG * y, dist)
         # Between its neighbours a least value may lie lower: at the vertex of the parabola through the three.
         before, here, after = area[:-2], area[1:-1], area[2:]
@@ -139,19 +135,8 @@ def inverse(
         return x, y, found & (area.min(axis=0) >= LEAST_DETERMINANT) & (vertex.min(axis=0) >= LEAST_DETERMINANT)
 
 
-@lru_cache(maxsize=64)
-def _undone(fx: float, fy: float, cx: float, cy: float, dist: tuple[float, ...], image_size: tuple[int, int]) -> Undone:
-    us, vs = (np.linspace(-0.5, side - 0.5, SIDE) for side in image_size)
-    u, v = (a.ravel() for a in np.meshgrid(us[::2], vs[::2]))
-    sides = (us, vs[0] + 0 * us), (us, vs[-1] + 0 * us), (us[0] + 0 * vs, vs), (us[-1] + 0 * vs, vs)
-    u, v = (np.concatenate(a) for a in zip(*sides, (u, v), strict=True))
-    xd, yd = (u - cx) / fx, (v - cy) / fy
-    x, y, found = inverse(xd, yd, dist)
-    return Undone(np.stack([u, v], axis=1), np.stack([x, y], axis=1), found)
-
-
 def distort(x: Any, y: Any, dist: Sequence[Any]) -> tuple[Any, Any]:
-    """(x', y') of the ideal (x, y); `dist`: k1, k2, p1, p2, k3."""
+    """Return (x', y') of the ideal (x, y); `dist`: k1, k2, p1, p2, k3."""
     k1, k2, p1, p2, k3 = dist
     rr = x * x + y * y
     g = 1 + rr * (k1 + rr * (k2 + rr * k3))
@@ -159,7 +144,7 @@ def distort(x: Any, y: Any, dist: Sequence[Any]) -> tuple[Any, Any]:
 
 
 def jacobian(x: Any, y: Any, dist: Sequence[Any]) -> tuple[Any, Any, Any]:
-    """∂x'/∂x, ∂x'/∂y = ∂y'/∂x, ∂y'/∂y."""
+    """Return ∂x'/∂x, ∂x'/∂y = ∂y'/∂x, ∂y'/∂y."""
     k1, k2, p1, p2, k3 = dist
     rr = x * x + y * y
     g = 1 + rr * (k1 + rr * (k2 + rr * k3))
@@ -169,7 +154,7 @@ def jacobian(x: Any, y: Any, dist: Sequence[Any]) -> tuple[Any, Any, Any]:
 
 
 def determinant(x: Any, y: Any, dist: Sequence[float]) -> Any:
-    """How much larger a small area is distorted than ideal: 0 at a fold, and 1 in the middle."""
+    """Return how much larger a small area is distorted than ideal: 0 at a fold, and 1 in the middle."""
     xx, xy, yy = jacobian(x, y, dist)
     return xx * yy - xy * xy
 
@@ -177,19 +162,19 @@ def determinant(x: Any, y: Any, dist: Sequence[float]) -> Any:
 def newton(
     xd: Float[np.ndarray, "*n"], yd: Float[np.ndarray, "*n"], dist: Sequence[float]
 ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
-    """The (x, y) with distort(x, y) = (xd, yd), by Newton's method from (xd, yd); right where `undone` says so."""
+    """Return the (x, y) with distort(x, y) = (xd, yd), by Newton's method; correct where `undone` says so."""
     x, y = xd, yd
     with np.errstate(all="ignore"):
         for _ in range(NEWTON_STEPS):
             dx, dy = newton_step(x, y, xd, yd, dist)
             x, y = x + dx, y + dy
-            if not (np.abs(dx) + np.abs(dy) > SETTLED).any():
+            if not (np.abs(dx) + np.abs(dy) > LAST_STEP).any():
                 break
     return x, y
 
 
 def newton_step(x: Any, y: Any, xd: Any, yd: Any, dist: Sequence[Any]) -> tuple[Any, Any]:
-    """How far Newton's method goes from (x, y) for distort to give (xd, yd): J⁻¹ e."""
+    """Return how far Newton's method goes from (x, y) for distort to give (xd, yd): J⁻¹ e."""
     fx, fy = distort(x, y, dist)
     ex, ey, (a, b, c) = xd - fx, yd - fy, jacobian(x, y, dist)
     scale = 1 / (a * c - b * b)

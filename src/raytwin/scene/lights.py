@@ -11,6 +11,7 @@ import numpy as np
 from msgspec import UNSET, UnsetType
 
 from raytwin.errors import InputError
+from raytwin.scene.camera import UNTURNED
 from raytwin.scene.record_base import Matrix, NonNegative, PixelCount, Radiance, Record, Vector
 
 
@@ -25,7 +26,7 @@ class Sun(Record, frozen=True):
 
     def __post_init__(self) -> None:
         if not math.hypot(*self.to_light) > 0:
-            raise InputError("sun.to_light", "a direction", "the zero vector")
+            raise InputError("to_light", "a direction", "the zero vector")
         # A direction that is unit to rounding is left as it is, however often its record is copied.
         while abs((length := math.hypot(*self.to_light)) - 1) > 1e-15:
             x, y, z = self.to_light
@@ -46,7 +47,7 @@ class Environment(Record, frozen=True, omit_defaults=True):
 
     size: tuple[PixelCount, PixelCount]
     texels: bytes
-    R_map_board: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    R_map_board: Matrix = UNTURNED
 
     @property
     def radiance(self) -> np.ndarray:
@@ -66,6 +67,17 @@ class Sky(Record, frozen=True):
     scale: NonNegative | UnsetType = UNSET
     rotation: float | UnsetType = UNSET
     texels: Environment | UnsetType = UNSET
+
+    def __post_init__(self) -> None:
+        for field, given in (("scale", self.scale), ("rotation", self.rotation)):
+            if given is not UNSET and self.texels is UNSET:
+                raise InputError(field, "only where there is a map", given)
+        if self.texels is not UNSET and any(self.radiance):
+            raise InputError("radiance", "radiance or map", "both")
+        if self.texels is not UNSET and self.scale is not UNSET:
+            brightest = float(self.texels.radiance.max())
+            if self.scale * brightest > float(np.finfo(np.float32).max):
+                raise InputError("scale", "a radiance that float32 holds", f"{self.scale:g} times {brightest:g}")
 
     @property
     def environment(self) -> Environment | None:

@@ -1,7 +1,6 @@
 """[camera] look_at in a scene.toml: a pinhole camera by where it stands and what it looks at."""
 
 import math
-from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
@@ -9,8 +8,8 @@ import numpy as np
 from msgspec import UNSET, UnsetType
 
 from raytwin.errors import InputError
-from raytwin.scene import PixelCount, Positive, Record, Vector
-from raytwin.scene.toml_json import to_record
+from raytwin.scene.camera import Camera
+from raytwin.scene.record_base import PixelCount, Positive, Record, Vector
 
 LEAST_SINE = 1e-6
 """Sine of the angle between the view and `up`: below this, the direction of up is undefined."""
@@ -25,6 +24,28 @@ class LookAt(Record, frozen=True):
     fov_x: Annotated[float, msgspec.Meta(gt=0, lt=180)] | UnsetType = UNSET
     fx: Positive | UnsetType = UNSET
 
+    def __post_init__(self) -> None:
+        if (self.fov_x is UNSET) == (self.fx is UNSET):
+            raise InputError("fov_x", "fov_x or fx", "neither" if self.fx is UNSET else "both")
+        if self.target == self.eye:
+            raise InputError("target", "another point than eye", self.target)
+        if not any(self.up) or np.linalg.norm(self._right) < LEAST_SINE:
+            raise InputError("up", "a direction that the camera does not look along", self.up)
+
+    @property
+    def _forward(self) -> np.ndarray:
+        way = np.subtract(self.target, self.eye)
+        return np.asarray(way / np.linalg.norm(way))
+
+    @property
+    def _right(self) -> np.ndarray:
+        return np.cross(self._forward, np.divide(self.up, np.linalg.norm(self.up)))
+
+    def rotation(self) -> np.ndarray:
+        """Return R_cam_board (3, 3): its rows are right, down and forward."""
+        right = self._right / np.linalg.norm(self._right)
+        return np.array([right, np.cross(self._forward, right), self._forward])
+
 
 class LookAtCamera(Record, frozen=True):
     """The [camera] table with `look_at`: square pixels, no distortion unless `dist` is given."""
@@ -33,33 +54,10 @@ class LookAtCamera(Record, frozen=True):
     look_at: LookAt
     dist: tuple[float, ...] = ()
 
-
-def camera_table(file: Path, table: dict[str, Any]) -> dict[str, Any]:
-    """The same [camera] with K, R_cam_board and t_cam_board in the place of `look_at`."""
-    where = f"{file}: camera.look_at"
-    if given := table.keys() & {"K", "R_cam_board", "t_cam_board"}:
-        raise InputError(f"{file}: camera", f"look_at or {', '.join(sorted(given))}", "both")
-    written = to_record(file, table, LookAtCamera, "camera")
-    at, (w, h) = written.look_at, written.image_size
-    if (at.fov_x is UNSET) == (at.fx is UNSET):
-        raise InputError(where, "fov_x or fx", "neither" if at.fx is UNSET else "both")
-    fx = at.fx if isinstance(at.fx, float) else w / 2 / math.tan(math.radians(float(at.fov_x or 0)) / 2)
-    eye, up = np.asarray(at.eye), np.asarray(at.up)
-    forward = np.asarray(at.target) - eye
-    away, tall = float(np.linalg.norm(forward)), float(np.linalg.norm(up))
-    if not away > 0:
-        raise InputError(f"{where}.target", "another point than eye", at.target)
-    if not tall > 0:
-        raise InputError(f"{where}.up", "a direction", "the zero vector")
-    right = np.cross(forward / away, up / tall)
-    if np.linalg.norm(right) < LEAST_SINE:
-        raise InputError(f"{where}.up", "a direction that the camera does not look along", at.up)
-    right /= np.linalg.norm(right)
-    R = np.array([right, np.cross(forward / away, right), forward / away])
-    return {
-        "image_size": [w, h],
-        "K": [[fx, 0.0, (w - 1) / 2], [0.0, fx, (h - 1) / 2], [0.0, 0.0, 1.0]],
-        "R_cam_board": R.tolist(),
-        "t_cam_board": (-R @ eye).tolist(),
-        "dist": list(written.dist),
-    }
+    def camera(self) -> Camera:
+        (w, h), at, R = self.image_size, self.look_at, self.look_at.rotation()
+        fx = at.fx if isinstance(at.fx, float) else w / 2 / math.tan(math.radians(float(at.fov_x or 0)) / 2)
+        K = ((fx, 0.0, (w - 1) / 2), (0.0, fx, (h - 1) / 2), (0.0, 0.0, 1.0))
+        rows: Any = tuple(map(tuple, R.tolist()))
+        t: Any = tuple((-R @ np.asarray(self.look_at.eye)).tolist())
+        return Camera(self.image_size, K, rows, t, self.dist)

@@ -4,13 +4,13 @@ from raytwin.errors import InputError
 from raytwin.scene.record_base import Albedo, Positive, Record
 
 
-class Lambert(Record, frozen=True, tag="lambert"):
+class Lambert(Record, frozen=True):
     """The same radiance in every direction: albedo/π of the irradiance, per colour channel."""
 
     albedo: Albedo = (0.8, 0.8, 0.8)
 
 
-class Phong(Record, frozen=True, tag="phong"):
+class Phong(Record, frozen=True):
     """albedo/π + specular (n + 2)/(2π) max(0, r·v)ⁿ: Lambert's, and a highlight about r, the mirrored light.
 
     n is the `exponent`; r = 2 (n·l) n - l for a light towards l, v points to the eye. By the factor (n + 2)/(2π) a
@@ -24,7 +24,7 @@ class Phong(Record, frozen=True, tag="phong"):
 
     def __post_init__(self) -> None:
         if (most := max(a + s for a, s in zip(self.albedo, self.specular, strict=True))) > 1 + 1e-12:
-            raise InputError("Phong", "albedo and specular that sum to 1 at most", f"{most:g}")
+            raise InputError("specular", "albedo and specular that sum to 1 at most", f"{most:g}")
 
 
 Material = Lambert | Phong

@@ -55,8 +55,9 @@ def _elements(
     """
     if depth > DEEPEST_INCLUDE:
         raise InputError(file, f"includes at most {DEEPEST_INCLUDE} deep", "more")
+    read = _content(file)
     try:
-        content = _content(file).decode("utf-8-sig")
+        content = read.decode("utf-8-sig")
         root = ET.fromstring(content)
         found[file] = hashlib.sha256(ET.canonicalize(content, strip_text=True).encode()).hexdigest()
     except (ET.ParseError, ValueError) as error:

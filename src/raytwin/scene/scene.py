@@ -3,12 +3,13 @@
 from typing import Annotated, Any, Self
 
 import msgspec
+from msgspec import UNSET, UnsetType
 
 from raytwin.errors import InputError
 from raytwin.scene.camera import Camera
+from raytwin.scene.colour_word import colour_word
 from raytwin.scene.lights import Environment, Sky, Sun
 from raytwin.scene.material import Phong
-from raytwin.scene.object_names import called, numbered
 from raytwin.scene.record_base import Albedo, Fraction, Positive, Radiance, Record, Vector
 from raytwin.scene.shapes import Rectangle, Shape, Sphere
 
@@ -65,15 +66,14 @@ class Scene(Record, frozen=True):
     pyramids: tuple[Pyramid, ...] = ()
 
     def __post_init__(self) -> None:
+        taken: set[str | UnsetType] = set()
         for field, kind in (("spheres", Sphere), ("planes", Rectangle)):
             for i, thing in enumerate(getattr(self, field)):
-                if not isinstance(thing, kind):
-                    raise InputError(f"Scene.{field}[{i}]", f"a {kind.__name__}", type(thing).__name__)
-
-    @property
-    def scene(self) -> Self:
-        """Return itself: what `read_scene(path).scene` was in 0.1."""
-        return self
+                if type(thing) is not kind:
+                    raise InputError(f"{field}[{i}]", f"a {kind.__name__}", type(thing).__name__)
+                if thing.name in taken and thing.name is not UNSET:
+                    raise InputError(f"{field}[{i}].name", "a name that no other object has", repr(thing.name))
+                taken.add(thing.name)
 
     @property
     def image_size(self) -> tuple[int, int]:
@@ -87,13 +87,16 @@ class Scene(Record, frozen=True):
     @property
     def names(self) -> tuple[str, ...]:
         """Return what people call the objects, all different: the file's names, else `sphere 1 (red)`."""
-        things = self.objects
-        return called(self.numbers, [thing.name for thing in things], [thing.albedo for thing in things])
+        return tuple(
+            f"{number} ({colour_word(thing.albedo)})" if thing.name is UNSET else str(thing.name)
+            for number, thing in zip(self.numbers, self.objects, strict=True)
+        )
 
     @property
     def numbers(self) -> tuple[str, ...]:
         """Return sphere 0, sphere 1, plane 0, ...: what stays when an object gets another name or colour."""
-        return numbered(thing.kind for thing in self.objects)
+        kinds = ("sphere", self.spheres), ("plane", self.planes)
+        return tuple(f"{kind} {i}" for kind, things in kinds for i in range(len(things)))
 
     @property
     def environment(self) -> Environment | None:
@@ -103,7 +106,7 @@ class Scene(Record, frozen=True):
     @property
     def sky_radiance(self) -> Radiance:
         """Return the radiance of a sky that is the same everywhere. Raises InputError for a map."""
-        if self.sky.texels is not msgspec.UNSET:
+        if self.sky.texels is not UNSET:
             raise InputError(f"scene {self.name}: sky", "the same radiance everywhere, for this", "an environment map")
         return self.sky.radiance
 
@@ -132,7 +135,7 @@ class Scene(Record, frozen=True):
         if "objects" in changes:
             changes |= {"spheres": [], "planes": []}
             for thing in changes.pop("objects"):
-                changes["planes" if isinstance(thing, Rectangle) else "spheres"].append(thing)
+                changes[f"{thing.kind}s"].append(thing)
         if isinstance(sky := changes.get("sky"), Environment):
             changes["sky"] = Sky(texels=sky)
         none = {"sun": NO_SUN, "sky": Sky()}
@@ -141,3 +144,7 @@ class Scene(Record, frozen=True):
 
     def with_camera(self, camera: Camera) -> "Scene":
         return msgspec.structs.replace(self, camera=camera)
+
+    def differences(self, other: "Scene") -> list[str]:
+        """Return the fields in which two scenes differ."""
+        return [field for field in self.__struct_fields__ if getattr(self, field) != getattr(other, field)]

@@ -14,7 +14,7 @@ from msgspec import UNSET, UnsetType
 
 from raytwin.errors import InputError
 from raytwin.scene.material import Lambert, Material, Phong
-from raytwin.scene.record_base import Albedo, Positive, Record, Vector
+from raytwin.scene.record_base import Albedo, Positive, Record, Vector, unchecked
 
 ObjectName = Annotated[str, msgspec.Meta(min_length=1, max_length=40)]
 
@@ -37,14 +37,14 @@ class Painted:
         if isinstance(given := this.albedo, Lambert | Phong):
             for field in ("albedo", "specular", "exponent"):
                 msgspec.structs.force_setattr(this, field, getattr(given, field, UNSET))
+        if (self.specular is UNSET) != (self.exponent is UNSET):
+            raise InputError("specular", "both specular and exponent", "one of them")
+        _ = self.material  # raises where more light leaves than comes
 
     @property
     def material(self) -> Material:
-        """Raises InputError where one of `specular` and `exponent` is missing, or more light leaves than comes."""
-        if self.specular is UNSET and self.exponent is UNSET:
-            return Lambert(self.albedo)
         if self.specular is UNSET or self.exponent is UNSET:
-            raise InputError("Phong", "both specular and exponent", "one of them")
+            return Lambert(self.albedo)
         return Phong(self.albedo, self.specular, self.exponent)
 
 
@@ -80,14 +80,14 @@ class Sphere(Record, Painted, frozen=True):
 
     def turned(self, R: np.ndarray, center: Vector) -> "Sphere":
         """Return the sphere about `center`; a rotation R (3, 3) changes no more."""
-        return msgspec.structs.replace(self, center=center)
+        return unchecked(self, center=center)
 
 
 class Rectangle(Record, Painted, frozen=True):
     """[[planes]]: `center ± half_u ± half_v`, visible and lit from both sides.
 
-    `half_u` and `half_v` are perpendicular half-edges in metres. `in_photo` marks what a photo already shows (the
-    board, the table): it catches shadows, but `augment` does not draw it.
+    `half_u` and `half_v` are half-edges in metres, perpendicular to 1e-6. `in_photo` marks what a photo already shows
+    (the board, the table): it catches shadows, but `photo draw` does not draw it.
     """
 
     kind: ClassVar[str] = "plane"
@@ -99,6 +99,16 @@ class Rectangle(Record, Painted, frozen=True):
     specular: Albedo | UnsetType = UNSET
     exponent: Positive | UnsetType = UNSET
     name: ObjectName | UnsetType = UNSET
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        u, v = math.hypot(*self.half_u), math.hypot(*self.half_v)
+        if not u * v > 0:
+            raise InputError("half_u", "half_u and half_v longer than 0 m", f"{self.half_u}, {self.half_v}")
+        cosine = sum(a / u * b / v for a, b in zip(self.half_u, self.half_v, strict=True))
+        if abs(cosine) > 1e-6:
+            found = f"{math.degrees(math.acos(min(max(cosine, -1), 1))):.4g} degrees"
+            raise InputError("half_v", "a vector perpendicular to half_u", found)
 
     @property
     def normal(self) -> Vector:
@@ -130,7 +140,7 @@ class Rectangle(Record, Painted, frozen=True):
     def turned(self, R: np.ndarray, center: Vector) -> "Rectangle":
         """Return the rectangle about `center`, its edges turned by R (3, 3)."""
         edges: Any = (np.array([self.half_u, self.half_v]) @ R.T).tolist()
-        return msgspec.structs.replace(self, center=center, half_u=tuple(edges[0]), half_v=tuple(edges[1]))
+        return unchecked(self, center=center, half_u=tuple(edges[0]), half_v=tuple(edges[1]))
 
 
 Shape = Sphere | Rectangle

@@ -80,7 +80,7 @@ def atlas_summary(found: Atlas) -> str:
 
 
 def fate(f: Found, method: str) -> str:
-    """Where the method breaks, or from where on it refuses, beside what theory predicts."""
+    """Say where the method breaks or starts to refuse, and where theory predicts that it breaks."""
     curve = f.methods[method]
     refused = next((x for x, e in zip(f.values, curve.errors, strict=True) if e is None), None)
     said = "holds" if refused is None else f"refuses at {short(refused)}"
@@ -116,7 +116,7 @@ def cells(f: Found, method: str) -> list[Cell]:
 
 
 def colours(left: float) -> tuple[str, str]:
-    """Ground and ink for so many digits kept: black or white, whichever contrasts more (4.58 at least)."""
+    """The colours of a cell and of its text (black or white, at a contrast of 4.58 or more) for the digits kept."""
     low, high, share = (LOST, HALF, left / 8) if left < 8 else (HALF, ALL, left / 8 - 1)
     ground = tuple(round(a + (b - a) * share) for a, b in zip(low, high, strict=True))
     luminance = srgb_decode(np.array(ground) / 255) @ REC_709
@@ -128,7 +128,7 @@ def colours(left: float) -> tuple[str, str]:
 
 
 def chart(e: Experiment, f: Found) -> Chart:
-    """Draw error against the parameter, hard to the right; dashed: a method's law; thick: the bound."""
+    """Draw error against the parameter, the hardest case at the right. Dashed: a method's law; thick: the bound."""
     x_range = log_range(f.values, 0.03)
     if f.values[0] > f.values[-1]:
         x_range = x_range[1], x_range[0]
@@ -165,7 +165,7 @@ def chart(e: Experiment, f: Found) -> Chart:
 
 
 def heights(f: Found) -> Range:
-    """Return what shows the least error, the largest and the bound."""
+    """Return the range that holds the smallest and largest errors and the bound."""
     shown_ = [e for curve in f.methods.values() for e in curve.errors if e is not None and e > LEAST_ERROR_DRAWN]
     low = min([*shown_, f.bound])
     high = max([*(e for e in shown_ if e < 1e6), f.bound, *([1.0] if max(shown_, default=0) > 0.1 else [])])

@@ -1,10 +1,11 @@
-"""A calibration's own page: how far off it may be, what it rests on, and what speaks against it."""
+"""The page of a calibration: its uncertainty, its photos, and its warnings."""
 
 import os
 from pathlib import Path
 from typing import Any
 
 from raytwin.photos.camera import Calibration
+from raytwin.photos.camera.diagnostics import coverage
 from raytwin.show.calibration_pictures import residual_drawing
 from raytwin.show.page import write_page
 from raytwin.show.terminal_text import intrinsics
@@ -33,14 +34,14 @@ def calibration_tables(calibration: Calibration) -> dict[str, Any]:
         "intrinsics": [(n, v, calibration.sigma.get(n), "px" if n[0] in "fc" else "") for n, v in found],
         "photos": photos,
         # A calibration that was read back has no evidence any more.
-        "tried": calibration.evidence,
+        "tried": calibration.evidence if calibration.evidence.taken else None,
         "largest": max((view.rms_px for view in photos), default=1.0) or 1.0,
     }
 
 
 def calibration_pictures(calibration: Calibration) -> list[tuple[str, str, str]]:
     """Return (title, SVG, what it tells); none of a calibration that was read back."""
-    if calibration.evidence is None:
+    if not calibration.evidence.seen:
         return []
     return [
         ("What each tag is off by", residual_drawing(calibration),
@@ -49,12 +50,10 @@ def calibration_pictures(calibration: Calibration) -> list[tuple[str, str, str]]
 
 
 def board_sentence(calibration: Calibration) -> str:
-    """Return how the board was tilted and how it is bent; of a calibration that was read back, only the bend."""
+    """Return where tags were seen and how the board is bent; of a calibration that was read back, only the bend."""
     said, board = [], calibration.board
-    if calibration.evidence is not None:
-        tilts = calibration.evidence.tilts
-        said.append(f"The board was tilted by {min(tilts):.0f} to {max(tilts):.0f} degrees.")
-        said.append(f"Tags were seen in {100 * calibration.evidence.coverage:.0f} % of the frame.")
+    if calibration.evidence.seen:
+        said.append(f"Tags were seen in {100 * coverage(calibration):.0f} % of the frame.")
     if board.bend_mm:
         said.append(
             f"The board is bent by {board.bend_mm:.2f} ± {board.bend_sigma_mm:.2f} mm, fitted along with the camera."

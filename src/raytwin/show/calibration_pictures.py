@@ -45,9 +45,9 @@ def frame_axes(calibration: Calibration) -> Axes:
 def residual_drawing(calibration: Calibration) -> str:
     """Draw where each tag was seen and, as a line from there, where the camera puts it, enlarged.
 
-    Thick: the means of cells. They point nowhere in common where the lens model fits.
+    Thick: the means of cells, which have no common direction where the lens model fits.
     """
-    axes, evidence = frame_axes(calibration), calibration.basis
+    axes, evidence = frame_axes(calibration), calibration.evidence
     (left, _), (right, bottom) = axes.corners
     seen, off = np.array(evidence.seen), np.array(evidence.residuals)
     longest = max(calibration.image_size)

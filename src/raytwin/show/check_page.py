@@ -72,7 +72,7 @@ def write_check(
     reference: Image | None = None,
     tolerance: Tolerance | None = None,
 ) -> Path | None:
-    """One comparison of the test called `test`: its row, and its page, whose path is returned."""
+    """Write the row and the page of one comparison of the test called `test`; return the page's path."""
     c, r = report.comparison, report.comparison.radiance
     row = CheckRow(
         test, number, report.scene, report.rung or "", c.verdict, c.reasons, notes, r.rmse, r.max_abs, r.mean_ratio
@@ -93,7 +93,7 @@ def write_check(
 
 
 def write_laws(folder: Path, test: str, number: int, found: "Laws") -> Path:
-    """The laws that a test judged its renderer by: their row, and their page, whose path is returned."""
+    """Write the row and the page of the laws that a test judged its renderer by; return the page's path."""
     stem = _stem(test, number)
     page = f"laws/{stem}/laws.html"
     laws_page.write_laws(found, (folder / page).parent)

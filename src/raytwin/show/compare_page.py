@@ -3,7 +3,6 @@
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from raytwin.compare.finding import CAUSES, Finding
@@ -29,7 +28,7 @@ SAYS = {
 
 
 def write_report(shown: "PairView | Result | Diff", path: str | os.PathLike[str], script: str | None = None) -> None:
-    """The whole report as one HTML file that refers to no other; but to the viewer's script of a suite, if named."""
+    """Write the report as one HTML file that needs no other. `script`: a viewer's script that pages share."""
     view = shown if isinstance(shown, PairView) else view_of(shown)
     first, others = first_said(view.comparison.findings, view.comparison.passed)
     shape = shape_of(view)
@@ -119,7 +118,7 @@ def packed_and_panes(view: PairView) -> tuple[viewer.Packed, list[dict[str, Any]
 
 
 def photos(view: PairView) -> list[dict[str, Any]]:
-    """The photo, and the augmented one as what it changed, laid over it; smaller where they have too many pixels."""
+    """Panes of the photo and of the augmented one, stored as the rectangle that differs. Large photos are reduced."""
     photo, augmented = view.pair.photo, view.pair.augmented
     panes: list[dict[str, Any]] = []
     if photo is not None:
@@ -137,7 +136,7 @@ def photos(view: PairView) -> list[dict[str, Any]]:
 
 
 def alone(view: PairView) -> list[dict[str, str]]:
-    """Each picture for itself, where the two cannot lie side by side; none of what is no picture at all."""
+    """The pictures one by one, for images of different sizes. What is not a picture is left out."""
     found = []
     for title, image in ((view.names.test_title, view.test), (view.names.reference_title, view.reference)):
         if showable(image):
@@ -149,12 +148,12 @@ def alone(view: PairView) -> list[dict[str, str]]:
 
 
 def shape_of(view: PairView) -> tuple[int, ...]:
-    """The pictures' shape; empty where they are not alike, and no place can be shown."""
+    """The pictures' shape; empty where their sizes differ, so that no place can be shown."""
     return view.reference.shape if view.alike else ()
 
 
 def allowed(view: PairView) -> float | None:
-    """The error that a single value may have, where that is what decides."""
+    """The largest error that a single value may have; None where noise decides instead."""
     return None if view.pair.noisy else view.tolerance.p999_abs
 
 
@@ -182,5 +181,5 @@ def calibrated(view: PairView) -> dict[str, Any] | None:
         return None
     from raytwin.show.calibration_page import calibration_pictures, calibration_tables  # which load OpenCV
 
-    posed = PurePath(view.pair.pose.photo).name if view.pair.pose else None
+    posed = view.pair.pose.photo if view.pair.pose else None
     return calibration_tables(calibration) | {"posed": posed, "pictures": calibration_pictures(calibration)}

@@ -15,7 +15,7 @@ MARKS = 300
 
 def exposure(image: Image) -> float:
     """The gain that maps the 99.5 % quantile of the brightest channel to white; 1 for a black image."""
-    # A quarter of a million pixels tell the quantile of any number.
+    # 250 000 pixels are enough for this quantile, however many there are.
     every = max(1, math.isqrt(image.shape[0] * image.shape[1] // 250_000))
     r, g, b = np.moveaxis(image.mean[::every, ::every], -1, 0)
     brightest = np.maximum(np.maximum(r, g), b)
@@ -36,7 +36,7 @@ def exposed(image: Image, gain: float) -> np.ndarray:
 
 
 FAINT = 10.0
-"""Times the tolerance: the least error that gets the full colour, so that what is allowed stays pale."""
+"""Multiple of the tolerance that gets the full colour at the least, so that allowed errors stay pale."""
 
 
 def small_pictures(
@@ -44,7 +44,7 @@ def small_pictures(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return sRGB uint8 of the test, of its reference, exposed alike, and of their difference.
 
-    At most about `widest` pixels across. In the difference noise thins as it does for an eye.
+    At most about `widest` pixels across. The difference is averaged over blocks, which reduces noise.
     """
     step = max(1, -(-test.shape[1] // widest))
     gain = exposure(reference if reference.mean.any() else test)

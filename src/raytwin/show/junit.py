@@ -64,7 +64,7 @@ def write_suites(root: ET.Element, path: str | os.PathLike[str]) -> None:
 
 
 def _problem(outcome: Report | InputError) -> Problem | None:
-    """What is wrong; nothing where the images agree."""
+    """Return what is wrong, or None where the images agree."""
     if isinstance(outcome, InputError):
         return Problem("error", str(outcome), "InputError")
     made = outcome.comparison
@@ -75,5 +75,5 @@ def _problem(outcome: Report | InputError) -> Problem | None:
 
 
 def legal(text: str) -> str:
-    """Without what XML 1.0 cannot hold, not even escaped: its section 2.2."""
+    """Replace the characters that XML 1.0 cannot hold, not even escaped (its section 2.2)."""
     return re.sub("[^\t\n\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "\ufffd", text)

@@ -33,7 +33,7 @@ def answer(found: "Laws") -> tuple[str, str, str]:
     held = f"{count['pass']} of {len(found.rows) - count['skipped']} laws hold{skipped}."
     if found.broken:
         held += f" Broken: {', '.join(row.law for row in found.broken)}."
-    worst = "What errs alike in all pictures no law sees."
+    worst = "No law sees an error that is the same in every picture."
     if decided := [*found.broken, *(row for row in found.rows if row.verdict == "undecided")]:
         worst = f"{decided[0].law}: {(*decided[0].reasons, decided[0].cause)[0]}."
     return f"{cause[:1].upper()}{cause[1:]}.", held, worst

@@ -78,7 +78,11 @@ def answer(found: "Table") -> list[str]:
     spared = [part.part for part in found.parts if part.can_be_dropped]
     bounces = [name for name in spared if "bounces" in name]
     spared = [name for name in spared if name not in bounces[1:]]  # the first includes the others
-    said.append(f"Can be dropped, each alone: {', '.join(spared)}." if spared else "No part can be dropped.")
+    said.append(
+        f"Any one of these can be left out and {goal} still holds: {', '.join(spared)}."
+        if spared
+        else "No part can be left out."
+    )
     return said
 
 

@@ -1,19 +1,19 @@
-"""Where the findings of a verdict lead to in its pictures."""
+"""Links from a verdict's findings to places in its pictures."""
 
 from collections.abc import Iterable, Sequence
 
 from raytwin.compare.finding import Finding
 
 AROUND = 48
-"""Pixels across what is shown around a pixel; a tile gets three times its side."""
+"""Pixels across the view that a link opens; a tile larger than a third of it gets three times its own side."""
 
 
 Reason = tuple[str, str | None]
-"""What is said, and the address of its place in the picture."""
+"""The text of a reason, and the address of its place in the picture, or None."""
 
 
 def linked(findings: Iterable[Finding], shape: Sequence[int]) -> tuple[list[Reason], list[dict[str, int]]]:
-    """Each finding's reason with the address of its place, or None; and the places themselves, each once.
+    """Return each finding's reason with the address of its place, and the places themselves, each once.
 
     `shape`: the image's. A finding about the whole image leads to all of it.
     """

@@ -1,4 +1,4 @@
-"""Any two of many pictures in the viewer: what a page needs to show them, `picture_pair.html.j2` being the rest."""
+"""The data of a viewer that shows any two of many pictures; its template is picture_pair.html.j2."""
 
 from collections.abc import Mapping
 from dataclasses import asdict

@@ -55,10 +55,11 @@ def density_maps(drawn: Drawn, case: Case) -> dict[str, Image]:
     counts = across()[0]
     middle = (side[1:] + side[:-1]) / 2
     height = 1 - middle[:, None] ** 2 - middle**2
-    maps = {"drawn": counts / (len(z) * 2 * (side[1] - side[0]) ** 2)}
-    if drawn.claims:
-        maps["claimed"] = across(weights=drawn.claims[0])[0] / np.maximum(counts, 1)
-    maps["asked for"] = drawn.at("pdf", z=height)
+    maps = {
+        "drawn": counts / (len(z) * 2 * (side[1] - side[0]) ** 2),
+        "claimed": across(weights=drawn.pdf)[0] / np.maximum(counts, 1),
+        "asked for": drawn.at("pdf", z=height),
+    }
     whole = np.hypot(*np.meshgrid(*2 * [np.abs(middle) + side[1] - middle[0]])) < edge  # the rim's pixels are cut
     return {
         f"{case.shows}: {key}": Image(np.repeat(np.where(whole, density, 0)[..., None], 3, 2).astype(np.float32))

@@ -54,7 +54,7 @@ def calibration_summary(calibration: "Calibration") -> str:
     lines = [f"{counted(len(calibration.views), 'photo')} of {width} x {height}, model {calibration.model}"]
     lines += [f"  {n:<3} {v:12.5g}" + (f" +- {s[n]:.2g}" if n in s else "") for n, v in intrinsics(calibration).items()]
     lines.append(f"  rms {calibration.rms_px:.3f} px")
-    if found := calibration.evidence:
+    if (found := calibration.evidence).taken:
         lines += [
             f"  {'*' if model == found.taken else ' '} {model:<15} held out {error:.3f} px"
             for model, error in found.held_out_px.items()

@@ -1,4 +1,4 @@
-"""What a page shows of two images, whoever made them: the tracer beside its twin, or any A beside any B."""
+"""What a page shows of two images: the tracer beside its twin, or any A beside any B."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
@@ -40,7 +40,7 @@ class Tile(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PairView:
-    """How a page shows two images: what they are called, what stands large, what the error is compared with.
+    """How a page shows two images: their names, the large numbers, and the tolerance.
 
     `about` is a word and the name it introduces (rung, shadow). `objects`
     names `surface.ids` from 0 on. `metrics`: further ones by name, value, formula.
@@ -58,7 +58,7 @@ class PairView:
 
     @property
     def held_to(self) -> str:
-        """What decided."""
+        """What the verdict was decided by, in words."""
         return "noise and tolerance" if self.pair.noisy else "the tolerance"
 
     @property
@@ -89,7 +89,7 @@ class PairView:
 
     @property
     def surfaces(self) -> tuple[Surface, Surface] | None:
-        """What each pixel of the two sees, where both tell it."""
+        """The surfaces of both images; None unless both have one of the image's size."""
         a, b, shape = self.test.surface, self.reference.surface, self.reference.shape[:2]
         return (a, b) if a is not None and b is not None and np.shape(a.ids) == np.shape(b.ids) == shape else None
 
@@ -127,7 +127,7 @@ def in_radiance(pair: Compared) -> Tolerance:
 
 
 def tiles(pair: Compared, tolerance: Tolerance) -> tuple[Tile, ...]:
-    """What stands large: the errors, with what they are allowed; seconds beside them where there are any."""
+    """The large numbers: errors with their limits, and seconds where they were measured."""
     g, r, seconds_of = pair.comparison.geometry, pair.comparison.radiance, pair.report.seconds
     noise = pair.comparison.statistics.noise_of_samples
     found = []
@@ -155,7 +155,7 @@ def numbered(*images: Image) -> tuple[str, ...]:
 
 
 def _of_diff(found: Diff) -> PairView:
-    """A beside B, whoever rendered them."""
+    """Any image A beside any image B."""
     known = found.comparison.radiance.__struct_fields__
     tolerance = in_radiance(found)
     return PairView(

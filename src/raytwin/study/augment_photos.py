@@ -51,15 +51,13 @@ def augment_photos(
     if chosen.board is None and asked is None:
         raise InputError("--board", "is missing. It names the board's TOML file, since the scene names none.")
     definition = boards.read_board(chosen.board or find_scene(scene_path).parent / (asked.board if asked else ""))
-    calibration = None
     if chosen.camera is None:
         placed, _, calibration, _ = find_camera(scene_path, progress=progress)
         lens = placed.camera
+        definition = calibration.shaped(definition) if calibration is not None else definition
     else:
         lens = read_camera(chosen.camera)
-        definition = camera.with_shape(definition, camera.read_board_shapes(chosen.camera))
-    if calibration is not None:
-        definition = calibration.shaped(definition)
+        definition = camera.with_shape(definition, chosen.camera)
     out = Path(out)
     names = [p.name if p.suffix.lower() in (".jpg", ".jpeg", ".png") else f"{p.stem}.png" for p in taken]
     if repeated := sorted(n for n in {*names} if names.count(n) > 1):
@@ -77,9 +75,8 @@ def augment_photos(
                 turned = ": the same, turned by a quarter" if pixels.shape[:2] == lens.image_size else ""
                 found = f"{pixels.shape[1]} x {pixels.shape[0]}{turned}"
                 raise InputError(path, f"{lens.width} x {lens.height} pixels, as the camera's", found)
-            known = calibration.tags_of(path, definition) if calibration is not None else None
-            tags = camera.detect_photo(path, definition.family) if known is None else known
-            pose = camera.pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
+            tags = camera.detect_photo(path, definition.family)
+            pose = camera.pose_of_tags(lens.K, lens.dist, tags, definition, path.name)
             stand = msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)
             here = scene.with_camera(stand)
             exposure: float | np.ndarray = 1.0 if chosen.exposure is None else chosen.exposure

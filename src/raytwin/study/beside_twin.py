@@ -17,9 +17,7 @@ def compare_with_twin(
     What the format of the test's file has rounded off is not counted. `options` are further ones of `compare`.
     """
     rounding = rounding_of(test)
-    test, granted, said = twin.settle(test, reference, scene)
-    if rounding.half is not None:
-        granted = rounding.half + (0 if granted is None else granted)
-    shown, half_steps = rounding.shown(reference), (granted, None)
+    test, said = twin.settle(test, reference, scene)
+    shown, half_steps = rounding.shown(reference), (rounding.half, None)
     found = compare(test, shown, tolerance=tolerance or Tolerance(), half_steps=half_steps, flip=flip, **options)
     return found.saying(*said)

@@ -1,5 +1,6 @@
 """The main job: photos -> camera -> a subject beside the twin -> comparison."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -38,9 +39,6 @@ if TYPE_CHECKING:
     from raytwin.photos.lighting.light_file import WrittenLight
     from raytwin.twin.backend import Backend
 
-HARDLY_LIT = 1e4
-"""Per cent of the light: a larger share is written as "many times", since the scene has nearly no light."""
-
 CENTRES = (
     "expected difference: the tracer sends one ray through each pixel's center, the twin samples the pixel's area "
     "(--sampling center compares like with like); through the centers they agree"
@@ -65,7 +63,7 @@ class Result(Compared):
 
 
 @dataclass(frozen=True, eq=False)
-class _Job:
+class Job:
     """A subject on a scene of raytwin's own, and how its camera was found; `engine`: the fastest here."""
 
     subject: Renderer
@@ -77,7 +75,7 @@ class _Job:
     light: "WrittenLight | None" = None
     photo: Path | None = None
     calibration: "camera.Calibration | None" = None
-    pose: "camera.PoseReport | None" = None
+    pose: "camera.View | None" = None
 
     @property
     def engine(self) -> str:
@@ -117,14 +115,14 @@ def compare_scene(
         from raytwin.study.compare_mitsuba import compare_mitsuba
 
         return compare_mitsuba(path, chosen, progress=progress)
-    job = _prepared(path, chosen, Stages(progress))
+    job = prepared(path, chosen, Stages(progress))
     noisy = RUNGS[chosen.rung].sampled(chosen.sampling)
     judge = partial(compare_with_twin, scene=job.scene, tolerance=job.scene.tolerance, flip=chosen.flip)
     made, reference, found = render_sides(job.subject, job.scene, job.twin, judge, chosen, job.stages, noisy, job.alike)
     return _result(job, made, reference, *_explained(job, made, reference, found))
 
 
-def _prepared(path: str | Path | Scene, chosen: CompareSettings, stages: Stages) -> _Job:
+def prepared(path: str | Path | Scene, chosen: CompareSettings, stages: Stages) -> Job:
     """Read the scene, find its camera, and wake the backend."""
     subject, light = _subject(chosen), None
     if chosen.light is not None:
@@ -139,10 +137,10 @@ def _prepared(path: str | Path | Scene, chosen: CompareSettings, stages: Stages)
         backend = twin.activate()
     if chosen.size is not None:
         scene = scene.with_camera(scene.camera.resized(*chosen.size))
-    return _Job(subject, chosen, stages, path, scene, backend, light, photo, calibration, pose)
+    return Job(subject, chosen, stages, path, scene, backend, light, photo, calibration, pose)
 
 
-def _result(job: _Job, made: Image, reference: Image, comparison: Comparison, ledger: Ledger | None) -> Result:
+def _result(job: Job, made: Image, reference: Image, comparison: Comparison, ledger: Ledger | None) -> Result:
     """The record of all that was found, the objects drawn into the photo with it."""
     subject, chosen, scene = job.subject, job.chosen, job.scene
     picture, augmented = _photos(job)
@@ -151,7 +149,7 @@ def _result(job: _Job, made: Image, reference: Image, comparison: Comparison, le
     report = Report(
         scene.name,
         chosen.rung,
-        judged_in_view(comparison, reference, scene).saying(*_folded(scene)),
+        judged_in_view(comparison, reference, scene).saying(*_untested(scene, chosen.rung)),
         dict(job.stages.seconds),
         backend | {"solver": chosen.solver},
         ledger.parts if ledger else (),
@@ -181,7 +179,7 @@ def _result(job: _Job, made: Image, reference: Image, comparison: Comparison, le
     )
 
 
-def _photos(job: _Job) -> tuple[np.ndarray | None, np.ndarray | None]:
+def _photos(job: Job) -> tuple[np.ndarray | None, np.ndarray | None]:
     """The photo, and with the scene's objects in it where it has the camera's size."""
     if job.photo is None:
         return None, None
@@ -211,7 +209,7 @@ def _subject(chosen: CompareSettings) -> Renderer:
     return Traced(chosen.climbed, chosen.engine, chosen.trim, chosen.solver, surface=True)
 
 
-def _explained(job: _Job, made: Image, reference: Image, comparison: Comparison) -> tuple[Comparison, Ledger | None]:
+def _explained(job: Job, made: Image, reference: Image, comparison: Comparison) -> tuple[Comparison, Ledger | None]:
     """The verdict with its causes, and what each part of the light has to do with the difference."""
     subject, scene, chosen, stages = job.subject, job.scene, job.chosen, job.stages
     own, compared_with = None, reference
@@ -273,12 +271,12 @@ def stage_causes(subject: Renderer) -> tuple[Finding, ...]:
     )  # fmt: skip
 
 
-def _folded(scene: Scene) -> tuple[str, ...]:
-    """What to say where the lens gives a part of the frame no ray."""
-    lost = without_ray(scene.camera)
-    if lost is None:
-        return ()
-    return (f"no ray belongs to {100 * lost.mean():.2g} % of the frame, where the lens folds back: black in both",)
+def _untested(scene: Scene, rung: str) -> Iterator[str]:
+    """What the scene cannot show, whatever the two images are."""
+    if len(scene.objects) == 1 and RUNGS[rung].shadows:  # every shape is convex
+        yield "one object alone: shadows, the sky's occlusion and bounced light stay untested"
+    if (lost := without_ray(scene.camera)) is not None:
+        yield f"no ray belongs to {100 * lost.mean():.2g} % of the frame, where the lens folds back: black in both"
 
 
 def _expected_difference(
@@ -307,11 +305,8 @@ HIDDEN = {"sun's shadow": "what hides the sun", "sky's occlusion": "what hides t
 def _left_out(ledger: Ledger | None) -> tuple[str, ...]:
     """What the rung leaves out, in words, the largest part first."""
     rows = [row for row in ledger.parts if row.part in LEFT_OUT and row.share_of_light] if ledger else []
-    remarks = []
-    for row in sorted(rows, key=lambda row: -abs(row.share_of_light or 0)):
-        share = 100 * (row.share_of_light or 0)
-        size = f"{abs(share):.2g} %" if abs(share) < HARDLY_LIT else "many times"  # of a scene with nearly no light
-        remarks.append(
-            f"ignoring {HIDDEN.get(row.part, row.part)} makes it {size} too {'bright' if share > 0 else 'dark'}"
-        )
-    return tuple(remarks)
+    shares = {HIDDEN.get(row.part, row.part): 100 * (row.share_of_light or 0) for row in rows}
+    return tuple(
+        f"ignoring {part} makes it {abs(share):.2g} % too {'bright' if share > 0 else 'dark'}"
+        for part, share in sorted(shares.items(), key=lambda item: -abs(item[1]))
+    )

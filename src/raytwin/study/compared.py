@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 class Compared(InNotebook):
     """The image `test` beside its `reference`, and all that is known of them.
 
-    `photo` and `augmented`, the same with the scene's objects in it, are sRGB uint8. `pose`: that of the photo, by the
-    `calibration`.
+    `photo` and `augmented`, the same with the scene's objects in it, are sRGB uint8. `pose`: the photo's
+    view in the `calibration`.
     """
 
     made_by: ClassVar[str] = "compare"
@@ -34,7 +34,7 @@ class Compared(InNotebook):
     photo: np.ndarray | None = None
     augmented: np.ndarray | None = None
     calibration: "camera.Calibration | None" = None
-    pose: "camera.PoseReport | None" = None
+    pose: "camera.View | None" = None
     ledger: "Ledger | None" = None
 
     @property

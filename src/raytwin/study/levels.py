@@ -1,4 +1,4 @@
-"""How much light a scene needs: every method's error and cost, the cheapest for a tolerance, and what can be dropped.
+"""How much light a scene needs: every method's error and cost, the cheapest for a tolerance, and what can be left out.
 
 The cost that orders methods is counted, not timed, so that a busy machine gives the same answer: the rays that a pixel
 needs. A path that goes on meets a surface, and sends from there a ray to the sun and one onward. With s_k the share of
@@ -142,7 +142,7 @@ def levels(
 ) -> Levels:
     """Measure every light level of a scene: its error against all light over the pixels' area, and its cost.
 
-    With a `tolerance` the answer names the cheapest method that meets it, and what can be dropped. `path`: a scene's
+    With a `tolerance` the answer names the cheapest method that meets it, and what can be left out. `path`: a scene's
     folder or name, or a Scene. `metric`: rmse, relmse, mae, max_abs, p999_abs or p999_rel. `size`: (width, height) in
     pixels, by default the camera's, at most 320 wide. `photo`: whose camera pose is used. `light`: a light.toml.
     `table()` of the result has a row per method. Raises InputError for a wrong tolerance or metric.

@@ -25,7 +25,6 @@ from raytwin.renderers.references import FILES, Reference, load, path_of, scene_
 from raytwin.rungs import RUNGS
 from raytwin.scene import MitsubaScene, Scene
 from raytwin.scene.mitsuba_file import is_mitsuba, read_mitsuba, with_film
-from raytwin.scene.scene_changes import changes
 from raytwin.scene.scene_files import scene_and_photos
 from raytwin.scene.toml_json import to_record
 from raytwin.study.rounds import Budget, Rounds, round_seed
@@ -239,8 +238,8 @@ def header_changes(old: dict[str, str], new: dict[str, str]) -> Iterator[str]:
         if a == b or key == "checksum":
             continue
         if key == "set_up" and "none" not in (a, b):
-            scenes = (to_record(key, msgspec.json.decode(text), Scene) for text in (a, b))
-            yield from changes(*scenes)
+            before, now = (to_record(key, msgspec.json.decode(text), Scene) for text in (a, b))
+            yield f"scene: now other {', '.join(now.differences(before))}"
         else:
             yield f"{key}: {b} (before: {a})"
 

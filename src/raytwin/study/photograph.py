@@ -6,10 +6,11 @@ import msgspec
 import numpy as np
 
 from raytwin import twin
+from raytwin.errors import InputError
 from raytwin.photos import boards, synthetic_photos
 from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Rectangle, Scene, Sky, Sun
-from raytwin.scene.scene_files import check_camera, scene_and_photos
+from raytwin.scene.scene_files import scene_and_photos
 
 WOOD = 0.36, 0.25, 0.17
 TABLE = Rectangle((0.0, 0.0, -0.002), (1.5, 0.0, 0.0), (0.0, 1.5, 0.0), WOOD, in_photo=True)
@@ -44,8 +45,10 @@ def photograph_board(
     width, height = size
     scale = width / 2016
     K = ((focal * scale, 0.0, 0.504 * width), (0.0, 1.001 * focal * scale, 0.497 * height), (0.0, 0.0, 1.0))
-    lens = Camera(size, K, ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)), (0.0, 0.0, 1.0), dist)
-    check_camera(lens, "--focal, --size: ")
+    try:
+        lens = Camera(size, K, ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)), (0.0, 0.0, 1.0), dist)
+    except InputError as error:
+        raise error.at("--focal, --size: ") from None
     stage = scene_and_photos(scene)[0] if scene is not None else Scene("desk", lens, (), (TABLE,), SUN, SKY)
     table = tuple(p for p in stage.planes if p.center[2] < 0)
     spheres = stage.spheres if with_objects else ()

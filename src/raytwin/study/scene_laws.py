@@ -1,6 +1,6 @@
 """What a change of a scene does to its picture, known exactly: a law per change, with the cause where it breaks.
 
-Frame, disc, plate and curtain put one simple body before the scene's camera. The other laws change the scene itself.
+Frame, disc, ball and curtain put one simple body before the scene's camera. The other laws change the scene itself.
 """
 
 from collections.abc import Callable, Sequence
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raytwin.rungs import Rung
-from raytwin.scene import Rectangle, Scene, Shape, Sky, Sphere, Sun
+from raytwin.scene import Rectangle, Scene, Shape, Sky, Sphere
 
 SHIFT, SHRINK = (873.1, -1746.3, 433.74), 1 / 50
 """By how much the scene is moved, 2000 units and nothing that floats hold exactly, and scaled."""
@@ -97,19 +97,17 @@ def lit(scene: Scene, sun: float = 1.0, sky: float = 1.0) -> Scene:
     return scene.with_(sun=scene.sun.with_(irradiance=irradiance), sky=Sky().with_(radiance=radiance))
 
 
-def screen(scene: Scene, box: Sequence[float], albedo: Any, distance: float) -> Rectangle:
-    """Return the rectangle at a distance that faces the camera and fills the pixels from `box`'s x, y to its x, y.
+def screen(scene: Scene, box: Sequence[float], distance: float) -> Rectangle:
+    """Return a black rectangle that faces the camera and fills the pixels from `box`'s x, y to its x, y.
 
     It fills just these without a lens; with one, a box far beyond the picture's edge still fills the picture.
     """
     camera, R = scene.camera, np.array(scene.camera.R_cam_board)
     ends = (np.array(box).reshape(2, 2) - 0.5 - (camera.cx, camera.cy)) / (camera.fx, camera.fy) * distance
     (x, y), (half_x, half_y) = ends.mean(axis=0), np.ptp(ends, axis=0) / 2
-    return _rectangle(camera.eye + (x, y, distance) @ R, half_x * R[0], half_y * R[1], albedo)
-
-
-def _rectangle(center: np.ndarray, half_u: np.ndarray, half_v: np.ndarray, albedo: Any = BLACK) -> Rectangle:
-    return Rectangle(BLACK, BLACK, BLACK, albedo, name="screen").with_(center=center, half_u=half_u, half_v=half_v)
+    screen = Rectangle(BLACK, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), BLACK)
+    center = camera.eye + (x, y, distance) @ R
+    return screen.with_(center=center, half_u=half_x * R[0], half_v=half_y * R[1])
 
 
 def _alone(scene: Scene) -> Scene:
@@ -135,7 +133,7 @@ def _framed(scene: Scene, level: Level) -> Pair:
     (width, height), expected = scene.image_size, np.full((*scene.image_size[::-1], 3), SKYLIGHT)
     x0, y0, x1, y1 = box = width // 6, height // 5, width // 2, height // 3
     expected[y0:y1, x0:x1] = 0
-    return View((plain.with_(objects=[screen(plain, box, BLACK, 1.0)], sky=Sky(SKYLIGHT)),)), View(value=expected)
+    return View((plain.with_(objects=[screen(plain, box, 1.0)], sky=Sky(SKYLIGHT)),)), View(value=expected)
 
 
 def _disc(scene: Scene, level: Level) -> Pair | str:
@@ -151,19 +149,27 @@ def _disc(scene: Scene, level: Level) -> Pair | str:
     return View((scene.with_(camera=camera, objects=[ball], sky=Sky(SKYLIGHT)),)), View(value=expected)
 
 
-def _plate(scene: Scene, level: Level) -> Pair:
-    width, height = scene.image_size
-    _, down, forward = np.array(scene.camera.R_cam_board)
-    sun = Sun((0.0, 0.0, 1.0), SUNLIGHT).with_(to_light=-forward / 2 - down * np.sqrt(0.75))
-    plate = screen(scene, (-width, -height, 2 * width, 2 * height), WHITE, 1.0)
-    return View((scene.with_(objects=[plate], sun=sun, sky=None),)), View(value=np.array(SUNLIGHT) / (2 * np.pi))
+def _ball(scene: Scene, level: Level) -> Pair:
+    """E n·l / π on a ball of radius r whose centre is c = (0, 0, f): t d with |t d - c| = r, in the camera's frame."""
+    camera = scene.camera.with_(dist=())
+    R, r, f, to_light = np.array(camera.R_cam_board), 10, 11, (0, -np.sqrt(0.75), -0.5)
+    v, u = np.indices(scene.image_size[::-1])
+    d = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)], axis=-1)
+    squared = (d * d).sum(axis=-1)
+    root = f * f - squared * (f * f - r * r)
+    t = (f - np.sqrt(np.maximum(root, 0))) / squared
+    cosine = np.where(root > 0, (t[..., None] * d - (0, 0, f)) @ to_light / r, 0)
+    ball = Sphere(BLACK, r, WHITE).with_(center=camera.eye + f * R[2])
+    sun = scene.sun.with_(to_light=to_light @ R, irradiance=SUNLIGHT)
+    lit_ball = scene.with_(camera=camera, objects=[ball], sun=sun, sky=None)
+    return View((lit_ball,)), View(value=np.maximum(cosine, 0)[..., None] * SUNLIGHT / np.pi)
 
 
 def curtained(scene: Scene) -> Scene:
     """Return the scene behind a black rectangle that fills the picture."""
     width, height = scene.image_size
     near = np.linalg.norm(_reached(scene) - scene.camera.eye, axis=1).min()
-    curtain = screen(scene, (-width, -height, 2 * width, 2 * height), BLACK, near / 100)
+    curtain = screen(scene, (-width, -height, 2 * width, 2 * height), near / 100)
     return scene.with_(objects=[*scene.objects, curtain])
 
 
@@ -179,10 +185,8 @@ def _covered(scene: Scene, level: Level) -> Pair | str:
     points, to_light = np.concatenate([_reached(scene), [scene.camera.eye]]), np.array(scene.sun.to_light)
     center = points.mean(axis=0)
     reach = np.linalg.norm(points - center, axis=1).max()
-    half_u = np.cross(to_light, np.eye(3)[np.abs(to_light).argmin()])
-    half_u *= 4 * reach / np.linalg.norm(half_u)
-    lid = _rectangle(center + 2 * reach * to_light, half_u, np.cross(to_light, half_u))
-    return View((lit(scene, sky=0).with_(objects=[*scene.spheres, lid, *scene.planes]),)), View()
+    lid = Sphere(BLACK, 2 * reach, BLACK).with_(center=center + 4 * reach * to_light)
+    return View((lit(scene, sky=0).with_(objects=[*scene.objects, lid]),)), View()
 
 
 def _half_albedo(scene: Scene, level: Level) -> Pair | str:
@@ -273,10 +277,10 @@ LAWS: dict[str, Law] = {
             lambda scene, level: (View((painted(lit(scene, sky=0), lambda albedo: BLACK),)), View())),
         Law("sun behind", "the sun straight behind a body leaves its near side black",
             "the sun lights what faces away from it: n·l is not clamped at 0, or the far root is taken", _sun_behind),
-        Law("covered", "a screen between the sun and everything makes it black", "something casts or gets no shadow",
+        Law("covered", "a ball between the sun and everything makes it black", "something casts or gets no shadow",
             _covered),
-        Law("plate", "a white plate under a sun at 60° returns E cos 60° / π", "the sun's part is not albedo/π E cos θ",
-            _plate),
+        Law("ball", "a white ball that fills the picture returns E cos θ / π", "the sun's part is not albedo/π E cos θ",
+            _ball),
         Law("furnace", "albedo 1 under an even sky shows the sky's radiance everywhere",
             "the sky's part is not albedo times its radiance", _furnace),
         Law("half the albedo", "half the albedo returns half the sunlight",
@@ -293,31 +297,31 @@ LAWS: dict[str, Law] = {
 }  # fmt: skip
 """name -> law, in the order in which a break names the cause. To add one, add its row."""
 
-OF_RECTANGLES = "frame", "curtain", "plate", "covered"
+OF_RECTANGLES = "frame", "curtain"
 """Laws that put a rectangle into the scene."""
 CAUSES: dict[tuple[str, ...], str] = {
     ("halves", "light doubled"): "pixels depend on the whole picture: values are divided by its maximum",
     ("black", "light doubled"): "light is added that comes from no source: an offset, or a background of its own",
     ("frame", "light doubled", "light split"): LAWS["light doubled"].cause,
-    ("plate", "furnace", "light doubled"): "the sun's irradiance is left out",
+    ("ball", "furnace", "light doubled"): "the sun's irradiance is left out",
     ("light doubled", "light split"): "values are rounded, or the light is not used as a factor",
     ("black", "half the albedo"): "the albedo is left out",
-    ("plate", "furnace", "colours"): "the color channels are in another order",
-    ("plate", "colours"): LAWS["colours"].cause,
-    ("plate", "furnace", "light split"): "values are rounded, as by half floats",
-    ("plate", "disc", "furnace"): "all radiance is multiplied by a factor",
+    ("ball", "furnace", "colours"): "the color channels are in another order",
+    ("ball", "colours"): LAWS["colours"].cause,
+    ("ball", "furnace", "light split"): "values are rounded, as by half floats",
+    ("ball", "disc", "furnace"): "all radiance is multiplied by a factor",
     ("frame", "disc", "furnace"): "the background, or the sky's light, is not the sky's radiance",
     ("frame", "disc", "order"): "an object is left out",
     ("halves", "resolution"): LAWS["halves"].cause,
     ("resolution", "rolled"): "pixels are off by a part of one: half a pixel, or K rounded",
     ("frame", "disc", "halves"): "rows or columns of the picture are in another order",
-    ("plate", "scaled", "turned"): "shadow rays hit the surface that they start from",
+    ("ball", "scaled", "turned"): "shadow rays hit the surface that they start from",
     ("rolled", "turned"): "a direction, as the sun's, is not in the frame that it is used in",
     ("rolled", "mirrored"): "the lens's coefficients are in another order, or the principal point is fixed",
     ("turned", "scaled"): "an offset of fixed length and direction is added",
     ("sun behind", "moved"): "the sun's direction is used as a place, or normals are taken from the origin",
-    ("plate", "sun behind", "covered"): "the direction to the sun has the wrong sign",
+    ("ball", "sun behind", "covered"): "the direction to the sun has the wrong sign",
     ("frame", "disc", "curtain"): "R and t are not used as p_cam = R p_board + t",
-    ("frame", "curtain", "plate"): "rectangles are not hit where they are",
+    ("frame", "curtain"): "rectangles are not hit where they are",
 }
 """Laws that break together -> what does that; the first row whose laws are all broken counts."""

@@ -7,28 +7,24 @@ silhouettes, depth, normals, NaN, an error. Nothing else is known of it.
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from msgspec import structs
 
 from raytwin import twin
 from raytwin.compare.finding import KINDS
 from raytwin.errors import InputError, MachineError
-from raytwin.explain.diagnosis import explain
-from raytwin.images.image import Image
-from raytwin.progress import Progress, silent
+from raytwin.progress import Progress, Stages, silent
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.scene import Scene, Sky
 from raytwin.scene.mitsuba_file import is_mitsuba
 from raytwin.scene.scene import NO_SUN
 from raytwin.study.beside_twin import compare_with_twin
-from raytwin.study.compare_scene import stage_causes
-from raytwin.study.make_reference import find_scene
+from raytwin.study.compare_scene import prepared
 from raytwin.study.settings import SAMPLES_IF_NOISY, CompareSettings
-from raytwin.teach.contract.subject import find_subject
 from raytwin.teach.contract.submission import Shown
 
 RATE = 1e-6
@@ -37,29 +33,23 @@ SECONDS_IN_ALL = 300.0
 """Seconds after which no further step is tried."""
 SMALLEST = 24
 """Pixels of a side below which the picture is not cropped: less shows nobody anything."""
-T = TypeVar("T")
 
 
 class Failure(NamedTuple):
-    """How a renderer fails: the kind, and in words; both images, where it made one."""
+    """How a renderer fails: the kind, and in words."""
 
     kind: str
     reason: str
-    images: tuple[Image, Image] | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Shrunk:
-    """What came of it. `removed` does not matter to the failure, `kept` does; `simpler`: what else was reduced.
-
-    `cause`: what the smallest scene says of it, empty where nothing.
-    """
+    """What came of it. `removed` does not matter to the failure, `kept` does; `simpler`: what else was reduced."""
 
     before: Scene
     after: Scene
     rung: str
     failure: Failure
-    cause: str
     removed: tuple[str, ...]
     kept: tuple[str, ...]
     simpler: tuple[str, ...]
@@ -71,7 +61,7 @@ class Shrunk:
     def sentences(self) -> tuple[str, ...]:
         """In words: how it fails, what does not matter, what does."""
         said = (
-            f"It fails: {self.cause or self.failure.reason}",
+            f"It fails: {self.failure.reason}",
             f"Not needed: {', '.join((*self.removed, *self.simpler)) or 'nothing'}.",
             f"Needed: {', '.join(self.kept) or 'nothing'}.",
         )
@@ -82,7 +72,7 @@ class Shrunk:
         """As JSON has it."""
         both = {"before": self.before, "after": self.after}
         return {
-            "kind": self.failure.kind, "reason": self.failure.reason, "cause": self.cause or None,
+            "kind": self.failure.kind, "reason": self.failure.reason,
             "removed": self.removed, "kept": self.kept, "simpler": self.simpler,
             "objects": {when: len(scene.objects) for when, scene in both.items()},
             "image_size": {when: scene.camera.image_size for when, scene in both.items()},
@@ -105,18 +95,10 @@ def shrink(
         raise InputError("--subject", "is missing. It names the renderer that fails.")
     if is_mitsuba(path):
         raise InputError("`shrink` of a Mitsuba file", "was removed in 0.2.0. Delete shapes from a copy by hand.")
-    found = find_scene(path, progress)
-    assert isinstance(found, Scene)
-    subject = find_subject(chosen.subject, chosen.rung)
-    if isinstance(subject, UserRenderer) and isinstance(subject.render, Shown):
-        raise InputError("--subject", "a renderer, since an image shows one scene alone", subject.name)
-    if chosen.light is not None:
-        from raytwin.photos.lighting.light_file import read_light  # with OpenCV
-
-        found = read_light(chosen.light).on(found)
-    camera = found.camera
-    scene = found.with_camera(camera.resized(*(chosen.size or camera.image_size)))
-    return _Search(subject, chosen, time.perf_counter() + time_limit, progress).shrunk(scene)
+    job = prepared(path, chosen, Stages(progress))
+    if isinstance(job.subject, UserRenderer) and isinstance(job.subject.render, Shown):
+        raise InputError("--subject", "a renderer, since an image shows one scene alone", job.subject.name)
+    return _Search(job.subject, chosen, time.perf_counter() + time_limit, progress).shrunk(job.scene)
 
 
 class _Search:
@@ -128,15 +110,13 @@ class _Search:
 
     def shrunk(self, scene: Scene) -> Shrunk:
         """Take the steps one after the other, from the one that saves most."""
-        began, first = time.perf_counter(), self._look(scene)
-        if first is None:
+        began, looks, parts = time.perf_counter(), [self._look(scene), self._look(scene)], parts_of(scene)
+        if (first := looks[0]) is None:
             raise InputError("--subject", "a renderer that fails on this scene, beyond doubt", "one that does not")
-        again = self._look(scene)
-        if again is None or again.kind != first.kind:
-            then = f"then it failed otherwise: {again.reason}" if again else "then it passed"
-            got = f"one that fails by chance: first {first.reason}; {then}"
+        if looks[1] is None or looks[1].kind != first.kind:
+            got = f"one that fails by chance: first {first.reason}; then {looks[1].reason if looks[1] else 'it passed'}"
             raise InputError("--subject", "a renderer that fails alike each time", got)
-        self.failure, parts = first, parts_of(scene)
+        self.failure = first
 
         def only(kept: Iterable[str], small: Scene) -> Scene:
             for name in (name for name in parts if name not in kept):
@@ -146,15 +126,14 @@ class _Search:
         whole = self._cropped(scene)
         kept = minimized(list(parts), lambda kept: self._fails(only(kept, whole)))
         small = self._cropped(only(kept, whole))
-        sizes = [s.camera.image_size for s in (small, scene)]
-        cropped = "most of the picture ({} x {} of {} x {} pixels remain)".format(*sizes[0], *sizes[1])
-        images = self.failure.images
-        causes = stage_causes(self.subject) or (explain(*images, small, self.subject.rung) if images else ())
-        cause = causes[0].text if causes and causes[0].names_a_cause else ""
         removed = tuple(name for name in parts if name not in kept)
+        left, of = small.camera, scene.camera
+        cropped = f"most of the picture ({left.width} x {left.height} of {of.width} x {of.height} pixels remain)"
+        simpler = (cropped,) if left.image_size != of.image_size else ()
+        seconds = time.perf_counter() - began
         return Shrunk(
-            scene, small, self.subject.rung, self.failure, cause, removed, tuple(kept),
-            (cropped,) if sizes[0] != sizes[1] else (), self.count, time.perf_counter() - began, self.stopped,
+            scene, small, self.subject.rung, self.failure, removed, tuple(kept), simpler, self.count, seconds,
+            self.stopped,
         )  # fmt: skip
 
     def _fails(self, scene: Scene) -> bool:
@@ -196,7 +175,7 @@ class _Search:
             return None
         if found.verdict != "fail":
             return None
-        return Failure(KINDS[found.findings[0].kind].failure, found.reasons[0], (made, reference))
+        return Failure(KINDS[found.findings[0].kind].failure, found.reasons[0])
 
 
 def _halves(scene: Scene) -> Iterable[Scene]:
@@ -211,9 +190,9 @@ def _halves(scene: Scene) -> Iterable[Scene]:
 
 def parts_of(scene: Scene) -> dict[str, Callable[[Scene], Scene]]:
     """Name -> what leaves the part out of this scene; the parts can be left out together."""
-    things = scene.objects
-    labels = scene.names if len(set(scene.names)) == len(things) else scene.numbers
-    found = {name: _without(thing) for name, thing in zip(labels, things, strict=True)}
+    labels = scene.names if len(set(scene.names)) == len(scene.objects) else scene.numbers
+    found: dict[str, Callable[[Scene], Scene]]
+    found = {name: partial(_without, thing) for name, thing in zip(labels, scene.objects, strict=True)}
     if any(scene.sun.irradiance):
         found["the sun"] = lambda scene: structs.replace(scene, sun=NO_SUN)
     if scene.sky != Sky():
@@ -223,41 +202,25 @@ def parts_of(scene: Scene) -> dict[str, Callable[[Scene], Scene]]:
     return found
 
 
-def _without(gone: Any) -> Callable[[Scene], Scene]:
-    def edit(scene: Scene) -> Scene:
-        spheres, planes = (
-            tuple(thing for thing in kind if thing is not gone) for kind in (scene.spheres, scene.planes)
-        )
-        return structs.replace(scene, spheres=spheres, planes=planes, pyramids=())
-
-    return edit
+def _without(gone: Any, scene: Scene) -> Scene:
+    spheres, planes = (tuple(thing for thing in kind if thing is not gone) for kind in (scene.spheres, scene.planes))
+    return structs.replace(scene, spheres=spheres, planes=planes, pyramids=())
 
 
-def minimized(parts: Sequence[T], fails: Callable[[list[T]], bool]) -> list[T]:
+def minimized(parts: Sequence[Any], fails: Callable[[list[Any]], bool]) -> list[Any]:
     """Return parts, in their order, that still fail together, and of which no single one can be left out.
 
-    Delta debugging (Zeller and Hildebrandt, "Simplifying and isolating failure-inducing input", 2002). `fails(parts)`
-    must hold of all. With n parts of which k must stay it is asked some k log n times at best and n² at worst.
+    Leave out all, then each half, quarter and so on of what is left, at last each part, until none can go. `fails`
+    must hold of all. With n parts of which k must stay it is asked some 2 k log n times at best and n² at worst.
 
     >>> minimized(range(8), lambda kept: {2, 5} <= set(kept))
     [2, 5]
     """
-    kept = list(parts)
-    if kept and fails([]):
-        return []
-    pieces = 2
-    while len(kept) > 1:
-        pieces = min(pieces, len(kept))
-        ends = [round(i * len(kept) / pieces) for i in range(pieces + 1)]
-        spans = list(pairwise(ends))
-        alone = [kept[a:b] for a, b in spans]
-        rest = [kept[:a] + kept[b:] for a, b in spans] if pieces > 2 else []
-        if (found := next(filter(fails, alone), None)) is not None:
-            kept, pieces = found, 2
-        elif (found := next(filter(fails, rest), None)) is not None:
-            kept, pieces = found, pieces - 1
-        elif pieces == len(kept):
-            break
-        else:
-            pieces = 2 * pieces
+    kept, size = list(parts), len(parts)
+    while size:
+        before, first = kept, 0
+        while first < len(kept):
+            fewer = kept[:first] + kept[first + size :]
+            kept, first = (fewer, first) if fails(fewer) else (kept, first + size)
+        size = 0 if size == 1 and kept == before else max(1, size // 2)
     return kept

@@ -1,7 +1,7 @@
-"""Which Mitsuba variant works here: each libLLVM is tried in a child process, because a wrong one aborts the process.
+"""Which libLLVM Mitsuba works with here: each is tried in a child process, because a wrong one aborts the process.
 
-Order: the user's DRJIT_LIBLLVM_PATH, the one that pip installs, Dr.Jit's own choice. The answer is remembered per
-machine. Importing this module imports no Mitsuba.
+Order: the user's DRJIT_LIBLLVM_PATH, the one that pip installs, Dr.Jit's own choice. The answer is stored per machine.
+Importing this module imports no Mitsuba.
 
 Environment: RAYTWIN_VARIANT forces a variant, RAYTWIN_NO_LLVM=1 hides every libLLVM, RAYTWIN_CACHE moves the cache.
 """
@@ -27,17 +27,17 @@ from raytwin.scene.toml_json import write_json
 LLVM, CUDA = VARIANTS = ("llvm_ad_rgb", "cuda_ad_rgb")
 LIBRARY = "DRJIT_LIBLLVM_PATH"
 USERS_LLVM = os.environ.get(LIBRARY) or None
-"""What the user has chosen, before this module sets the variable for Dr.Jit."""
+"""The user's LIBRARY, before this module sets it for Dr.Jit."""
 OWN_CHOICE = "Dr.Jit's own choice"
-"""Stands for the libLLVM that Dr.Jit finds where DRJIT_LIBLLVM_PATH is not set."""
+"""The libLLVM that Dr.Jit finds where DRJIT_LIBLLVM_PATH is not set."""
 PROBE = Path(__file__).with_name("probe.py")
 PROBE_SECONDS = 120
-"""Seconds until a probe without a picture is given up; the first kernel compiles for several."""
+"""Limit for one probe. The first kernel alone takes several to compile."""
 PACKAGES = ("raytwin", "mitsuba", "drjit", "numpy", "opencv-contrib-python-headless", "pupil-apriltags")
 
 
 class Tried(msgspec.Struct, frozen=True):
-    """One candidate: the library's path (or the variant's name, where it needs none) and how its probe went."""
+    """One candidate, a library's path or CUDA, and how its probe went."""
 
     path: str
     ok: bool
@@ -46,7 +46,7 @@ class Tried(msgspec.Struct, frozen=True):
 
 
 class Backend(msgspec.Struct, frozen=True):
-    """What renders: Mitsuba's variant, None where none works, the libLLVM behind it, and how the choice was made."""
+    """Mitsuba's variant (None where none works), its libLLVM, and the candidates tried."""
 
     variant: str | None
     libllvm: str | None = None
@@ -54,7 +54,7 @@ class Backend(msgspec.Struct, frozen=True):
     tried: tuple[Tried, ...] = ()
 
 
-# Of this process, as Mitsuba's variant is: the choices made, and the current one.
+# Mitsuba's variant belongs to the process, and so do the choices made and the current one.
 _chosen: dict[str, Backend] = {}
 _current: Backend | None = None
 
@@ -88,10 +88,9 @@ def activate(variant: str | None = None) -> Backend:
 
 
 def chosen(variant: str | None = None) -> Backend:
-    """What `activate` would make current, and all that Dr.Jit's own arrays need: Mitsuba is not imported.
+    """What `activate` would make current. Dr.Jit, imported after this, uses the same libLLVM; Mitsuba is not imported.
 
-    They use the same libLLVM if Dr.Jit is imported after this; where it was imported before, its library is the only
-    one that this process can have.
+    Where Dr.Jit was imported before, its library is the only one that this process can have.
     """
     forced = variant or os.environ.get("RAYTWIN_VARIANT")
     wanted = forced or (_current.variant if _current else None) or LLVM
@@ -109,8 +108,8 @@ def chosen(variant: str | None = None) -> Backend:
 
 
 def find_backend(variant: str = LLVM) -> Backend:
-    """The backend that renders as `variant`: remembered on this machine, or found by probing."""
-    if find_spec("mitsuba") is None:  # nothing to try, and nothing to remember: it may be installed tomorrow
+    """The backend that renders as `variant`: the stored one of this machine, or the first whose probe is correct."""
+    if find_spec("mitsuba") is None:
         return Backend(None)
     candidates = [CUDA] if variant == CUDA else llvm_candidates()
     memory = cache_folder() / f"backend-{_machine(candidates)}.json"
@@ -118,19 +117,19 @@ def find_backend(variant: str = LLVM) -> Backend:
         known = msgspec.json.decode(memory.read_bytes(), type=Backend)
         if known.variant == variant and known.libllvm in (None, *candidates):
             return known
-    tried: tuple[Tried, ...] = ()
+    tried: list[Tried] = []
     for path in candidates:
-        tried = (*tried, outcome := probe(variant, path))
-        if outcome.ok:  # else the next process asks again: a probe may just have met a busy machine
-            backend = Backend(variant, None if path == CUDA else path, outcome.version, tried)
+        tried.append(probe(variant, path))
+        if tried[-1].ok:  # a failure is not stored: a probe may just have met a busy machine
+            backend = Backend(variant, None if path == CUDA else path, tried[-1].version, tuple(tried))
             with contextlib.suppress(InputError):  # a cache that cannot be written costs a probe next time alone
                 write_json(memory, backend)
             return backend
-    return Backend(None, tried=tried)
+    return Backend(None, tried=tuple(tried))
 
 
 def probe(variant: str, path: str) -> Tried:
-    """Render a sphere in a child process: whether it came out correctly, and why not."""
+    """Render a sphere in a child process."""
     environment = {key: value for key, value in os.environ.items() if key != LIBRARY}
     if path not in (CUDA, OWN_CHOICE):
         if not Path(path).is_file():
@@ -144,7 +143,7 @@ def probe(variant: str, path: str) -> Tried:
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         return Tried(path, False, f"no picture after {PROBE_SECONDS} s")
-    except OSError as error:  # no Python that can be started: embedded in another program
+    except OSError as error:  # Python is embedded in another program, and cannot be started
         return Tried(path, False, str(error))
     try:
         found = json.loads(child.stdout.strip().splitlines()[-1])
@@ -158,7 +157,7 @@ def probe(variant: str, path: str) -> Tried:
 
 
 def _last_words(code: int, text: str) -> str:
-    """Why a child died: Dr.Jit's or LLVM's complaint where there is one, else the signal or the last line."""
+    """Why a child died: the first line that names an error, else the last one."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     telling = [line for line in lines if re.search(r"too old|cannot select|failed|not (be )?found|error", line, re.I)]
     what = (telling or lines[-1:] or ["no output"])[0][:160]
@@ -166,7 +165,7 @@ def _last_words(code: int, text: str) -> str:
 
 
 def llvm_candidates() -> list[str]:
-    """The libLLVMs worth trying, best first; once Dr.Jit is imported, the one that it was to take."""
+    """The libLLVMs worth trying, best first. Once Dr.Jit is imported, only the one that it was given."""
     if os.environ.get("RAYTWIN_NO_LLVM", "0") not in ("", "0"):
         return []
     if _drjit_is_imported():
@@ -187,34 +186,31 @@ def versions() -> dict[str, str]:
 
 def made_with(twin: str, variant: str | None) -> dict[str, str]:
     """What renders, as every provenance begins: versions, and Mitsuba's variant."""
-    known = versions()
-    own = {"raytwin": known.get("raytwin", "?"), "twin": twin}
-    return own | {"mitsuba": known["mitsuba"], "drjit": known["drjit"], "variant": str(variant)}
+    known = {"raytwin": "?"} | versions()
+    return {"twin": twin, "variant": str(variant)} | {name: known[name] for name in ("raytwin", "mitsuba", "drjit")}
 
 
 def _machine(candidates: list[str]) -> str:
     """A hash of everything that could change the answer: Python, packages, processor, candidates and their dates."""
-    files = [Path(path).stat() for path in candidates if Path(path).is_file()]
-    dates = [(file.st_mtime_ns, file.st_size, file.st_ino) for file in files]
+    dates = [Path(path).stat().st_mtime_ns for path in candidates if Path(path).is_file()]
     facts = (sys.prefix, versions(), _processor(), PROBE.read_text(), candidates, dates)
     return hashlib.sha256(repr(facts).encode()).hexdigest()[:20]
 
 
 def _processor() -> str:
-    """Model and features: what LLVM compiles for, and why a library that works elsewhere may abort here."""
+    """Model and features of the processor, for which LLVM compiles."""
     with contextlib.suppress(OSError):
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        wanted = re.compile(r"(model name|flags|Features|CPU part)\s*:")
-        return "\n".join(sorted({line for line in lines if wanted.match(line)}))
+        told = re.findall(r"^(?:model name|flags|Features|CPU part)\s*:.*$", Path("/proc/cpuinfo").read_text(), re.M)
+        return "\n".join(sorted(set(told)))
     return platform.machine() + platform.processor()
 
 
 def doctor() -> list[tuple[str, str]]:
     """(what, found) rows for `raytwin doctor`: versions, processor, cache, how each libLLVM fared, the choice."""
-    rows = [*versions().items()]
-    rows.append(("processor", next((s.split(":")[1].strip() for s in _processor().splitlines() if "model" in s), "?")))
-    rows.append(("cores", str(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count())))
-    rows.append(("cache", str(cache_folder())))
+    model = re.search(r"model name\s*: (.*)", _processor())
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    rows = [*versions().items(), ("processor", model[1] if model else "?")]
+    rows += [("cores", str(cores)), ("cache", str(cache_folder()))]
     settings = {name: os.environ.get(name) for name in ("RAYTWIN_VARIANT", "RAYTWIN_NO_LLVM")} | {LIBRARY: USERS_LLVM}
     rows += [(name, value) for name, value in settings.items() if value]
     try:

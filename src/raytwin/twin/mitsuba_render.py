@@ -111,7 +111,7 @@ def _surface(loaded: Any) -> Surface:
     import drjit as dr
     import mitsuba as mi
 
-    from raytwin.twin.twin_light import ids_of, seen_along, surface_of
+    from raytwin.twin.twin_light import seen_along, surface_of
 
     sensor = loaded.sensors()[0]
     width, height = (int(side) for side in sensor.film().crop_size())
@@ -123,7 +123,7 @@ def _surface(loaded: Any) -> Surface:
     depth = seen.hit.t
     if "Orthographic" not in str(sensor):  # whose rays begin at no common point
         depth = depth + dr.norm(ray.o - sensor.world_transform().translation())
-    return surface_of(seen, ids_of(loaded, seen, lambda i, _: i), depth, (width, height))
+    return surface_of(loaded, seen, range(len(loaded.shapes())), depth, (width, height))
 
 
 def _refused(scene: MitsubaScene, error: Exception) -> InputError:

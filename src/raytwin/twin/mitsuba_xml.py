@@ -1,10 +1,9 @@
-"""A scene as a Mitsuba 3 file, which Mitsuba renders as the twin does; what the file cannot say is reported.
+"""A scene as a Mitsuba 3 file, which Mitsuba renders as the twin does.
 
 The world is the twin's (`place_of`): the board's axes, an origin and a unit that suit float32.
 """
 
 import xml.etree.ElementTree as ET
-from collections import Counter
 from typing import Any
 
 import msgspec
@@ -13,20 +12,21 @@ import numpy as np
 from raytwin.errors import InputError, missing_package
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
-from raytwin.scene.lens import newton
 from raytwin.twin.opencv_sensor import sensor_at
-from raytwin.twin.twin_scene import SIZE, place_of, translate
+from raytwin.twin.twin_scene import SIZE, place_of, rgb, translate
 
 SAMPLES = 64
-"""A pixel, unless the renderer is asked for others (`mitsuba -D spp=256`)."""
+"""Per pixel, unless the renderer is asked for others (`mitsuba -D spp=256`)."""
 NEAR_CLIP, FAR_CLIP = 1e-6 * SIZE, 1e6 * SIZE
 """Mitsuba's lengths: the camera sees from here to there."""
+TOLD_APART = 1e-7
+"""Change of albedo from one rectangle to the next."""
 
 
 def mitsuba_xml(scene: Scene, rung: str = "path") -> str:
     """The text of a file that `mitsuba` and `mi.load_file` take: the rung's depth, a box filter, 32-bit floats.
 
-    Mitsuba's perspective camera has one focal length and no distortion: fx is taken, and `moved_by` says what is lost.
+    Mitsuba's perspective camera has one focal length and no distortion: fx is taken.
     Raises InputError for a rung without a depth, for a map in the place of the sky, and for highlights.
     """
     scene.check_lambertian("a file of Mitsuba's")
@@ -39,14 +39,12 @@ def mitsuba_xml(scene: Scene, rung: str = "path") -> str:
     if mi.variant() is None:
         mi.set_variant("scalar_rgb")  # nothing is rendered: any will do
     camera, _ = scene.camera, scene.sky_radiance  # raises for a map
-    pinhole = msgspec.structs.replace(
-        camera, K=((camera.fx, 0.0, camera.cx), (0.0, camera.fx, camera.cy), (0.0, 0.0, 1.0)), dist=()
-    )
+    K = (camera.fx, 0.0, camera.cx), (0.0, camera.fx, camera.cy), (0.0, 0.0, 1.0)
     place, depth = place_of(scene), RUNGS[rung].depth
     world = translate(scene, place, {})
     _tell_apart(world)
     world["integrator"] = {"type": "path", "max_depth": depth, "rr_depth": depth}
-    world["sensor"] = sensor_at(pinhole, np.asarray(camera.R_cam_board), place.eye, place.unit, SAMPLES)
+    world["sensor"] = sensor_at(msgspec.structs.replace(camera, K=K, dist=()), place.eye, place.unit, SAMPLES)
     world["sensor"] |= {"near_clip": max(NEAR_CLIP, place.start), "far_clip": FAR_CLIP}
     parsed = mi.parser.parse_dict(mi.parser.ParserConfig(mi.variant()), world)
     root = ET.fromstring(mi.parser.write_string(parsed))
@@ -60,24 +58,13 @@ def mitsuba_xml(scene: Scene, rung: str = "path") -> str:
 
 
 def _tell_apart(world: dict[str, Any]) -> None:
-    """Move the red of each rectangle by another 1e-7, among those of the same albedo.
+    """Give each rectangle an albedo of its own, by TOLD_APART.
 
     Mitsuba merges rectangles of one material as it loads a file, and leaves them out of the scene's bounding box, so
     that the sky leaks through walls (3.9).
     """
-    same: Counter[tuple[float, ...]] = Counter()
-    for thing in world.values():
-        if isinstance(thing, dict) and thing["type"] == "rectangle":
-            red, *others = albedo = tuple(thing["bsdf"]["bsdf"]["reflectance"]["value"])
-            moved = same[albedo] * 1e-7
-            same[albedo] += 1
-            told_apart = {"type": "rgb", "value": [red - moved if red > 0.5 else red + moved, *others]}
-            thing["bsdf"] = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": told_apart}}
-
-
-def moved_by(scene: Scene) -> float:
-    """Pixels: how far, at most, the file's camera sees something from where the scene's camera does."""
-    camera = scene.camera
-    u, v = (a.ravel() for a in np.meshgrid(np.linspace(0, camera.width - 1, 33), np.linspace(0, camera.height - 1, 33)))
-    x, y = newton((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, camera.coefficients)
-    return float(np.hypot(camera.fx * x + camera.cx - u, camera.fx * y + camera.cy - v).max())
+    sheets = [thing for thing in world.values() if isinstance(thing, dict) and thing["type"] == "rectangle"]
+    for k, sheet in enumerate(sheets):
+        red, green, blue = sheet["bsdf"]["bsdf"]["reflectance"]["value"]
+        moved = rgb((red + k * TOLD_APART * (-1 if red > 0.5 else 1), green, blue))
+        sheet["bsdf"] = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": moved}}

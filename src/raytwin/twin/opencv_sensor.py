@@ -12,24 +12,20 @@ from raytwin.twin.backend import activate
 TURNED = np.diag([-1.0, -1.0, 1.0, 1.0])
 """OpenCV's camera frame -> that of Mitsuba's own cameras, which look along +z with x to the left and y up."""
 NEAR_METRES, FAR_METRES = 1e-3, 1e6
-"""Metres: what a pinhole of Mitsuba's sees lies between."""
+"""Mitsuba's `perspective` sees what lies between these distances."""
 SETTLED = 1e-13
 """Length of Newton's step, in focal lengths, after which the inverse of the distortion is exact in float64."""
 
 
-def mitsuba_sensor(
-    camera: Camera, *, samples: int = 16, unit: float = 1.0, frame: str = "board", film: dict[str, Any] | None = None
-) -> dict[str, Any]:
-    """Return a Mitsuba sensor that sees what `camera` sees, as a dict for `mi.load_dict`.
+def mitsuba_sensor(camera: Camera, *, samples: int = 16, unit: float = 1.0) -> dict[str, Any]:
+    """Return a Mitsuba sensor that sees what `camera` sees, as a dict for `mi.load_dict`; the axes are the board's.
 
     It is Mitsuba's `perspective` where pixels are square and nothing is distorted; else a sensor that undoes OpenCV's
     k1, k2, p1, p2, k3 for each ray in double precision, registered with the current variant: set that first. `unit`:
-    units of Mitsuba's world per metre (1000 where it is in millimetres). `frame`: what that world's axes are, those of
-    the "board", or of the "camera" (OpenCV's: x right, y down, z forward). `samples` per pixel; `film` replaces
-    entries of the film, as {"rfilter": {"type": "gaussian"}}.
+    units of Mitsuba's world per metre (1000 where it is in millimetres). `samples` per pixel.
 
     Raises MachineError without Mitsuba, InputError for a lens that cannot be undone, and on Mitsuba's scalar variants
-    for one that is distorted: they run no sensor written in Python. A film of another size sees the same frame, scaled.
+    for one that is distorted: they run no sensor written in Python.
     """
     try:
         import mitsuba as mi
@@ -37,34 +33,30 @@ def mitsuba_sensor(
         raise missing_package("mitsuba_sensor", error) from None
     if mi.variant() is None:
         activate()
-    R = np.asarray(camera.R_cam_board, float) if frame == "board" else np.eye(3)
-    eye = -R.T @ np.asarray(camera.t_cam_board, float) * unit if frame == "board" else np.zeros(3)
-    return sensor_at(camera, R, eye, unit, samples, film)
+    return sensor_at(camera, np.asarray(camera.eye) * unit, unit, samples)
 
 
-def sensor_at(
-    camera: Camera, R: np.ndarray, eye: np.ndarray, unit: float, samples: int = 16, film: dict[str, Any] | None = None
-) -> dict[str, Any]:
-    """The same, at `eye` (3,) of Mitsuba's world, whose axes R (3, 3) turns into the camera's."""
+def sensor_at(camera: Camera, eye: np.ndarray, unit: float, samples: int = 16) -> dict[str, Any]:
+    """`mitsuba_sensor` whose eye is at `eye` (3,) of Mitsuba's world. Mitsuba's variant must be active."""
     import mitsuba as mi
 
-    shape = {"width": camera.width, "height": camera.height, "pixel_format": "rgb", "component_format": "float32"}
+    film = {"type": "hdrfilm", "rfilter": {"type": "box"}, "width": camera.width, "height": camera.height}
     common = {
-        "film": {"type": "hdrfilm", "rfilter": {"type": "box"}} | shape | (film or {}),
+        "film": film | {"pixel_format": "rgb", "component_format": "float32"},
         "sampler": {"type": "independent", "sample_count": samples},
     }
     if any(camera.coefficients) or abs(camera.fx / camera.fy - 1) >= 1e-6:
-        return common | lens_at(camera, R, eye)
+        return common | lens_at(camera, eye)
     return common | {
         "type": "perspective", "fov_axis": "x", "near_clip": NEAR_METRES * unit, "far_clip": FAR_METRES * unit,
         "fov": float(np.degrees(2 * np.arctan(camera.width / (2 * camera.fx)))),
-        "to_world": mi.ScalarTransform4f(_pose(R, eye) @ TURNED),
+        "to_world": mi.ScalarTransform4f(_pose(camera, eye) @ TURNED),
         "principal_point_offset_x": (camera.width / 2 - (camera.cx + 0.5)) / camera.width,
         "principal_point_offset_y": (camera.height / 2 - (camera.cy + 0.5)) / camera.height,
     }  # fmt: skip
 
 
-def lens_at(camera: Camera, R: np.ndarray, eye: np.ndarray, start: float = 0.0) -> dict[str, Any]:
+def lens_at(camera: Camera, eye: np.ndarray, start: float = 0.0) -> dict[str, Any]:
     """The sensor that undoes a lens, registered with the active variant; rays begin `start` from the eye."""
     import mitsuba as mi
 
@@ -75,13 +67,15 @@ def lens_at(camera: Camera, R: np.ndarray, eye: np.ndarray, start: float = 0.0) 
     _register()
     numbers = {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy, "start": start}
     numbers |= {f"dist_{i}": k for i, k in enumerate(camera.coefficients)}
-    made = {"type": "raytwin_lens", "width": camera.width, "height": camera.height, "pinhole": not any(camera.dist)}
-    return made | {name: float(x) for name, x in numbers.items()} | {"to_world": mi.ScalarTransform4d(_pose(R, eye))}
+    made: dict[str, Any] = {"type": "raytwin_lens", "pinhole": not any(camera.dist)}
+    made |= {name: float(x) for name, x in numbers.items()}
+    return made | {"to_world": mi.ScalarTransform4d(_pose(camera, eye))}
 
 
-def _pose(R: np.ndarray, eye: np.ndarray) -> np.ndarray:
+def _pose(camera: Camera, eye: np.ndarray) -> np.ndarray:
+    """The camera's frame -> Mitsuba's world, (4, 4)."""
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = R.T, eye
+    pose[:3, :3], pose[:3, 3] = np.asarray(camera.R_cam_board).T, eye
     return pose
 
 
@@ -98,14 +92,12 @@ def _register() -> None:
         def __init__(self, props: Any) -> None:
             super().__init__(props)
             self.double = dr.float64_array_t(mi.Float)
-            self.fx, self.fy, self.cx, self.cy, self.start, *self.dist = (
-                dr.opaque(self.double, props[name])
-                for name in ("fx", "fy", "cx", "cy", "start", *(f"dist_{i}" for i in range(5)))
-            )
-            self.rows = [
-                [dr.opaque(self.double, x) for x in row] for row in np.array(props["to_world"].matrix).tolist()
-            ]
-            self.frame, self.pinhole = (int(props["width"]), int(props["height"])), bool(props["pinhole"])
+            names = ("fx", "fy", "cx", "cy", "start", *(f"dist_{i}" for i in range(5)))
+            numbers = [dr.opaque(self.double, props[name]) for name in names]
+            self.fx, self.fy, self.cx, self.cy, self.start, *self.dist = numbers
+            matrix = np.array(props["to_world"].matrix).tolist()
+            self.rows = [[dr.opaque(self.double, x) for x in row] for row in matrix[:3]]
+            self.pinhole = bool(props["pinhole"])
 
         def direction(self, u: Any, v: Any) -> list[Any]:
             """(x, y, 1) / |(x, y, 1)| in the world's axes, through pixel (u, v): (0, 0) is the top-left one's centre.
@@ -116,37 +108,33 @@ def _register() -> None:
             if not self.pinhole:
                 x, y = self.undistort(x, y)
             scale = 1 / dr.sqrt(x * x + y * y + 1)
-            return [(row[0] * x + row[1] * y + row[2]) * scale for row in self.rows[:3]]
+            return [(row[0] * x + row[1] * y + row[2]) * scale for row in self.rows]
 
         def undistort(self, xd: Any, yd: Any) -> tuple[Any, Any]:
             """The (x, y) that OpenCV's distortion takes to (xd, yd), by Newton's method from there, as `scene.lens`."""
 
-            def unsettled(steps: Any, x: Any, y: Any, dx: Any, dy: Any) -> Any:
-                return (steps < NEWTON_STEPS) & (abs(dx) + abs(dy) > SETTLED)
+            def unsettled(count: Any, x: Any, y: Any, step: Any) -> Any:
+                return (count < NEWTON_STEPS) & (step > SETTLED)
 
-            def closer(steps: Any, x: Any, y: Any, dx: Any, dy: Any) -> tuple[Any, ...]:
+            def closer(count: Any, x: Any, y: Any, step: Any) -> tuple[Any, ...]:
                 dx, dy = newton_step(x, y, xd, yd, self.dist)
-                return steps + 1, x + dx, y + dy, dx, dy
+                return count + 1, x + dx, y + dy, abs(dx) + abs(dy)
 
-            first = dr.zeros(mi.UInt32, dr.width(xd)), xd, yd, xd + 1, yd + 1
-            return dr.while_loop(first, unsettled, closer)[1:3]
+            return dr.while_loop((dr.zeros(mi.UInt32, dr.width(xd)), xd, yd, abs(xd) + 1), unsettled, closer)[1:3]
 
         def ray(self, u: Any, v: Any) -> Any:
             """The ray through the float64 pixel (u, v)."""
             d = self.direction(u, v)
-            o = [mi.Float(row[3] + self.start * along) for row, along in zip(self.rows, d, strict=False)]
+            o = [mi.Float(row[3] + self.start * along) for row, along in zip(self.rows, d, strict=True)]
             return mi.RayDifferential3f(mi.Ray3f(mi.Point3f(*o), mi.Vector3f(*map(mi.Float, d))))
 
         def sample_ray_differential(
             self, time: Any, wave: Any, position: Any, aperture: Any, active: Any = True
         ) -> tuple[Any, Any]:
             film = self.film()
-            # The position is (0, 0) at the crop's corner; pixel 0's centre is at 1/2.
-            sides = zip(position, film.crop_size(), film.crop_offset(), film.size(), self.frame, strict=True)
-            ray = self.ray(*(
-                (self.double(at) * int(crop) + int(first)) * (side / int(size)) - 0.5
-                for at, crop, first, size, side in sides
-            ))  # fmt: skip
+            # The position is (0, 0) at the crop's corner. Pixel 0's centre is at 1/2 there, and at 0 in OpenCV.
+            sides = zip(position, film.crop_size(), film.crop_offset(), strict=True)
+            ray = self.ray(*(self.double(at) * int(size) + int(offset) - 0.5 for at, size, offset in sides))
             ray.wavelengths, weight = self.sample_wavelengths(dr.zeros(mi.SurfaceInteraction3f), wave, active)
             return ray, weight
 

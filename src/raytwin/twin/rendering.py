@@ -13,7 +13,6 @@ from raytwin.progress import Progress, silent
 from raytwin.rungs import MOST_SAMPLES, RUNGS, SAMPLINGS
 from raytwin.scene import Scene, to_camera_frame
 from raytwin.scene.lens import check_lens, without_ray
-from raytwin.scene.scene_files import check_camera
 from raytwin.scene.toml_json import plain
 from raytwin.twin import render_cache
 from raytwin.twin.backend import activate, made_with
@@ -105,7 +104,6 @@ def _plan(
 ) -> Plan:
     check_one_of("rung", rung, RUNGS)
     check_one_of("sampling", sampling, SAMPLINGS)
-    check_camera(scene.camera, "camera.")
     check_lens(scene.camera)
     if not 1 <= samples <= MOST_SAMPLES:
         raise InputError("samples", f"a whole number from 1 to {MOST_SAMPLES}", samples)

@@ -1,6 +1,6 @@
 """The light levels in Mitsuba: its intersector, emitters, shadow test, BSDFs and path tracer behind OpenCV's camera."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import pi
 from typing import Any, NamedTuple
 
@@ -17,14 +17,13 @@ from raytwin.twin.rendering import Plan
 from raytwin.twin.twin_scene import SHADOW_OFFSET, SPHERE_OFFSET, load, number_of, place_of, translate
 
 LANES = 1 << 22
-"""How many rays to launch at once: enough to fill any machine, 50 MB an array of three floats."""
-
+"""Rays per launch: enough to fill any machine; an array of three floats takes 50 MB."""
 SKY_GRID = 2048, 1024
-"""Directions, around and down, by which a map's light is summed: a map of one radiance comes out within 1e-5."""
+"""Directions, around and down, over which a map's light is summed: a map of one radiance comes out within 1e-5."""
 
 
 class Seen(NamedTuple):
-    """What rays meet: `hit`, Mitsuba's record; `any`, whether they meet anything; `n`, the normal on the eye's side."""
+    """What rays meet: Mitsuba's record of the `hit`, whether it is `any` object, the normal `n` on the eye's side."""
 
     ray: Any
     hit: Any
@@ -38,40 +37,34 @@ def seen_along(loaded: Any, ray: Any) -> Seen:
     return Seen(ray, hit, hit.is_valid(), dr.select(dr.dot(hit.n, ray.d) > 0, -hit.n, hit.n))
 
 
-def ids_of(loaded: Any, seen: Seen, number: Callable[[int, Any], int]) -> Any:
-    """The ids of what is seen, by `number`: (index, Mitsuba's shape) -> its id."""
-    # Mitsuba's pointers to shapes are small integers.
+def surface_of(loaded: Any, seen: Seen, numbers: Sequence[int], depth: Any, size: tuple[int, int]) -> Surface:
+    """What is seen through each of size = (width, height) pixels; `numbers`: the ids of Mitsuba's shapes in order."""
+    # Mitsuba's pointers to shapes are small integers, and 0 is none.
     keys = dr.reinterpret_array(mi.UInt32, loaded.shapes_dr()).numpy()
     table = np.full(keys.max(initial=0) + 1, BACKGROUND, np.int32)
-    table[keys] = [number(i, shape) for i, shape in enumerate(loaded.shapes())]
-    ids = dr.gather(mi.Int32, mi.Int32(table), dr.reinterpret_array(mi.UInt32, seen.hit.shape), seen.any)
-    return dr.select(seen.any, ids, BACKGROUND)
-
-
-def surface_of(seen: Seen, ids: Any, depth: Any, size: tuple[int, int]) -> Surface:
-    """What is seen through each of size = (width, height) pixels, with these ids, at this depth."""
-    found = ids, mi.Float(dr.select(seen.any, depth, 0)), dr.select(seen.any, seen.n, 0)
+    table[keys] = numbers
+    shape = dr.select(seen.any, dr.reinterpret_array(mi.UInt32, seen.hit.shape), 0)
+    found = shape, mi.Float(dr.select(seen.any, depth, 0)), dr.select(seen.any, seen.n, 0)
     dr.eval(found)
-    shape = size[::-1]
-    ids, depth, normal = (np.array(part) for part in found)
-    return Surface(ids.reshape(shape), depth.reshape(shape), normal.T.reshape(*shape, 3).copy())
+    key, distance, normal = (np.array(part) for part in found)
+    rows = size[::-1]
+    return Surface(table[key].reshape(rows), distance.reshape(rows), normal.T.reshape(*rows, 3).copy())
 
 
 class TwinLight:
-    """One scene, loaded. `depth`: the longest light path, counted as Mitsuba does. Pixels are numbered row by row."""
+    """One scene, loaded. `depth`: the longest light path, counted as Mitsuba does; None: the sky is open."""
 
     def __init__(self, scene: Scene, textures: Mapping[int, np.ndarray], depth: int | None = None) -> None:
         camera, self.place, self.double = scene.camera, place_of(scene), dr.float64_array_t(mi.Float)
         world = translate(scene, self.place, textures)
         if "sun" in world and world.get("sky", {}).get("type") == "constant":
-            # Directions by the cosine find an even sky best; else `path` tosses a coin between the sun and the sky.
+            # `path` would toss a coin between the sun and the sky. Directions by the cosine find an even sky best.
             world["sky"]["sampling_weight"] = 0.0
         self.scene = load(world)
         self.sun = next((e for e in self.scene.emitters() if not e.is_environment()), None)
         self.sky = self.scene.environment()
         self.path: Any = load({"type": "path", "max_depth": depth - 1, "rr_depth": depth}) if depth else None
-        R = np.asarray(camera.R_cam_board)
-        self.lens: Any = mi.load_dict(lens_at(camera, R, self.place.eye, self.place.start))
+        self.lens: Any = mi.load_dict(lens_at(camera, self.place.eye, self.place.start))
         self.size, self.width = camera.image_size, dr.opaque(mi.UInt32, camera.width)
         largest = max((ball.radius for ball in scene.spheres), default=0.0)
         self.offset = dr.opaque(mi.Float, SPHERE_OFFSET * self.place.unit * largest)
@@ -85,15 +78,19 @@ class TwinLight:
         u, v = self.double(pixel - row * self.width), self.double(row)
         return seen_along(self.scene, self.lens.ray(u + self.double(du), v + self.double(dv)))
 
-    def ids(self, seen: Seen) -> Any:
-        return ids_of(self.scene, seen, lambda _, shape: number_of(shape.id()))
+    def surface(self, seen: Seen, size: tuple[int, int]) -> Surface:
+        """What is seen through each of size = (width, height) pixels: depth in metres, normals in the board's frame."""
+        numbers = [number_of(shape.id()) for shape in self.scene.shapes()]
+        depth = (self.double(seen.hit.t) + self.lens.start) / self.place.unit
+        return surface_of(self.scene, seen, numbers, depth, size)
 
-    def at(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Ids (k,) and the sun's light (k, 3) at these places of the image."""
+    def at(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Ids (k,), depth (k,), normals (k, 3) and the sun's light (k, 3) at these places of the image."""
         seen = seen_along(self.scene, self.lens.ray(self.double(u), self.double(v)))
-        ids, light = self.ids(seen), self.sunlight(seen, True)
-        dr.eval(ids, light)
-        return np.array(ids), np.array(light).T
+        light = self.sunlight(seen, shadows=True)
+        dr.schedule(light)
+        surface = self.surface(seen, (len(u), 1))
+        return surface.ids[0], surface.depth[0], surface.normal[0], np.array(light).T
 
     def onward(self, seen: Seen, d: Any) -> Any:
         """Rays that go on along d."""
@@ -133,8 +130,7 @@ class TwinLight:
         seen = self.seen(dr.arange(mi.UInt32, n))
         exact = self.unsampled(rung, seen) if rung.lit and by_centre else dr.zeros(mi.Color3f, n)
         dr.schedule(exact)
-        depth = (self.double(seen.hit.t) + self.lens.start) / self.place.unit
-        surface = surface_of(seen, self.ids(seen), depth, self.size)
+        surface = self.surface(seen, self.size)
         mean = np.array(exact).T.reshape(shape).copy()
         if not rung.lit:
             mean = np.where(surface.mask[..., None], (surface.normal + 1) / 2, np.float32(0))
@@ -180,22 +176,21 @@ def open_sky(sky: Any) -> Callable[[Any], Any]:
     """Return n -> E(n)/π, the radiance of a constant sky of the same light, to the second order of a map's harmonics.
 
     The cosine's coefficients are π, 2π/3, π/4 (Ramamoorthi and Hanrahan 2001, eq. 8), and the harmonics of one order
-    sum to (2 l + 1)/4π P_l(n·ω). So E/π = ∫ L (1/4π + n·ω/2π + 5 (3 (n·ω)² - 1)/32π) dω: three moments of L.
+    sum to (2 l + 1)/4π P_l(n·ω). So E/π = ∫ L (1/4π + n·ω/2π + 5 (3 (n·ω)² - 1)/32π) dω = (n, 1)ᵀ M (n, 1).
     """
     around, down = SKY_GRID
     turn, z = np.meshgrid((np.arange(around) + 0.5) * (2 * pi / around), 1 - (2 * np.arange(down) + 1) / down)
     level = np.sqrt(1 - z * z)
-    w = np.stack([level * np.cos(turn), level * np.sin(turn), z]).reshape(3, -1)  # of equal solid angles
+    w = np.stack([level * np.cos(turn), level * np.sin(turn), z, np.ones_like(z)]).reshape(4, -1)  # equal solid angles
     hit = dr.zeros(mi.SurfaceInteraction3f, w.shape[1])
-    hit.wi = -mi.Vector3f(w.astype(np.float32))
-    light = np.asarray(sky.eval(hit).numpy(), float) * (4 * pi / w.shape[1])
-    even = 3 / (32 * pi) * light.sum(axis=1)
-    slope = 1 / (2 * pi) * light @ w.T
-    bend = 15 / (32 * pi) * np.einsum("cn,in,jn->cij", light, w, w, optimize=True)
+    hit.wi = -mi.Vector3f(w[:3].astype(np.float32))
+    light = sky.eval(hit).numpy() * (4 * pi / w.shape[1])
+    factors = np.full((4, 4), 15 / (32 * pi))
+    factors[3], factors[:, 3], factors[3, 3] = 1 / (4 * pi), 1 / (4 * pi), 3 / (32 * pi)
+    M = factors * np.einsum("cn,in,jn->cij", light, w, w, optimize=True)
 
     def radiance(n: Any) -> Any:
-        rows = zip(even.tolist(), slope, bend, strict=True)
-        of = (e + dr.dot(n, mi.Vector3f(s) + mi.Matrix3f(b.astype(np.float32)) @ n) for e, s, b in rows)
-        return mi.Color3f(*(dr.maximum(x, 0) for x in of))
+        n1 = mi.Vector4f(n.x, n.y, n.z, 1)
+        return dr.maximum(mi.Color3f(*(dr.dot(n1, mi.Matrix4f(m.astype(np.float32)) @ n1) for m in M)), 0)
 
     return radiance

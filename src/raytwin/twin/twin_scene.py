@@ -6,7 +6,7 @@ scene some 1024 units large: Mitsuba lifts secondary rays by 9e-5 (1 + max|p|), 
 """
 
 from collections.abc import Iterator, Mapping
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,38 +16,36 @@ from raytwin.scene import Environment, Scene, Sphere
 from raytwin.twin import phong
 
 SIZE = 1024
-"""Mitsuba's lengths in the scene's size, to a factor of two."""
+"""The scene's size in Mitsuba's unit, to a factor of two."""
 
 SHADOW_OFFSET = 4e-6
-"""How far off the surface the sun's shadow rays start, as a part of the distance from the origin: 64 float32 steps.
+"""Shadow rays start so far off the surface, as a share of the distance from the origin: 64 float32 steps.
 
-Random scenes shade themselves at 1e-7, and no longer at 3e-7. Mitsuba's own 9e-5 moves edges by 0.04 px: in 4 of 8
-random scenes, and in `eclipse` at 160 x 120, more than 1e-4 of the pixels were off.
+Mitsuba's own 9e-5 moves edges by 0.04 px: in `eclipse` at 160 x 120 more than 1e-4 of the pixels were off.
 """
 
 SPHERE_OFFSET = 2.0**-22
-"""The same as a part of the largest radius, whose square float32 rounds: grounds of 10 and 100 km shade themselves in
-894 and 8770 of 19 200 pixels by Mitsuba's own offset, in 4 and 12 with this one."""
+"""The same as a share of the largest radius, whose square float32 rounds: a ground of 100 km shades itself in 8770 of
+19 200 pixels with Mitsuba's own offset, in 12 with this one."""
 
 MAX_CORNER_RATIO = 100.0
-"""Largest distance to a rectangle's corner over that to its nearest point: beyond it a rectangle is divided.
+"""A rectangle is divided where its corners are so many times farther from the eye than its nearest point.
 
 Float32 keeps a rectangle's points to 2⁻²⁴ of its size, so that bounced rays may start behind it: 5 mm beside the edge
 of two sheets of 1 km they brought 11 % too little light, undivided.
 """
-
-SMALLEST_GAP = 1e-9
-"""The same the other way round, below which the eye lies in the rectangle, and no division helps."""
+MOST_STEPS = 4
+"""Divisions to each side: the last is at 1e8 times the distance."""
 
 TO_ENVMAP = np.array(((-1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)))
-"""The map's axes to those of Mitsuba's `envmap`, whose y is up and whose middle is along +z, with +x to the left."""
+"""The map's axes -> those of Mitsuba's `envmap`, whose y is up and whose middle is along +z, with +x to the left."""
 
 
 class Place(NamedTuple):
-    """Where the scene lies in Mitsuba's world: `at` takes points of the board there.
+    """Mitsuba's world. Its axes are the board's.
 
-    `origin` (3,): metres, board axes. `unit`: Mitsuba's lengths per metre. `eye` (3,): in Mitsuba's world, exact in
-    float32. `start`: how far from the eye rays begin, in Mitsuba's lengths, where no object can be.
+    `origin` (3,): in the board's frame, metres. `unit`: Mitsuba's lengths per metre. `eye` (3,): in Mitsuba's world,
+    exact in float32. `start`: distance from the eye at which rays begin, in Mitsuba's lengths; no object is nearer.
     """
 
     origin: np.ndarray
@@ -56,7 +54,7 @@ class Place(NamedTuple):
     start: float
 
     def at(self, point: Any) -> np.ndarray:
-        """The point (3,) in Mitsuba's world, float64."""
+        """A point (3,) of the board's frame in Mitsuba's world, float64."""
         return np.asarray((np.asarray(point) - self.origin) * self.unit)
 
 
@@ -65,26 +63,23 @@ def place_of(scene: Scene) -> Place:
     eye = np.asarray(scene.camera.eye)
     if not scene.objects:
         return Place(eye, 1.0, np.zeros(3), 0.0)
-    away, extent = (
-        [],
-        [ball.radius for ball in scene.spheres],
-    )  # from the eye to each object's nearest point, and beyond
+    nearest, extent = [], []  # from the eye to each object's nearest point, and how large the object is
     for ball in scene.spheres:
         middle = np.asarray(ball.center) - eye
-        away.append(middle * (1 - ball.radius / (float(np.linalg.norm(middle)) or 1.0)))
+        nearest.append(middle * (1 - ball.radius / (float(np.linalg.norm(middle)) or 1.0)))
+        extent.append(ball.radius)
     for flat in scene.planes:
         middle, edges = np.asarray(flat.center) - eye, np.stack([flat.half_u, flat.half_v])
-        away.append(middle + np.clip(-(edges @ middle) / np.square(edges).sum(axis=1), -1, 1) @ edges)
+        nearest.append(middle + np.clip(-(edges @ middle) / np.square(edges).sum(axis=1), -1, 1) @ edges)
         extent.append(float(np.linalg.norm(edges)))
-    distance, middle = np.linalg.norm(away, axis=1), np.mean(away, axis=0)
-    # What of an object is further off than the eye is from it counts for no more than that.
-    size = float((np.linalg.norm(away - middle, axis=1) + np.minimum(extent, distance)).max()) or 1.0
-    far = float(np.linalg.norm(middle))
+    distance, middle = np.linalg.norm(nearest, axis=1), np.mean(nearest, axis=0)
+    # An object that is larger than it is far from the eye counts as large as that.
+    size = float((np.linalg.norm(nearest - middle, axis=1) + np.minimum(extent, distance)).max()) or 1.0
     unit = 2.0 ** np.floor(np.log2(SIZE / size))
-    moved = -middle * max(0.0, 1 - size / far) * unit if far else np.zeros(3)
-    rounded = moved.astype(np.float32).astype(float)
-    start = max(0.0, float(distance.min()) - size) if rounded.any() else 0.0
-    return Place(eye - rounded / unit, unit, rounded, start * unit)
+    if (far := float(np.linalg.norm(middle))) <= size:
+        return Place(eye, unit, np.zeros(3), 0.0)
+    rounded = (-middle * (1 - size / far) * unit).astype(np.float32).astype(float)
+    return Place(eye - rounded / unit, unit, rounded, max(0.0, float(distance.min()) - size) * unit)
 
 
 def load(world: dict[str, Any]) -> Any:
@@ -99,10 +94,7 @@ def load(world: dict[str, Any]) -> Any:
 
 
 def translate(scene: Scene, place: Place, textures: Mapping[int, np.ndarray]) -> dict[str, Any]:
-    """The dictionary for `load`: object i is `object-i`, or its parts `object-i-0` and so on (`number_of`).
-
-    Everything is two-sided, diffuse or Phong's.
-    """
+    """The dictionary for `load`: object i is `object-i`, or its parts `object-i-0` and so on (`number_of`)."""
     import mitsuba as mi
 
     if scene.glossy:
@@ -116,8 +108,8 @@ def translate(scene: Scene, place: Place, textures: Mapping[int, np.ndarray]) ->
             continue
         half = np.array([np.linalg.norm(edge) for edge in (thing.half_u, thing.half_v)])
         axes = np.stack([thing.half_u / half[0], thing.half_v / half[1], thing.normal], axis=1)
-        whole, to_eye = np.array((-1, 1)) * half[:, None], (np.asarray(scene.camera.eye) - thing.center) @ axes
-        for k, sides in enumerate([whole] if i in textures else _divided(whole, to_eye)):
+        to_eye = (np.asarray(scene.camera.eye) - thing.center) @ axes
+        for k, sides in enumerate([np.stack([-half, half], axis=1)] if i in textures else _divided(half, to_eye)):
             # A rotation, then a scale: the inverse of their product is coarse where the edges are unlike.
             turn = np.eye(4)
             turn[:3, :3], turn[:3, 3] = axes, place.at(thing.center + axes[:, :2] @ sides.mean(axis=1))
@@ -134,22 +126,17 @@ def translate(scene: Scene, place: Place, textures: Mapping[int, np.ndarray]) ->
     return world
 
 
-def _divided(sides: np.ndarray, eye: np.ndarray) -> Iterator[np.ndarray]:
-    """Parts of a rectangle from sides[0] to sides[1] (2, 2), metres along its edges, each within MAX_CORNER_RATIO.
+def _divided(half: np.ndarray, eye: np.ndarray) -> Iterator[np.ndarray]:
+    """Parts of the rectangle that reaches `half` (2,) to either side: (2, 2), from and to along each edge, metres.
 
-    `eye` (3,): in the rectangle's axes. The part about the nearest point is small, those around it are large and far.
+    `eye` (3,): in the rectangle's axes. The part about its nearest point is small, those around it are large and far.
     """
-    nearest = np.clip(eye[:2], sides[:, 0], sides[:, 1])
-    gap = float(np.linalg.norm([*(nearest - eye[:2]), eye[2]]))
-    corner = float(np.linalg.norm(np.abs(sides - nearest[:, None]).max(axis=1)))
-    if corner <= MAX_CORNER_RATIO * gap or gap < SMALLEST_GAP * corner:
-        yield sides
-        return
-    cuts = [np.unique(np.clip([low, at - MAX_CORNER_RATIO / 4 * gap, at + MAX_CORNER_RATIO / 4 * gap, high], low, high))
-            for at, (low, high) in zip(nearest, sides, strict=True)]  # fmt: skip
-    for u in pairwise(cuts[0]):
-        for v in pairwise(cuts[1]):
-            yield from _divided(np.array([u, v]), eye)
+    nearest = np.clip(eye[:2], -half, half)
+    gap = float(np.linalg.norm([*(nearest - eye[:2]), eye[2]])) or np.inf  # no division helps an eye in the rectangle
+    steps = gap * MAX_CORNER_RATIO ** np.arange(1, MOST_STEPS + 1)
+    for u, v in product(*(pairwise(np.unique([-h, *np.clip([*(at - steps), *(at + steps)], -h, h), h]))
+                          for at, h in zip(nearest, half, strict=True))):  # fmt: skip
+        yield np.array([u, v])
 
 
 def number_of(name: str) -> int:

@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 from photo_helpers import BOARD
 
+from raytwin.errors import InputError
 from raytwin.images.photo_files import write_picture
 from raytwin.photos.boards.board import Board, Grid, draw_board
 from raytwin.photos.camera import lens_model
 from raytwin.photos.camera.bias import center_bias, unbiased
-from raytwin.photos.camera.detection import SEARCH_SIDE, NoTags, detect, detect_photo, detect_photos
+from raytwin.photos.camera.detection import SEARCH_SIDE, detect, detect_photo, detect_photos
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +68,7 @@ def test_a_process_that_has_read_several_families_ends_well():
 def test_a_mirrored_photo_is_called_mirrored(sheet, tmp_path):
     file = tmp_path / "selfie.png"
     write_picture(file, sheet[:, ::-1])
-    with pytest.raises(NoTags, match=r"a mirrored photo \(its mirror image shows 4 tags\)"):
+    with pytest.raises(InputError, match=r"a mirrored photo \(its mirror image shows 4 tags\)"):
         detect_photo(file)
 
 

@@ -11,7 +11,7 @@ from photo_helpers import BOARD, SMALL, a_camera, seen
 from raytwin.photos.boards import Board, BoardTag
 from raytwin.photos.camera import Calibration, calibrate_detections, diagnostics
 from raytwin.photos.camera.detection import Tag
-from raytwin.photos.camera.diagnostics import degenerate, normal_spread, odd_photos, warnings_for
+from raytwin.photos.camera.diagnostics import degenerate, normal_spread, odd_photo, warnings_for
 from raytwin.photos.camera.fit import Fit, ModelSpec, fit
 from raytwin.photos.synthetic_photos import poses
 
@@ -33,7 +33,7 @@ def test_fewer_than_eight_photos_are_few_and_a_sound_case_raises_no_doubt(sound)
     for count, codes in ((12, []), (8, []), (7, ["few-views"])):
         some = dict(list(tags.items())[:count])
         of = msgspec.structs.replace(made, views=made.views[:count])
-        said = warnings_for(of, fit(some, SIZE, SMALL, ModelSpec("none")), some, {}, {})
+        said = warnings_for(of, fit(some, SIZE, SMALL, ModelSpec("none")), some, SMALL, {}, {})
         assert [w.code for w in said] == codes, count
 
 
@@ -73,7 +73,8 @@ def test_boards_that_lean_too_little_apart_and_frames_that_are_not_covered_are_d
         doubts = degenerate(made, replace(found, R=R))
         assert len([text for text in doubts if "tilt differs by 15 degrees" in text]) == doubted
     for cells, doubted in ((24, 1), (25, 0)):
-        evidence = msgspec.structs.replace(made.basis, coverage=cells / 100)
+        seen = tuple((100.0 * (i % 5) + 50, 80.0 * (i // 5) + 40) for i in range(cells))
+        evidence = msgspec.structs.replace(made.evidence, seen=seen)
         doubts = degenerate(msgspec.structs.replace(made, evidence=evidence), found)
         assert len([text for text in doubts if f"tags cover {cells} % of the frame" in text]) == doubted
 
@@ -90,7 +91,7 @@ def test_a_photo_is_odd_from_two_and_a_half_medians_and_a_fifth_of_a_pixel_on_of
             r[i] = free * np.sqrt(found.observations.seen[i].sum()) * (px if i == 2 else px / times)
         data = replace(found.observations, seen=found.observations.seen[:count])
         case = replace(found, observations=data, A=A, r=r, R=found.R[:count])
-        said = [*odd_photos(case, [f"view_{i}" for i in range(count)])]
+        said = [*odd_photo(case, [f"view_{i}" for i in range(count)])]
         assert len(said) == odd, (count, times, px)
         if odd:
             assert said[0].startswith(

@@ -239,7 +239,7 @@ def test_passes_rest_as_soon_as_the_verdict_on_all_of_them_is_certain(base):
 
 def test_the_ledger_of_a_subject_that_fails_on_its_own_level_names_its_own_error(base):
     for rung, twin_rung, faulty in (("shadow", "path", False), ("lambert", "shadow", True)):
-        subject = UserRenderer("shadow", "mine", lambda _, rung=rung: trace(base.scene, rung).mean)
+        subject = UserRenderer("shadow", "mine", lambda _, rung=rung: trace(base, rung).mean)
         wish = msgspec.structs.replace(wanted_of(base, "numpy64"), rung="shadow", twin_rung=twin_rung, samples=1)
         (ledger,) = (event for event, _ in Session(base, subject).passes(wish) if event["kind"] == "ledger")
         parts = [row["part"] for row in ledger["parts"]]
@@ -247,7 +247,7 @@ def test_the_ledger_of_a_subject_that_fails_on_its_own_level_names_its_own_error
 
 
 def test_the_light_paths_of_a_pixel_bring_its_radiance_on_average(base):
-    scene, n = base.scene, 16
+    scene, n = base, 16
     for rung, depth in (("lambert", 2), ("shadow", 2), ("sky", 2), ("path", 5)):
         sampled = rung in ("sky", "path")
         image = (plain_paths(scene, depth, n, seed=0) if sampled else trace(scene, rung)).mean
@@ -462,7 +462,7 @@ def page(desk):
 
 
 def test_the_inspector_tells_what_was_rendered(page, base):
-    scene = base.scene
+    scene = base
     tracer = trace(scene, "shadow", "drjit32")
     for x, y in ((40, 40), (60, 30), (20, 50), (2, 2)):
         here = page.viewer(f"read({x}, {y})")

@@ -33,7 +33,7 @@ def test_a_pictures_pixels_are_the_radiance_as_the_viewer_would_show_it():
 
 
 def test_the_jpeg_that_is_sent_shows_the_image(base):
-    image = trace(base.scene, "shadow")
+    image = trace(base, "shadow")
     event, (jpeg,) = picture("test", image, Look(), 0.5, 1)
     sent = np.asarray(Pillow.open(io.BytesIO(jpeg)).convert("RGB"), float)
     assert (event["pane"], event["seconds"], event["samples"]) == ("test", 0.5, 1)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from correct_samplers import CORRECT, PLAIN, direction
+from correct_samplers import CORRECT, PLAIN
 
 import raytwin
 from raytwin.errors import InputError
@@ -20,17 +20,7 @@ def test_a_correct_sampler_passes_whatever_its_formula():
     assert wrong == []
 
 
-def test_the_older_stage_takes_any_map_too():
-    stage = LESSONS["hemisphere"]
-    for name, (_, sampler) in CORRECT.items():
-        if CORRECT[name][0] == "sample_cosine":
-            found = judge_function(stage, lambda a, b, draw=sampler: draw(np.stack([a, b], axis=-1))[0])
-            assert found.passed, (name, found.sentence)
-    found = judge_function(stage, lambda a, b: direction(a, b))
-    assert (found.causes, found.sureness) == (("even over the hemisphere",), "proved")
-
-
-@pytest.mark.parametrize("name", [name for name in SAMPLERS if name != "hemisphere"])
+@pytest.mark.parametrize("name", SAMPLERS)
 def test_each_way_of_each_mistake_fails_and_is_named(name):
     """Each way is drawn with its numbers swapped, which no other form of the textbook does."""
     stage = LESSONS[name]
@@ -116,7 +106,7 @@ def test_a_page_shows_what_is_drawn_beside_what_is_claimed(tmp_path, monkeypatch
     text = page.read_text(encoding="utf-8")
     assert "even over the hemisphere" in text
     assert all(f'"numbers at random: {key}"' in text for key in ("drawn", "claimed", "asked for"))
-    with pytest.raises(InputError, match="sampler: expected one of hemisphere"):
+    with pytest.raises(InputError, match="sampler: expected one of sample_cosine"):
         raytwin.check("shade", LESSONS["shade"].reference, page=page)
     with pytest.raises(InputError, match="sample_cosine: expected arrays"):
         raytwin.check("sample_cosine", lambda u: u, hints=0, page=page)

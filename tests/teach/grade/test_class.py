@@ -13,7 +13,6 @@ import pytest
 import submitted_tracers as tracers
 from class_handed_in import HANDED_IN, RUBRIC, STRANGE_NAME
 
-from raytwin.errors import InputError
 from raytwin.images.exr import write_exr
 from raytwin.images.image_formats import write_image
 from raytwin.parallel import Workers
@@ -22,7 +21,7 @@ from raytwin.safe_write import write_text
 from raytwin.show import autograder_sites as sites
 from raytwin.show import class_page as pages
 from raytwin.teach.grade import job
-from raytwin.teach.grade.class_run import RESULTS, jobs_of, run, with_class
+from raytwin.teach.grade.class_run import jobs_of, run
 from raytwin.teach.grade.follow_through import source_of
 from raytwin.teach.grade.result import Marked, Part, Result
 from raytwin.teach.grade.rubric import Exercise, Rubric, read_rubric
@@ -221,34 +220,6 @@ def test_what_grading_imports_is_part_of_the_key():
     needed = {name.split(".")[1] for name in graph.find_upstream_modules("raytwin.teach.grade", as_package=True)}
     assert needed <= rooms
     assert all(place.exists() for place in job.GRADER)
-
-
-def test_a_submission_graded_alone_takes_its_place_in_the_class(graded, tmp_path):
-    rubric = graded.rubric
-    pages.write_class(list(graded.results.values()), rubric, tmp_path)
-    (tmp_path / RESULTS).mkdir()
-    for result in graded.results.values():
-        (tmp_path / RESULTS / f"{result.key}.json").write_bytes(msgspec.json.encode(result))
-    mended = msgspec.structs.replace(graded.results["raises"], exercises=graded.results["right"].exercises, key="new")
-    together = with_class([mended], tmp_path, rubric)
-    order = sorted(graded.results, key=str.casefold)
-    assert [r.student for r in together] == order
-    assert {r.student: r.points for r in together} == {r.student: r.points for r in graded.results.values()} | {
-        "raises": mended.points
-    }
-    newcomer = msgspec.structs.replace(mended, student="new")
-    assert [r.student for r in with_class([newcomer], tmp_path, rubric)] == [*order, "new"]
-    other = msgspec.structs.replace(rubric, exercises=rubric.exercises[:2])
-    with pytest.raises(InputError, match="was graded by other exercises"):
-        with_class([mended], tmp_path, other)
-    assert with_class([mended], tmp_path / "empty", rubric) == [mended]
-    (tmp_path / RESULTS / f"{graded.results['nan'].key}.json").unlink()
-    with pytest.raises(InputError, match="expected the stored result of nan"):
-        with_class([mended], tmp_path, rubric)
-    for damaged in ("{", '{"results": [{"student": [], "key": "a"}]}'):
-        (tmp_path / "results.json").write_text(damaged)
-        with pytest.raises(InputError, match=r"results\.json: expected the results of a class"):
-            with_class([mended], tmp_path, rubric)
 
 
 # ------------------------------------------------------------------------------------------ outputs

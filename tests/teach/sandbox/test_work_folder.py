@@ -1,17 +1,12 @@
 """A submission's folders: what is copied, what is too much, and that all of it goes."""
 
 import os
-import subprocess
-import sys
-import tempfile
 import time
 from pathlib import Path
 
 import pytest
 
 from raytwin.errors import InputError
-from raytwin.parallel import Workers
-from raytwin.teach.grade.class_run import run
 from raytwin.teach.sandbox import work_folder
 from raytwin.teach.sandbox.work_folder import copy_files, excess, remove
 
@@ -116,54 +111,3 @@ def test_a_submission_that_is_too_large_is_said_with_the_limit(tmp_path, monkeyp
     monkeypatch.setattr(work_folder, "MOST_FILES", 1)
     with pytest.raises(InputError):
         copy_files(tmp_path / "in", tmp_path / "to", 1_000_000)
-
-
-HOLDS_ONE = """
-from raytwin.teach.sandbox.work_folder import new_folder
-import time
-folder, held = new_folder()
-(folder / "work").mkdir()
-print(folder, flush=True)
-time.sleep(600)
-"""
-
-
-def test_the_next_run_removes_what_a_killed_one_left_and_nobody_elses(tmp_path, monkeypatch):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    command = [sys.executable, "-c", HOLDS_ONE]
-    environment = os.environ | {"TMPDIR": str(tmp_path)}
-    running = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(2)]
-    try:
-        killed, living = (Path(process.stdout.readline().strip()) for process in running)
-        mine, held = work_folder.new_folder()
-        running[0].kill()
-        running[0].wait()
-        others = [tmp_path / "raytwin-of-others", tmp_path / f"{work_folder.PREFIX}file", tmp_path / "outside"]
-        (tmp_path / "outside").mkdir()
-        others[0].mkdir()
-        others[1].touch()
-        (tmp_path / f"{work_folder.PREFIX}link").symlink_to(tmp_path / "outside")
-        if os.getuid() == 0:
-            others.append(tmp_path / f"{work_folder.PREFIX}theirs")
-            others[-1].mkdir()
-            os.chown(others[-1], 12345, 12345)
-        work_folder.sweep()
-        assert goes(killed)
-        assert all(path.exists() for path in (living, mine, *others))
-    finally:
-        for process in running:
-            process.kill()
-            process.wait()
-            process.stdout.close()
-    os.close(held)
-    work_folder.sweep()
-    assert goes(mine)
-    assert goes(living)
-
-
-def test_a_run_of_a_class_removes_what_a_killed_one_left(tmp_path, monkeypatch):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    left, held = work_folder.new_folder()
-    os.close(held)
-    assert run([], tmp_path / "out", Workers()) == []
-    assert goes(left)

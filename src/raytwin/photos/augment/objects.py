@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.fast import trace, trim_box, walk
+from raytwin.fast import trace, trim_boxes, walk
 from raytwin.images.photo_files import from_bytes, to_bytes
 from raytwin.photos.boards.board import PAPER, Board, draw_board
 from raytwin.scene import Camera, Rectangle, Scene, Shape
@@ -152,7 +152,7 @@ def _touched(scene: Scene, shadows: bool) -> tuple[int, int, int, int]:
     drawn = [thing for thing in scene.objects if not thing.in_photo]
     planes = [plane for plane in scene.planes if shadows and plane.in_photo]
     things = [*drawn, *(part for thing in drawn for plane in planes for part in _reach(thing, plane, scene))]
-    boxes = np.array([trim_box(part, scene.camera) for part in things] or [(0, 0, 0, 0)])
+    boxes = trim_boxes(things, scene.camera) if things else np.zeros((1, 4), int)
     boxes = boxes[boxes[:, 0] < boxes[:, 2]]
     if not len(boxes):
         return 0, 0, 0, 0

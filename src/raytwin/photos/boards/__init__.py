@@ -7,9 +7,7 @@ from raytwin.photos.boards.board import (
     Grid,
     Offsets,
     check_board,
-    check_offsets,
-    draw_board,
+    parse_board,
     read_board,
-    refuse_removed,
     write_board,
 )

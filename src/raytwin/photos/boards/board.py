@@ -3,9 +3,7 @@
 The board frame: X to the right, Y up, Z out of the printed face towards the viewer who sees the tags upright.
 """
 
-import hashlib
 import os
-from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 import cv2
@@ -34,14 +32,13 @@ Count = Annotated[int, msgspec.Meta(ge=1, le=1000)]
 TagId = Annotated[int, msgspec.Meta(ge=0)]
 
 Offsets = tuple[Vector, ...]
-"""By how much each of a board's tags lies off its place on the flat sheet, metres, in the order of `Board.centers`."""
+"""How far each tag of a board lies from its place on the flat sheet, metres, in the order of `Board.centers`."""
 
 
 class Grid(Record, frozen=True):
-    """Tag `first_id + row * columns + column` has its centre at (column, row) * pitch: row 0 is the lowest.
+    """Tag `first_id + row * columns + column` has its centre at (column, row) * pitch, metres: row 0 is the lowest.
 
-    With `order = "down"` row 0 is the highest, and the other rows have y < 0. The origin is the centre of the first
-    tag; `pitch` is in metres.
+    With `order = "down"` row 0 is the highest, and the other rows have y < 0.
     """
 
     columns: Count
@@ -56,10 +53,10 @@ class BoardTag(Record, frozen=True):
     center: tuple[float, float]
 
 
-class Board(Record, frozen=True):
-    """Tags of one family with black edges of `tag_edge` metres: either a `grid`, or a list of `tags`.
+class Board(Record, frozen=True, omit_defaults=True):
+    """Tags of one family with black squares of `tag_edge` metres: either a `grid`, or a list of `tags`.
 
-    `offsets`: how the sheet is bent, as a calibration finds it; flat without any.
+    `offsets`: the shape of the sheet, as a calibration finds it. Without any it is flat.
     """
 
     family: str
@@ -81,29 +78,19 @@ class Board(Record, frozen=True):
         }
 
     def points(self, ids) -> np.ndarray:
-        """(n, 3) float64: the centres of the tags `ids`, metres, board frame, where they lie on the bent sheet."""
+        """(n, 3) float64: the centres of the tags `ids` on the bent sheet, metres, board frame."""
         centers = self.centers()
         places = np.c_[np.array([*centers.values()]), np.zeros(len(centers))] + (self.offsets or 0.0)
         row = {tag: i for i, tag in enumerate(centers)}
         return places[[row[i] for i in ids]].reshape(-1, 3)
 
     def rise(self, xy: np.ndarray) -> np.ndarray:
-        """(...): the sheet's height over the board's plane at xy (..., 2), metres: as smooth as the tags' allow."""
+        """(...): the sheet's height over the board's plane at xy (..., 2), metres: smooth between the tags' heights."""
         if self.offsets is None:
             return np.zeros(xy.shape[:-1])
-        # Goes on beyond the outermost centres with the curvature that it has there.
+        # Beyond the outermost centres a quintic kernel keeps the curvature that the sheet has there.
         sheet = RBFInterpolator([*self.centers().values()], np.array(self.offsets)[:, 2], kernel="quintic")
         return np.asarray(sheet(xy.reshape(-1, 2))).reshape(xy.shape[:-1])
-
-    @property
-    def digest(self) -> str:
-        """16 hex digits of what is printed: family, edge and centres (to 1 nm), not the sheet's shape.
-
-        A grid and the same tags as a list have the same digest; so do boards whose tags are listed in another order.
-        """
-        places = sorted((i, round(1e9 * x), round(1e9 * y)) for i, (x, y) in self.centers().items())
-        text = repr((self.family, round(1e9 * self.tag_edge), places))
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def flat(self) -> "Board":
         """The same board on a flat sheet."""
@@ -113,23 +100,23 @@ class Board(Record, frozen=True):
 def read_board(path: str | os.PathLike) -> Board:
     """Read a board's TOML file `path`: `family`, `tag_edge`, and either `[grid]` or `[[tags]]`, in metres.
 
-    See Board and Grid. Raises InputError that names the field that is wrong.
+    See Board and Grid. Raises InputError that names the wrong field.
     """
-    data = read_toml(path)
-    refuse_removed(data, path)
-    board = to_record(path, data, Board)
-    check_board(board, path)
+    table = read_toml(path)
+    for name in BOARD_KEYS.keys() & table.keys():
+        raise InputError(path, BOARD_KEYS[name], f"{name}, removed in 0.2.0")
+    return parse_board(table, path)
+
+
+def parse_board(table: Any, path: str | os.PathLike, key: str = "") -> Board:
+    """Return the board of a table that the file has under `key`; InputError that names the wrong field."""
+    board = to_record(path, table, Board, key)
+    check_board(board, f"{path}: {key}" if key else path)
     return board
 
 
-def refuse_removed(table: Mapping[str, Any], where: object) -> None:
-    """Raise InputError for a key of BOARD_KEYS."""
-    for key in BOARD_KEYS.keys() & table.keys():
-        raise InputError(where, BOARD_KEYS[key], f"{key}, removed in 0.2.0")
-
-
 def write_board(path: str | os.PathLike, board: Board, comment: str = "") -> None:
-    write_toml(path, {k: v for k, v in plain(board).items() if v is not None}, comment)
+    write_toml(path, plain(board), comment)
 
 
 def check_board(board: Board, where: object = "board") -> None:
@@ -146,26 +133,21 @@ def check_board(board: Board, where: object = "board") -> None:
     if len(set(ids)) < len(ids):
         raise InputError(f"{where}: tags", "ids that differ", f"{next(i for i in ids if ids.count(i) > 1)} twice")
     xy = np.array([*board.centers().values()]).reshape(-1, 2)
-    if not spans_a_plane(xy):
+    if in_one_line(xy):
         raise InputError(f"{where}: tags", "at least 4 tags, not in one line", f"{len(xy)} tags")
     if (gap := pdist(xy, "chebyshev").min()) <= board.tag_edge:
         field = "tags" if board.grid is None else "grid.pitch"
         raise InputError(f"{where}: {field}", f"centres more than tag_edge ({board.tag_edge:g} m) apart", f"{gap:g} m")
-    check_offsets(board.offsets, len(xy), where)
+    if board.offsets is not None and len(board.offsets) != len(xy):
+        raise InputError(f"{where}: offsets", f"one for each of {len(xy)} tags", len(board.offsets))
 
 
-def check_offsets(offsets: Offsets | None, tags: int, where: object) -> None:
-    """Raise InputError unless there are as many offsets as tags, all finite."""
-    if offsets is not None and (len(offsets) != tags or not np.isfinite(offsets).all()):
-        raise InputError(f"{where}: offsets", f"three finite numbers for each of {tags} tags", f"{len(offsets)} rows")
-
-
-def spans_a_plane(xy: np.ndarray) -> bool:
-    """Whether (n, 2) points are at least four and not in one line: what a homography needs."""
+def in_one_line(xy: np.ndarray) -> bool:
+    """Whether (n, 2) points are fewer than four or in one line: no homography follows from them."""
     if len(xy) < 4:
-        return False
+        return True
     width = np.linalg.svd(xy - xy.mean(axis=0), compute_uv=False)
-    return bool(width[1] > 1e-3 * width[0])
+    return bool(width[1] <= 1e-3 * width[0])
 
 
 def family_size(family: str) -> int:

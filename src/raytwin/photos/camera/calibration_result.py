@@ -1,13 +1,10 @@
 """The result of a calibration: the camera with its uncertainty, the views, warnings, and the evidence behind it."""
 
-import os
 from typing import Any
 
 import msgspec
 
-from raytwin.errors import InputError
 from raytwin.photos.boards import Board, Offsets
-from raytwin.photos.camera.detection import Tag
 from raytwin.scene import Matrix, Record, Vector
 
 
@@ -42,22 +39,17 @@ class CalibrationWarning(Record, frozen=True):
 
 
 class Evidence(Record, frozen=True):
-    """What a calibration rests on, and what may be said from it; not part of its JSON.
+    """What a calibration rests on; not part of its JSON, and empty where none was made here.
 
-    `coverage`: the share of the frame's 10 x 10 cells with a tag's centre. `tilts`: the angle between the board's
-    normal and the line of sight, degrees, by view. `held_out_px`: each model's error in unseen photos, that of the one
-    `taken` among them. `board`: with its shape. `seen`: the tags' centres, by view; `residuals`: projected minus seen
-    of each, pixels. `found`: by photo, all tags that were detected.
+    `held_out_px`: each model's error in unseen photos, that of the one `taken` among them. `board`: with its shape.
+    `seen`: the tags' centres, by view; `residuals`: projected minus seen of each, pixels.
     """
 
-    coverage: float
-    tilts: tuple[float, ...]
-    held_out_px: dict[str, float]
-    taken: str
-    board: Board
-    seen: tuple[tuple[float, float], ...]
-    residuals: tuple[tuple[float, float], ...]
-    found: dict[str, tuple[Tag, ...]]
+    held_out_px: dict[str, float] = msgspec.field(default_factory=dict)
+    taken: str = ""
+    board: Board | None = None
+    seen: tuple[tuple[float, float], ...] = ()
+    residuals: tuple[tuple[float, float], ...] = ()
 
 
 class Calibration(Record, frozen=True):
@@ -76,10 +68,10 @@ class Calibration(Record, frozen=True):
     views: tuple[View, ...]
     board: FoundBoard = FoundBoard()
     warnings: tuple[CalibrationWarning, ...] = ()
-    evidence: Evidence | None = None
+    evidence: Evidence = Evidence()
 
     def numbers(self) -> dict[str, Any]:
-        """What the JSON holds; `boards` is a list, as it was when there could be several."""
+        """What the JSON holds; `boards` is a list of one."""
         fields = {k: v for k, v in msgspec.structs.asdict(self).items() if k not in ("evidence", "board")}
         return fields | {"boards": [self.board]}
 
@@ -96,20 +88,7 @@ class Calibration(Record, frozen=True):
         found = f"fx {self.K[0][0]:.6g}, fy {self.K[1][1]:.6g}, rms {self.rms_px:.3f} px"
         return f"<raytwin.calibrate {len(self.views)} photos, model {self.model}, {found}>"
 
-    @property
-    def basis(self) -> Evidence:
-        """The evidence; InputError for a calibration that was read back, which has none any more."""
-        if self.evidence is None:
-            raise InputError("calibration", "one made here, with what it rests on", "one that was read back")
-        return self.evidence
-
     def shaped(self, board: Board) -> Board:
         """The board with the shape that was found for it; as it is if it is not the one calibrated from."""
-        known = self.evidence.board if self.evidence is not None else board
-        return known if known.flat() == board.flat() else board
-
-    def tags_of(self, photo: str | os.PathLike, board: Board) -> tuple[Tag, ...] | None:
-        """The tags that were found in a photo, so that it need not be searched again; None for any other photo."""
-        if self.evidence is None or self.evidence.board.family != board.family:
-            return None
-        return self.evidence.found.get(str(photo))
+        found = self.evidence.board
+        return found if found is not None and found.flat() == board.flat() else board

@@ -15,21 +15,16 @@ from raytwin.progress import Progress, silent
 from raytwin.scene import Record
 
 SEARCH_SIDE, REDUCTIONS, SMALLEST_SEARCHED = 3000, (4.0, 2.0, 1.0), 16.0
-"""Photos with a longer side are searched at 1/n of it; edges are refined at full scale in any case. The search is
-repeated at the next n when it finds nothing, or a tag with an edge below SMALLEST_SEARCHED of its pixels: its smaller
-neighbours may have been missed. Larger tags' centres err no more at 1/4 than at full scale, in a tenth of the time."""
-
-
-class NoTags(InputError):
-    """The photo is sound, but shows no tag of the family that can be read."""
+"""Photos with a longer side, pixels, are searched at 1/n of it; edges are refined at full scale in any case. Found
+nothing, or a tag with an edge below SMALLEST_SEARCHED of the reduced pixels, they are searched at the next n."""
 
 
 class Tag(Record, frozen=True):
     """A tag seen in a photo, in OpenCV's pixels: (0, 0) is the centre of the top-left pixel.
 
-    `center` is where the tag's diagonals cross, the image of its centre; the mean of its corners is not, under
-    perspective. `corners`: lower left, lower right, upper right, upper left of the upright tag. `margin` is how
-    clearly the bits could be read (AprilTag's decision margin, in grey levels).
+    `center` is where the tag's diagonals cross, the image of its centre: under perspective not the mean of its corners.
+    `corners`: lower left, lower right, upper right, upper left of the upright tag. `margin`: AprilTag's decision
+    margin, grey levels.
     """
 
     id: int
@@ -53,8 +48,7 @@ _idle = defaultdict[str, list[_Detector]](list)
 def detect(pixels: np.ndarray, family: str = "tag36h11", reductions: Sequence[float] | None = None) -> list[Tag]:
     """The tags in a photo, sRGB uint8 (H, W, 3) or grey (H, W), by id.
 
-    Both places of an id are dropped that is seen twice, tags that need more than one corrected bit, and tags whose
-    white ring the frame cuts: what is left of them has its centre elsewhere.
+    Dropped are ids seen twice, tags that need more than one corrected bit, and tags whose white ring the frame cuts.
     `reductions`: the scales to search at, by turns (by default REDUCTIONS for large photos, else full scale).
     """
     grey = pixels if pixels.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(pixels), cv2.COLOR_RGB2GRAY)
@@ -90,19 +84,19 @@ def _edges(corners: np.ndarray) -> np.ndarray:
 
 
 def detect_photo(path: str | os.PathLike, family: str = "tag36h11") -> list[Tag]:
-    """The tags in a photo's file; NoTags, with the reason, where there is none."""
+    """The tags in a photo's file; InputError, with the reason, where there is none."""
     grey = read_grey(path)
     if tags := detect(grey, family):
         return tags
     if mirrored := detect(grey[:, ::-1], family):
-        raise NoTags(path, f"{family} tags", f"a mirrored photo (its mirror image shows {len(mirrored)} tags)")
-    raise NoTags(path, f"{family} tags", "no tag that appears once")
+        raise InputError(path, f"{family} tags", f"a mirrored photo (its mirror image shows {len(mirrored)} tags)")
+    raise InputError(path, f"{family} tags", "no tag that appears once")
 
 
 def detect_photos(
     photos: Sequence[str | os.PathLike], family: str, progress: Progress = silent
 ) -> tuple[dict[str, list[Tag]], dict[str, str]]:
-    """Tags by photo's path, and by photo's path what is wrong with those that show none or are damaged."""
+    """Tags by photo's path, and by path what is wrong with photos that show none or are damaged."""
     tags: dict[str, list[Tag]] = {}
     wrong: dict[str, str] = {}
     progress("detect", 0, len(photos))

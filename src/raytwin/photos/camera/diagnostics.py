@@ -3,7 +3,6 @@
 Every warning's code is stable: tools may test for it. docs/photos.md lists what each says.
 """
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
@@ -13,16 +12,18 @@ from raytwin.photos.boards import Board
 from raytwin.photos.camera import pose
 from raytwin.photos.camera.calibration_result import Calibration, CalibrationWarning
 from raytwin.photos.camera.fit import Fit, Views
-from raytwin.scene.lens import SIDE, undone
+from raytwin.scene.lens import undone
 
 FEW_VIEWS = 8
 """Photos: with fewer a warning says how far the focal length may be off."""
-FOCAL_SD, CENTER_SD = 0.02, 0.03
-ASPECT, CENTER_OFFSET = 0.02, 0.12
+
+FOCAL_SD, CENTER_SD, ASPECT, CENTER_OFFSET = 0.02, 0.03, 0.02, 0.12
+"""Above these the views are degenerate: sd of a focal length as a share of it, sd of the centre as a share of the
+image's side, |fx / fy - 1|, the centre's distance from the middle as a share of the side."""
+
 NORMAL_SPREAD, COVERAGE = 15.0, 0.25
-"""Beyond these the views are degenerate: sd of a focal length as a share of it, sd of the centre as a share of the
-image's side, |fx / fy - 1|, the centre's distance from the middle as a share of the side, the largest angle between two
-of the board's normals in degrees, and the share of the frame's 10 x 10 cells that hold a tag's centre."""
+"""Below these the views are degenerate: the largest angle between two of the board's normals in degrees, the share of
+the frame's 10 x 10 cells that hold a tag's centre."""
 
 MISFIT = 0.01
 """Share of the distance between neighbouring tags: a larger rms says that the board's file is wrong. (Sound sets have
@@ -38,23 +39,17 @@ all, if its own is FAR_RMS times the median. The only near or slanted view disag
 the information."""
 
 
-def coverage(pixels: np.ndarray, image_size: tuple[int, int]) -> float:
-    """The share of the frame's 10 x 10 cells that hold one of the points (n, 2)."""
-    width, height = image_size
-    cells, _, _ = np.histogram2d(pixels[:, 0] + 0.5, pixels[:, 1] + 0.5, bins=10, range=[[0, width], [0, height]])
-    return float((cells > 0).mean())
+def coverage(made: Calibration) -> float:
+    """The share of the frame's 10 x 10 cells that hold a tag's centre."""
+    width, height = made.image_size
+    u, v = np.array(made.evidence.seen).T + 0.5
+    return float((np.histogram2d(u, v, bins=10, range=[[0, width], [0, height]])[0] > 0).mean())
 
 
 def normal_spread(rotations: Sequence[np.ndarray]) -> float:
     """The largest angle between two of the board's normals in the camera frame, degrees."""
     normals = np.array([np.asarray(R)[:, 2] for R in rotations])
     return float(np.degrees(np.arccos(np.clip((normals @ normals.T).min(), -1, 1))))
-
-
-def line_of_sight(found: Fit, board: Board) -> np.ndarray:
-    """By view, the cosine of the angle between the line to the board's middle and the normal, below 0 from behind."""
-    sights = found.R @ np.append(np.mean([*board.centers().values()], axis=0), 0.0) + found.t
-    return np.asarray(-(found.R[:, :, 2] * sights).sum(axis=1) / np.linalg.norm(sights, axis=1))
 
 
 def misfit(found: Fit) -> float:
@@ -64,7 +59,12 @@ def misfit(found: Fit) -> float:
 
 
 def warnings_for(
-    made: Calibration, found: Fit, views: Views, wrong: Mapping[str, str], rejected: Mapping[str, Iterable[int]]
+    made: Calibration,
+    found: Fit,
+    views: Views,
+    board: Board,
+    wrong: Mapping[str, str],
+    rejected: Mapping[str, Iterable[int]],
 ) -> tuple[CalibrationWarning, ...]:
     """What speaks against a calibration `made` of the fit `found` of `views`. `wrong`: photos left out, and why.
     `rejected`: ids of outliers, by photo."""
@@ -75,7 +75,9 @@ def warnings_for(
     if doubts := degenerate(made, found):
         said.append(("degenerate-views", "; ".join(doubts)))
     # A mirrored description fits as well, seen from behind; but no detector reads a tag from there.
-    grid, behind = made.basis.board.grid, int((line_of_sight(found, made.basis.board) < 0).sum())
+    grid = board.grid
+    sights = found.R @ np.append(np.mean([*board.centers().values()], axis=0), 0.0) + found.t
+    behind = int(((found.R[:, :, 2] * sights).sum(axis=1) > 0).sum())
     if behind:
         order = "down" if grid is None or grid.order == "up" else "up"
         advice = "swap the sign of x" if grid is None else f'write order = "{order}" into its [grid]'
@@ -83,15 +85,15 @@ def warnings_for(
         said.append(
             ("mirrored-board", f"the board is seen from behind in {of}: its description is mirrored ({advice})")
         )
-    said += [("odd-photo", text) for text in odd_photos(found, [*views])]
+    said += [("odd-photo", text) for text in odd_photo(found, [*views])]
     known = undone(made.K, made.dist, made.image_size)
     if known.fault:
-        lost = 100 * float((~known.found[4 * SIDE :]).mean())
+        lost = 100 * float((~known.found).mean())
         text = f"no ray belongs to {lost:.2g} % of the frame, left black: the lens cannot be undone at {known.fault}"
         said.append(("unconverged-distortion", f"{text}; photograph the board there"))
     of_tags = {photo: ", ".join(map(str, sorted(ids))) for photo, ids in rejected.items() if ids}
     said += [("outlier-tags", f"{photo}: rejected tags {ids}") for photo, ids in of_tags.items()]
-    said += [("ambiguous-pose", text) for text in _ambiguous(made, views) if not behind]
+    said += [("ambiguous-pose", text) for text in _ambiguous(made, views, found.shaped(board)) if not behind]
     return tuple(CalibrationWarning(*warning) for warning in said)
 
 
@@ -106,7 +108,7 @@ def degenerate(made: Calibration, found: Fit) -> list[str]:
     """In which way the views do not determine the camera; none of sound ones."""
     ((fx, _, cx), (_, fy, cy), _), sd, (width, height) = made.K, made.sigma, made.image_size
     aspect, off_x, off_y = fx / fy, abs(cx - (width - 1) / 2), abs(cy - (height - 1) / 2)
-    spread, covered, off = normal_spread([*found.R]), made.basis.coverage, misfit(found)
+    spread, covered, off = normal_spread([*found.R]), coverage(made), misfit(found)
     doubts = {
         f"fx = {fx:.0f} ± {sd['fx']:.0f} px": sd["fx"] > FOCAL_SD * fx,
         f"fy = {fy:.0f} ± {sd['fy']:.0f} px": sd["fy"] > FOCAL_SD * fy,
@@ -122,35 +124,28 @@ def degenerate(made: Calibration, found: Fit) -> list[str]:
     return [text for text, doubtful in doubts.items() if doubtful]
 
 
-def odd_photos(found: Fit, names: Sequence[str]) -> Iterator[str]:
-    """Photos at odds with the rest, the worst first, each by the camera without those before it: an odd one makes
-    others look so."""
-    out: list[int] = []
-    while len(names) - len(out) >= LEAST_FOR_ODD:
-        errors = {i: found.error_px(i, found.without([i, *out])) for i in range(len(names)) if i not in out}
-        usual = float(np.median([*errors.values()]))
-        beyond = [i for i, error in errors.items() if error > max(ODD_PX, ODD_RMS * usual)]
-        share = {i: 1.0 if errors[i] > FAR_RMS * usual else BETTER_WITHOUT for i in beyond}
-        odd = [i for i in beyond if _error_without(found, i, errors, out) <= share[i]]
-        if not odd:
+def odd_photo(found: Fit, names: Sequence[str]) -> Iterator[str]:
+    """The photo most at odds with the rest, if any is; there may be more, which show once it is left out."""
+    photos = range(len(names) if len(names) >= LEAST_FOR_ODD else 0)
+    without = [found.without([i]) for i in photos]
+    errors = np.array([found.error_px(i, without[i]) for i in photos])
+    for i in np.argsort(-errors):
+        usual = float(np.median(errors))
+        if errors[i] <= max(ODD_PX, ODD_RMS * usual):
             return
-        worst = max(odd, key=errors.__getitem__)
-        times = f"{errors[worst]:.3f} px is {errors[worst] / usual:.1f} times the median photo's"
-        blame = "(another camera, zoom or orientation, or blur): leave it out, or take more like it if none is so steep"
-        yield f"{names[worst]}: its rms in the camera of the others of {times} {blame}"
-        out.append(worst)
+        others = [other for other in photos if other != i]
+        # A geometric mean: another odd photo counts no more than a sound one.
+        share = np.exp(np.mean([np.log(found.error_px(o, found.without([i, o])) / errors[o]) for o in others]))
+        if share <= (1.0 if errors[i] > FAR_RMS * usual else BETTER_WITHOUT):
+            times = f"{errors[i]:.3f} px is {errors[i] / usual:.1f} times the median photo's"
+            blame = "(another camera, zoom or orientation, or blur)"
+            advice = "leave it out, or take more like it if none is so steep"
+            yield f"{names[i]}: its rms in the camera of the others of {times} {blame}: {advice}"
+            return
 
 
-def _error_without(found: Fit, photo: int, errors: Mapping[int, float], out: Sequence[int]) -> float:
-    """The others' error in the camera without `photo` and `out`, as a share of that without `out` (`errors`)."""
-    after = {i: found.error_px(i, found.without([photo, i, *out])) for i in errors if i != photo}
-    # A geometric mean: another odd photo counts no more than a sound one.
-    return math.exp(np.mean([math.log(after[i] / errors[i]) for i in after]))
-
-
-def _ambiguous(made: Calibration, views: Views) -> Iterator[str]:
+def _ambiguous(made: Calibration, views: Views, board: Board) -> Iterator[str]:
     for view, tags in zip(made.views, views.values(), strict=True):
-        start = pose.Pose(view.R_cam_board, view.t_cam_board, view.rms_px)
-        _, ratio = pose.refined_pose(made.K, made.dist, tags, made.basis.board, start)
+        _, ratio = pose.refined_pose(made.K, made.dist, tags, board)
         if ratio is not None and pose.ambiguous(ratio, len(tags)):
             yield f"{view.photo}: a second pose fits with only {ratio:.2f} times the error"

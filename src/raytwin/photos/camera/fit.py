@@ -2,10 +2,10 @@
 
     min Σ |project(board) - tag|² + Σ (noise offset / PRIOR_METRES)²
 
-`offset` is how far a tag's centre lies from its place on the sheet: no sheet of paper is flat, no print exact. Of a
-board taken for flat, all are 0. OpenCV gives the start; from there it is Gauss-Newton with Marquardt's damping. With
-A = d residuals / d shared numbers and B = d residuals / d pose of one view, the pose is eliminated first (Schur
-complement): what no pose explains of A and of the residuals r is
+`offset` is how far a tag's centre lies from its place on the sheet, 0 of a board taken for flat. OpenCV gives the
+start; from there it is Gauss-Newton with Marquardt's damping. With A = d residuals / d shared numbers and B =
+d residuals / d pose of one view, the pose is eliminated first (Schur complement): what no pose explains of A and of the
+residuals r is
 
     A' = A - B B⁺ A,  r' = r - B B⁺ r,  H = Σ A'^T A' + prior,  g = Σ A'^T r' + prior shared.
 
@@ -26,13 +26,16 @@ from raytwin.photos.boards import Board
 from raytwin.photos.camera import lens_model
 from raytwin.photos.camera.detection import Tag
 
-INTRINSICS = ("fx", "fy", "cx", "cy")
+NAMES = ("fx", "fy", "cx", "cy", *lens_model.NAMES)
+"""The lens's numbers: the first of the shared ones."""
 
-MODELS: dict[str, tuple[str, ...]] = {"none": (), "k1k2": ("k1", "k2"), "full5": lens_model.NAMES}
-"""The coefficients that each lens model fits, smallest first: the first ones of OpenCV's. The others are 0."""
+LENS = len(NAMES)
+
+MODELS = {"none": NAMES[:4], "k1k2": NAMES[:6], "full5": NAMES}
+"""The numbers that each lens model fits, smallest first. The others are 0."""
 
 MAX_STEPS, SETTLED_SHARE = 100, 1e-10
-"""Most steps; the fit has converged once a step is predicted to lower the sum of squares by less than this fraction."""
+"""The fit has converged once a step is predicted to lower the sum of squares by less than this fraction."""
 
 PRIOR_METRES = (1e-5, 1e-5, 2e-3)
 """Metres, one standard deviation of a tag's offset before any photo: x, y as printers place ink, z as paper bends."""
@@ -41,13 +44,10 @@ IN_PLANE_METRES = 1e-6
 """Metres, the same of the heights' mean and tilt, which belong to the poses."""
 
 LEAST_NOISE_PX = 0.01
-"""Pixels: what a tag's coordinate errs by at least when it is weighed against PRIOR_METRES."""
+"""Least standard deviation of a tag's coordinate, pixels, by which it is weighed against PRIOR_METRES."""
 
 RIDGE_SHARE = 1e-12
-"""Share of the diagonal that is added to it, so that what no photo determines does not move."""
-
-LENS = len(INTRINSICS) + len(lens_model.NAMES)
-"""How many of the shared numbers are the lens's."""
+"""Added to a diagonal of 1, so that what no photo determines does not move."""
 
 Views = Mapping[str, Sequence[Tag]]
 """By photo, tags that all are on the board."""
@@ -65,8 +65,7 @@ class ModelSpec:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters of K and distortion that are fitted, the first ones of `Fit.shared`."""
-        return (*INTRINSICS, *MODELS[self.model])
+        return MODELS[self.model]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +73,7 @@ class Observations:
     """What v views saw of the n tags `ids` that any of them shows.
 
     `points` (n, 3) metres: their places on the flat sheet; `pixels` (v, n, 2); `seen` (v, n) bool. `prior` (m, m):
-    weights of the squares of `Fit.shared`, 0 of K and distortion, PRIOR_METRES and IN_PLANE_METRES of offsets.
+    weights of the squares of `Fit.shared`, 0 of the lens's.
     """
 
     ids: tuple[int, ...]
@@ -88,10 +87,9 @@ class Observations:
 class Fit:
     """The sum of squares, `cost`, and its derivatives at one place; that of least cost is what `fit` returns.
 
-    `shared` (m,) is fx, fy, cx, cy, k1, k2, p1, p2, k3, 0 where `form` does not fit it, then the tags' offsets, if
-    free. R (v, 3, 3), t (v, 3): the poses. `residuals` (v, n, 2): projected minus seen, pixels, 0 of tags not seen. `A`
-    (v, 2n, m), `r` (v, 2n): A' and r' above. `follow` (v, 6, m): d best pose / d shared; `catch_up` (v, 6): how the
-    poses must move to be the best.
+    `shared` (m,) is NAMES, 0 where `form` does not fit it, then the tags' offsets, if free. R (v, 3, 3), t (v, 3): the
+    poses. `residuals` (v, n, 2): projected minus seen, pixels, 0 of tags not seen. `A` (v, 2n, m), `r` (v, 2n): A' and
+    r' above. `follow` (v, 6, m): d best pose / d shared; `catch_up` (v, 6): how the poses must move to be the best.
     """
 
     form: ModelSpec
@@ -107,14 +105,12 @@ class Fit:
     cost: float
 
     @cached_property
-    def total(self) -> np.ndarray:
-        """(m, m): H."""
+    def total(self) -> np.ndarray:  # H
         A = self.A.reshape(-1, len(self.shared))
         return np.asarray(A.T @ A + self.observations.prior)
 
     @cached_property
-    def inverse(self) -> np.ndarray:
-        """(m, m): of H."""
+    def inverse(self) -> np.ndarray:  # of H
         return solve_scaled(self.total, np.eye(len(self.total)))
 
     @property
@@ -136,7 +132,7 @@ class Fit:
 
     @property
     def variance(self) -> float:
-        """Variance of a coordinate, pixels², of independent errors: residuals² / (coordinates - unknowns).
+        """Variance of a coordinate, pixels²: residuals² / (coordinates - unknowns).
 
         What the prior determines of the offsets is no unknown: trace(H^-1 Σ A'^T A') of the shared numbers are.
         """
@@ -144,14 +140,14 @@ class Fit:
         return float((self.residuals**2).sum() / max(2 * self.observations.seen.sum() - unknowns, 1.0))
 
     def shaped(self, board: Board) -> Board:
-        """The board as bent as its tags were found, those that no photo shows as on the flat sheet."""
+        """The board with the offsets found; tags that no photo shows lie on the flat sheet."""
         if not self.form.bent:
             return board.flat()
         found = dict(zip(self.observations.ids, map(tuple, self.shared[LENS:].reshape(-1, 3).tolist()), strict=True))
         return msgspec.structs.replace(board, offsets=tuple(found.get(i, (0.0, 0.0, 0.0)) for i in board.centers()))
 
     def moved(self, by: np.ndarray, poses: np.ndarray) -> "Fit | None":
-        """The shared numbers moved by (m,), the poses by (v, 6); None where that gives no finite cost."""
+        """The shared numbers moved by (m,), the poses by (v, 6); see `_at`."""
         turn = np.array([cv2.Rodrigues(pose[:3])[0] for pose in poses])
         t = (turn @ self.t[..., None])[..., 0] + poses[:, 3:]
         return _at(self.form, self.observations, self.shared + by, turn @ self.R, t)
@@ -192,7 +188,7 @@ def matched(tags: Sequence[Tag], board: Board) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _first(views: Views, image_size: tuple[int, int], board: Board) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The lens's numbers, R (v, 3, 3) and t (v, 3) of the model k1k2 on a flat board, by OpenCV: to start from."""
+    """The lens's numbers, R (v, 3, 3) and t (v, 3) by OpenCV, with k1 and k2 on a flat board: to start from."""
     both = zip(*(matched(tags, board.flat()) for tags in views.values()), strict=True)
     points, pixels = ([one.astype(np.float32) for one in side] for side in both)
     flags, stop = cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3, (cv2.TERM_CRITERIA_COUNT, 30, 0)
@@ -273,8 +269,7 @@ def _settle(here: Fit) -> Fit:
 
 
 def solve_scaled(S: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """S^-1 right for a positive S; pixels, coefficients and metres differ by orders of magnitude: its diagonal is made
-    1."""
+    """S^-1 right for a positive S, scaled to a diagonal of 1: pixels and metres differ by orders of magnitude."""
     size = np.diag(S)
     scale = np.where(size > 0, 1 / np.sqrt(np.where(size > 0, size, 1)), 0)
     scaled = S * np.outer(scale, scale) + RIDGE_SHARE * np.eye(len(S))

@@ -1,6 +1,5 @@
-"""Choose the lens model, and whether the board is flat, by how well they predict photos that the fit has not seen; and
-say how uncertain the camera is. A smaller model is taken only where it predicts as well, a bent board only where it
-predicts better.
+"""Choose the lens model, and whether the board is bent, by the error in photos that the fit has not seen; and say how
+uncertain the camera is.
 """
 
 import math
@@ -14,25 +13,21 @@ from raytwin.photos.camera.fit import LENS, MODELS, Fit, ModelSpec, Views, fit
 from raytwin.scene.lens import undone
 
 RELATIVE_SLACK, SLACK_PX = 1.01, 0.002
-"""As good as the best: within 1 % of its held-out error, or within this many pixels, far below a detector's noise."""
+"""As good as the best: within 1 % of its held-out error, or within this many pixels. Of these the smallest lens and the
+flat board are taken."""
 
 EQUALLY_GOOD = 1.1
 """Models that predict within this factor of the best add to sigma how far their K lies apart."""
 
-FEW_PHOTOS = 12
-"""Photos: with fewer, which lens predicts best is chance, and all five coefficients are fitted."""
-
-FEWEST_FOR_A_BEND = 4
-"""Photos: with fewer, the board is taken for flat."""
+FEW_PHOTOS, FEWEST_FOR_A_BEND = 12, 4
+"""With fewer photos, which lens predicts best is chance, and all five coefficients are fitted; with fewer, the board is
+taken for flat."""
 
 
 def select_model(
     views: Views, image_size: tuple[int, int], board: Board, model: str, start: Fit
 ) -> tuple[Fit, dict[str, float], np.ndarray]:
-    """Choose whether the board is bent, then the lens: the fit, each model's held-out error, and `gap` (see `_gap`).
-
-    The error is in pixels, infinite where no fit converges.
-    """
+    """Choose whether the board is bent, then the lens: the fit, each model's held-out error (pixels), and `_gap`."""
     fits: dict[ModelSpec, Fit] = {}
     errors: dict[ModelSpec, float] = {}
 
@@ -60,7 +55,6 @@ def select_model(
 
 
 def _as_good(errors: Mapping[ModelSpec, float]) -> list[ModelSpec]:
-    """Those that predict as well as the best of them."""
     best = min(errors.values())
     return [form for form, error in errors.items() if error <= max(RELATIVE_SLACK * best, best + SLACK_PX)]
 

@@ -1,11 +1,8 @@
-"""Where the camera stood: `p_cam = R_cam_board @ p_board + t_cam_board` from one photo of the board.
-
-Twice: by the homography, closed form but not the most likely pose, and from there by Levenberg-Marquardt on pixels.
-"""
+"""Where the camera stood: `p_cam = R_cam_board @ p_board + t_cam_board` from one photo of the board."""
 
 import contextlib
+import itertools
 import math
-import os
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -15,10 +12,10 @@ from scipy.spatial.distance import pdist
 from scipy.special import fdtrc
 
 from raytwin.errors import InputError
-from raytwin.photos.boards.board import Board, spans_a_plane
+from raytwin.photos.boards.board import Board, in_one_line
 from raytwin.photos.camera import lens_model
 from raytwin.photos.camera.bias import unbiased
-from raytwin.photos.camera.detection import Tag, detect_photo
+from raytwin.photos.camera.detection import Tag
 from raytwin.photos.camera.fit import matched
 from raytwin.scene import Camera, Matrix, Record, Vector
 
@@ -43,66 +40,20 @@ class Pose(Record, frozen=True):
     t_cam_board: Vector
     rms_px: float
 
-    @property
-    def R(self) -> np.ndarray:
-        return np.array(self.R_cam_board)
 
-    @property
-    def t(self) -> np.ndarray:
-        return np.array(self.t_cam_board)
+def refined_pose(K, dist: Sequence[float], tags: Sequence[Tag], board: Board) -> tuple[Pose, float | None]:
+    """The pose of least squared pixel distance, and its ambiguity: the error of the second minimum that every planar
+    pose has over that of the first, None where there is one only.
 
-
-class PoseReport(Record, frozen=True):
-    """Both poses of one photo, from `tags` tags, and how far they lie apart; `outliers`: ids of the tags left out.
-
-    `ambiguity`: the error of the second minimum that every planar pose has over that of the first, None where there is
-    one only.
-    """
-
-    photo: str
-    tags: int
-    homography: Pose
-    refined: Pose
-    rotation_degrees: float
-    translation_metres: float
-    ambiguity: float | None
-    outliers: tuple[int, ...] = ()
-
-
-def homography_pose(K, dist: Sequence[float], tags: Sequence[Tag], board: Board) -> Pose:
-    """H ~ [r1 r2 t] from undistorted tag centres; scale so that |r1| |r2| = 1; nearest rotation by SVD.
-
-    The nearest rotation to [r1 r2 r1 × r2] = U S V^T in the Frobenius norm is U V^T. Zhang, A flexible new technique
-    for camera calibration (2000), section 3.1 and appendix C.
-    """
-    points, pixels = matched(tags, board.flat())
-    H = None
-    if spans_a_plane(points[:, :2]):
-        H, _ = cv2.findHomography(points[:, :2], lens_model.undistort(pixels, K, dist))
-    if H is None or not np.isfinite(H).all():
-        raise InputError("tags", "four or more, not in one line", listed(t.id for t in tags))
-    H = H / math.sqrt(np.linalg.norm(H[:, 0]) * np.linalg.norm(H[:, 1]))
-    # H's sign is free: the board is in front of the camera.
-    r1, r2, t = H.T * np.sign(H[2] @ [*points[:, :2].mean(axis=0), 1.0])
-    U, _, Vt = np.linalg.svd(np.stack([r1, r2, np.cross(r1, r2)], axis=1))
-    return _pose(U @ Vt, t, tags, board.flat(), K, dist)
-
-
-def refined_pose(
-    K, dist: Sequence[float], tags: Sequence[Tag], board: Board, start: Pose | None = None
-) -> tuple[Pose, float | None]:
-    """The pose of least squared pixel distance, and its ambiguity (see PoseReport).
-
-    Levenberg-Marquardt from `start` (the homography's pose), from both solutions that a plane has (Collins and Bartoli,
-    Infinitesimal plane-based pose estimation, 2014), and from SQPnP's (Terzakis and Lourakis, 2020).
+    Levenberg-Marquardt from both solutions that a plane has (Collins and Bartoli, Infinitesimal plane-based pose
+    estimation, 2014), and from SQPnP's (Terzakis and Lourakis, 2020).
     """
     (points, pixels), flat = matched(tags, board), matched(tags, board.flat())[0]
-    start = start or homography_pose(K, dist, tags, board)
     K5, d5 = np.asarray(K, float), lens_model.five(dist)
-    starts = [(cv2.Rodrigues(start.R)[0], start.t.reshape(3, 1))]
-    # Few tags, three of them in a line, leave a homography undetermined, and with it IPPE; SQPnP needs none.
+    starts: list[tuple[np.ndarray, np.ndarray]] = []
+    # Three of few tags in a line leave IPPE undetermined; SQPnP refuses tags that are a few pixels apart.
     for flag in (cv2.SOLVEPNP_IPPE, cv2.SOLVEPNP_SQPNP):
-        with contextlib.suppress(cv2.error):  # SQPnP refuses tags that are a few pixels apart
+        with contextlib.suppress(cv2.error):
             _, turns, shifts, _ = cv2.solvePnPGeneric(flat, pixels, K5, d5, flags=flag)
             starts += zip(turns, shifts, strict=True)
     refined = (cv2.solvePnPRefineLM(points, pixels, K5, d5, turn.copy(), shift.copy()) for turn, shift in starts)
@@ -111,8 +62,10 @@ def refined_pose(
         for turn, shift in refined
         if np.isfinite([turn, shift]).all()
     ]
-    best = min([*poses, start], key=lambda pose: pose.rms_px)
-    others = [pose.rms_px for pose in poses if rotation_degrees(pose.R, best.R) > SAME_POSE]
+    if not poses or not spans_a_plane(tags, board):
+        raise InputError("tags", "four or more, not in one line", listed(t.id for t in tags))
+    best = min(poses, key=lambda pose: pose.rms_px)
+    others = [pose.rms_px for pose in poses if rotation_degrees(pose.R_cam_board, best.R_cam_board) > SAME_POSE]
     return best, min(others) / max(best.rms_px, 1e-9) if others else None
 
 
@@ -126,41 +79,27 @@ def ambiguous(ratio: float | None, tags: int) -> bool:
     return ratio is not None and bool(fdtrc(degrees, degrees, ratio**2) > WRONGLY_RULED_OUT)
 
 
-def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, photo: str = "photo") -> PoseReport:
-    """Both poses from the tags of one photo; tags that are not on the board are passed over."""
+def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, photo: str = "photo") -> Pose:
+    """The pose from the tags of one photo, without outliers; tags that are not on the board are passed over."""
     check_tags(tags, board, photo)
     known = board.centers()
-    used = [t for t in tags if t.id in known]
-    if not spans_a_plane(board.points(t.id for t in used)[:, :2]):
+    used = straight = [t for t in tags if t.id in known]
+    if not spans_a_plane(used, board):
         raise InputError(photo, "at least 4 tags of the board, not in one line", listed(t.id for t in used))
-    inside = consistent(used, board, lens_model.undistort([t.center for t in used], K, dist))
+    inside = kept = consistent(used, board, lens_model.undistort([t.center for t in used], K, dist))
     check_places(int(inside.sum()), len(used), photo)
-    by, kept = homography_pose(K, dist, used, board), np.arange(len(used))
     for _ in range(3):
-        if spans_a_plane(board.points(used[i].id for i in np.flatnonzero(inside))[:, :2]):
-            kept = np.flatnonzero(inside)
-        closed = homography_pose(K, dist, [used[i] for i in kept], board)
-        straight = unbiased(used, board, by.R, by.t, K, dist)
-        by, ambiguity = refined_pose(K, dist, [straight[i] for i in kept], board, closed)
-        error = distances(straight, board, by.R, by.t, K, dist)
+        if spans_a_plane([*itertools.compress(used, inside)], board):
+            kept = inside
+        pose, _ = refined_pose(K, dist, [*itertools.compress(straight, kept)], board)
+        straight = unbiased(used, board, pose.R_cam_board, pose.t_cam_board, K, dist)
+        error = distances(straight, board, pose.R_cam_board, pose.t_cam_board, K, dist)
         inside = error <= outlier_limit(error)
-    apart = rotation_degrees(closed.R, by.R), float(np.linalg.norm(closed.t - by.t))
-    outliers = tuple(tag.id for i, tag in enumerate(used) if i not in kept)
-    return PoseReport(photo, len(kept), closed, by, *apart, ambiguity, outliers)
+    return pose
 
 
-def pose_of_photo(calibration, photo: str | os.PathLike, board: Board) -> PoseReport:
-    """Both poses of a photo taken with the calibrated camera, the board in the shape that was found for it.
-
-    A photo that the calibration saw is not searched again.
-    """
-    tags = calibration.tags_of(photo, board)
-    tags = detect_photo(photo, board.family) if tags is None else tags
-    return pose_of_tags(calibration.K, calibration.dist, tags, calibration.shaped(board), str(photo))
-
-
-def camera_at(calibration, pose: Pose) -> Camera:
-    """The calibrated camera (anything with image_size, K and dist) at a pose."""
+def camera_at(calibration, pose) -> Camera:
+    """The calibrated camera (anything with image_size, K and dist) at a pose: a Pose, or a View of the calibration."""
     return Camera(calibration.image_size, calibration.K, pose.R_cam_board, pose.t_cam_board, calibration.dist)
 
 
@@ -169,12 +108,16 @@ def consistent(tags: Sequence[Tag], board: Board, image: Any) -> np.ndarray:
 
     A lens or a bend moves a tag by less, another board by all of it. RANSAC, with OpenCV's own fixed seed.
     """
-    points = board.points(t.id for t in tags)[:, :2]
-    if not spans_a_plane(points):
+    if not spans_a_plane(tags, board):
         return np.zeros(len(tags), bool)
     half = pdist([*board.centers().values()]).min() / 2
-    _, inside = cv2.findHomography(np.array(image), points, cv2.RANSAC, half, maxIters=500)
+    _, inside = cv2.findHomography(np.array(image), matched(tags, board)[0][:, :2], cv2.RANSAC, half, maxIters=500)
     return np.ones(len(tags), bool) if inside is None else inside.ravel().astype(bool)
+
+
+def spans_a_plane(tags: Sequence[Tag], board: Board) -> bool:
+    """Whether the tags are four or more of the board's, not in one line."""
+    return not in_one_line(matched(tags, board)[0][:, :2])
 
 
 def check_tags(tags: Iterable[Tag], board: Board, where: str) -> None:
@@ -192,9 +135,9 @@ def check_places(agree: int, tags: int, where: str) -> None:
 
 
 def outlier_limit(errors: np.ndarray) -> float:
-    """The pixel distance beyond which a tag is an outlier, given all distances: robust against half of them.
+    """The pixel distance beyond which a tag is an outlier, by all distances.
 
-    The median of the distances of a two-dimensional normal distribution is 1.1774 of its standard deviations.
+    The median of a two-dimensional normal distribution's distances is 1.1774 of its standard deviations.
     """
     return max(OUTLIER_PX, OUTLIER_SIGMAS * float(np.median(errors)) / 1.1774)
 
@@ -205,7 +148,7 @@ def distances(tags: Sequence[Tag], board: Board, R, t, K, dist: Sequence[float])
     return np.linalg.norm(lens_model.project(points, R, t, K, dist) - pixels, axis=1)
 
 
-def rotation_degrees(A: np.ndarray, B: np.ndarray) -> float:
+def rotation_degrees(A, B) -> float:
     """The angle of the rotation A B^T, degrees."""
     return math.degrees(np.linalg.norm(cv2.Rodrigues(np.asarray(A, float) @ np.asarray(B, float).T)[0]))
 

@@ -12,7 +12,7 @@ from raytwin.images.photo_files import photo_size
 from raytwin.photos import boards
 from raytwin.photos.augment import augment, printed
 from raytwin.photos.boards.board import draw_board
-from raytwin.photos.camera import detect_photo, pose_of_tags, read_board_shapes, with_shape
+from raytwin.photos.camera import detect_photo, pose_of_tags, with_shape
 from raytwin.photos.lighting import light_models as models
 from raytwin.photos.lighting.linear_photo import LinearPhoto, read_linear
 from raytwin.photos.lighting.mirror_ball import find_ball, sun_spot
@@ -83,7 +83,7 @@ def estimate_light(
     `ball`: center and radius of a mirror ball, metres, roughly; `stand`: x, y of an upright's foot, and its height.
     Raises InputError where this is no photo of the board by the camera, LightRefused where it does not show its light.
     """
-    definition = with_shape(boards.read_board(board), read_board_shapes(camera))
+    definition = with_shape(boards.read_board(board), camera)
     linear, said = read_linear(photo, _placed(photo, read_camera(camera), definition), definition)
     start = LightEstimate(linear, definition, models.Evidence(linear.paper_colour), ball, stand, warnings=said)
     try:
@@ -144,7 +144,7 @@ def _placed(path: Path, lens: Camera, definition: boards.Board) -> Camera:
     if size != lens.image_size:
         raise InputError(path, f"{lens.width} x {lens.height} pixels, as the camera's", f"{size[0]} x {size[1]}")
     tags = detect_photo(path, definition.family)
-    pose = pose_of_tags(lens.K, lens.dist, tags, definition, path.name).refined
+    pose = pose_of_tags(lens.K, lens.dist, tags, definition, path.name)
     if pose.rms_px > POSE_PX * max(1.0, lens.width / 2000):
         raise InputError(path, "a photo by the camera of --camera", f"tags {pose.rms_px:.1f} px off where it sees them")
     return msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)

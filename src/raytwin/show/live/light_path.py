@@ -1,4 +1,4 @@
-"""The way of light that makes a pixel: the eye's ray, what it meets, the ray to the sun, and each bounce.
+"""The light path of a pixel: the eye's ray, what it hits, the ray to the sun, and each bounce.
 
 `tracer.path.bounce` takes each step, with the random numbers that `tracer.trace_paths` draws: the mean of `light` over
 a pixel's samples is the pixel.
@@ -26,11 +26,11 @@ from raytwin.tracer.world import PlainWorld, first_hit
 
 Pixel = tuple[float, float]
 NEAR_METRES = 1e-3
-"""Metres before the eye: what lies behind it has no place in the picture."""
+"""Metres: lines are cut this far before the eye, since what lies behind it has no place in the picture."""
 
 
 class Leg(NamedTuple):
-    """A straight piece of the way from one pixel to another, and what it brings: `kind` is eye, bounce, sun, shadow (a
+    """A straight piece of the path from one pixel to another, and its light: `kind` is eye, bounce, sun, shadow (a
     ray to the sun that is blocked) or sky (from one place to itself: all of it, unhidden)."""
 
     kind: str
@@ -40,7 +40,7 @@ class Leg(NamedTuple):
 
 
 class LightPath(NamedTuple):
-    """`legs` in the order of their making, `met`: what was met, in words; `light`: their sum."""
+    """`legs` from the eye on; `met`: the names of what was hit; `light`: the sum over the legs."""
 
     legs: tuple[Leg, ...]
     met: tuple[str, ...]
@@ -50,7 +50,7 @@ class LightPath(NamedTuple):
 def light_path(
     scene: Scene, x: int, y: int, rung: str = "path", depth: int = 8, sample: int = 0, seed: int = 0
 ) -> LightPath:
-    """What makes pixel (x, y) on a rung: one of its samples where light is followed. All in float64."""
+    """The path of pixel (x, y) at a light level: of one sample, where the level is sampled. All in float64."""
     row = RUNGS[rung]
     local = to_camera_frame(scene)
     world, light = PlainWorld(local.objects, STAGES), lighting(local)

@@ -39,9 +39,9 @@ WHOLE_SAMPLES = 8
 SEEDS = 0xE47, 0x10E
 """Seeds of the two halves; no rendering pass uses them."""
 BLOCK = 2
-"""Pixels across what is averaged in a noisy difference while something moves."""
+"""Side in pixels of the blocks that a noisy difference is averaged over while something moves."""
 TWIN_EVERY = 3
-"""While something moves, the twin rests so many times as long as it took: most of the time is the tracer's."""
+"""Pause of the twin while something moves, in units of its last render, so that the tracer gets most of the time."""
 
 Event = tuple[dict[str, Any], tuple[bytes, ...]]
 """What is sent to the page, and bytes that belong to it."""

@@ -14,7 +14,7 @@ from raytwin.rungs import RUNGS
 from raytwin.scene import NOWHERE, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.scene.record_base import Matrix, NonNegative, Positive, Radiance, Record, Vector
 from raytwin.scene.scene import NO_SUN
-from raytwin.scene.scene_files import check_camera, check_contents, scene_text
+from raytwin.scene.scene_files import scene_text
 from raytwin.tracer import SOLVERS
 
 MOST_OBJECTS, MOST_SAMPLES = 1000, 4096
@@ -81,9 +81,7 @@ class ViewRequest(Record, frozen=True):
             ("solver", self.solver, SOLVERS),
         ):
             check_one_of(what, name, rows)
-        check_contents(Scene("", NOWHERE, self.spheres, self.planes), "")
-        if (turned := self.camera) is not None:
-            check_camera(replace(NOWHERE, R_cam_board=turned.R_cam_board, t_cam_board=turned.t_cam_board), "camera.")
+        self.scene(Scene("", NOWHERE))  # whose records raise
         return self
 
     def scene(self, base: Scene) -> Scene:

@@ -1,5 +1,5 @@
-"""Where a camera stood, from one photo of a board: the homography's pose, OpenCV's, and raytwin's, beside the least
-error that the tags' noise allows (Cramér and Rao)."""
+"""Where a camera stood, from one photo of a board: OpenCV's pose and raytwin's, beside the least error that the tags'
+noise allows (Cramér and Rao)."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from raytwin.errors import InputError
 from raytwin.photos.boards import Board, BoardTag, Grid
-from raytwin.photos.camera import Tag, homography_pose, project, refined_pose
+from raytwin.photos.camera import Tag, project, refined_pose
 from raytwin.photos.camera.lens_model import linearise, of_pose
 from raytwin.photos.camera.pose import ambiguous
 from raytwin.study.atlas.experiment import Error, Experiment
@@ -25,7 +25,6 @@ K = ((780.0, 0.0, 504.0), (0.0, 780.0, 378.0), (0.0, 0.0, 1.0))
 MIDDLE = np.append(np.mean(list(BOARD.centers().values()), axis=0), 0.0)
 
 OURS = "least squares: raytwin"
-HOMOGRAPHY = "homography"
 
 
 @dataclass(frozen=True)
@@ -87,29 +86,27 @@ def board_of(points: dict[int, np.ndarray]) -> Board:
 
 def errors(photo: BoardPhoto, rng: np.random.Generator, n: int) -> dict[str, Error]:
     """The rms angle over n photos; raytwin's over those not called ambiguous, None where most are."""
-    squares: dict[str, list[float]] = {HOMOGRAPHY: [], "OpenCV's IPPE": [], "OpenCV's iterative": [], OURS: []}
+    squares: dict[str, list[float]] = {"OpenCV's IPPE": [], "OpenCV's iterative": [], OURS: []}
     doubted = 0
     for R, points, pixels, board, tags in trials(photo, rng, n):
         try:
-            start = homography_pose(K, (), tags, board)
+            pose, ambiguity = refined_pose(K, (), tags, board)
         except InputError:  # tags in one line
             doubted += 1
             continue
-        squares[HOMOGRAPHY].append(turn_of(start.R, R) ** 2)
         for name, flag in (("OpenCV's IPPE", cv2.SOLVEPNP_IPPE), ("OpenCV's iterative", cv2.SOLVEPNP_ITERATIVE)):
             found, rvec, _ = cv2.solvePnP(points, pixels, np.array(K), None, flags=flag)
             squares[name].append(turn_of(cv2.Rodrigues(rvec)[0], R) ** 2 if found else math.pi**2)
-        pose, ambiguity = refined_pose(K, (), tags, board, start)
         if ambiguous(ambiguity, len(points)):
             doubted += 1
         else:
-            squares[OURS].append(turn_of(pose.R, R) ** 2)
+            squares[OURS].append(turn_of(np.array(pose.R_cam_board), R) ** 2)
     rms: dict[str, Error] = {name: math.sqrt(float(np.mean(s))) if s else None for name, s in squares.items()}
     return rms | ({OURS: None} if doubted > n / 2 else {})
 
 
 ANGLE, BOUND = "rms angle from the true pose, radians", 0.02
-SOURCE = "Collins and Bartoli, Infinitesimal plane-based pose estimation (2014); Zhang, A flexible new technique (2000)"
+SOURCE = "Collins and Bartoli, Infinitesimal plane-based pose estimation (2014)"
 
 
 def over_photos(
@@ -135,14 +132,14 @@ EXPERIMENTS = (
         "pose-noise", "A pose from noisy tags", "noise of a tag's coordinate, pixels",
         (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0), lambda x: BoardPhoto(noise=x),
         "No unbiased pose errs less than the bound of Cramér and Rao, which grows with the noise, and least squares "
-        "reach it. The homography minimises an error that is not the pixels', and can bear a third of the noise.",
+        "reach it.",
         limit=1.0, slack=2, trials=12,
     ),
     over_photos(
         "pose-tags", "A pose from few tags", "tags", (35.0, 20.0, 12.0, 8.0, 6.0, 5.0, 4.0),
         lambda x: BoardPhoto(tags=round(x)),
         "Four tags hold two numbers more than a pose has, so that the wrong one of a plane's two poses may fit as well "
-        "by chance, and three in a line leave the homography open. How much better the first must fit is told by "
+        "by chance. How much better the first must fit is told by "
         "Fisher's F; from four tags that is 32 times, and most photos are called ambiguous.",
         trials=16,
     ),

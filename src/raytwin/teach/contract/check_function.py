@@ -48,7 +48,7 @@ def repair_function(stage: Stage, function: Function, seed: int = 0, source: str
     cases = probes(stage, stage.cases(seed), is_wrong) or probes(stage, stage.last(seed), is_wrong)
     further = partial(further_probes, stage, seed)
     right = right_ones(stage, cases, is_wrong)
-    return repair_here(function, cases, partial(is_repaired, stage), source, further, (), right, words_of(stage.name))
+    return repair_here(function, cases, partial(is_repaired, stage), source, further, right, words_of(stage.name))
 
 
 def is_right(stage: Stage, case: Case, got: Outcome) -> bool:

@@ -35,7 +35,6 @@ def repair_here(
     is_right: Callable[[Case, Any], bool],
     source: str = "",
     further: Callable[[], Sequence[Case]] = tuple,
-    innocent: Sequence[str] = (),
     right: Sequence[Case] = (),
     words: Set[str] | None = None,
 ) -> Repair | None:
@@ -57,7 +56,7 @@ def repair_here(
     def run(chosen: Sequence[Candidate], arguments: Sequence[Any], changed: bool) -> Answers:
         codes, names = [marshal.loads(c.code) for c in chosen], [c.names for c in chosen]
         with _bounded_memory():
-            made: Answers = attempt(space, name, codes, names, arguments, SECONDS_A_TRY, changed, innocent)
+            made: Answers = attempt(space, name, codes, names, arguments, SECONDS_A_TRY, changed)
         return made
 
     def lines(arguments: Sequence[Any]) -> Counter[tuple[str, int]]:
@@ -69,7 +68,7 @@ def repair_here(
     token = _REPAIRING.set(True)
     try:
         runner = Runner(run, lines, correct_lines, Work(WORK))
-        return repair(cells, name, cases, is_right, runner, innocent, further=further, words=words)
+        return repair(cells, name, cases, is_right, runner, further=further, words=words)
     finally:
         _REPAIRING.reset(token)
 
@@ -148,14 +147,14 @@ def right_ones(stage: Stage, cases: Sequence[Case], is_wrong: Callable[[Case], b
 def further_probes(stage: Stage, seed: int) -> list[Case]:
     """Inputs that no test has, of other seeds: a change that is correct by chance in the test's own fails in these.
 
-    Pictures of scenes that are blind to nothing; rays and points of all kinds together.
+    Pictures of scenes in which every mistake shows; other cases, pictures thinned.
     """
     if stage.name in ("hit_points", "render"):
         scenes = (draw_scene(seed + 1000 * k, SIZE, scale=LARGER if k % 2 else 1.0) for k in range(1, DRAWN + 1))
         each = (as_arrays(scene, "lambert" if k % 3 == 2 else "shadow") for k, scene in enumerate(scenes))
         return [_case(stage, Case("", (scene,), ()), (scene,)) for scene in each]
     cases = [case for k in range(1, FURTHER + 1) for case in stage.cases(seed + 1000 * k)]
-    return [*_mixed(stage, cases), *(smaller(stage, case, STRIDES[-1]) or case for case in cases)]
+    return [smaller(stage, case, STRIDES[-1]) or case for case in cases]
 
 
 FURTHER, DRAWN = 2, 6
@@ -164,21 +163,6 @@ SIZE = 20, 15
 """Pixels of such a scene."""
 PROOF = 0.004
 """Share of the values that may be off after a repair: one pixel of such a scene, at a shadow's edge."""
-
-
-def _mixed(stage: Stage, cases: Sequence[Case]) -> Iterator[Case]:
-    """Cases of the same settings in one, their rows in another order: all rows of a case may be alike."""
-    alike: dict[Any, list[Case]] = {}
-    for case in cases:
-        each = [k for k, a in enumerate(case.args) if np.ndim(a) > 1 and len(a) == len(case.expected[0])]
-        same = [None if k in each else np.asarray(a).tobytes() for k, a in enumerate(case.args)]
-        alike.setdefault(tuple(same), []).append(case)
-    for same, some in alike.items():
-        if None in same and len(some) > 1:
-            order = np.random.default_rng(0).permutation(sum(len(case.expected[0]) for case in some))
-            rows = [np.concatenate([case.args[k] for case in some])[order] if one is None else some[0].args[k]
-                    for k, one in enumerate(same)]  # fmt: skip
-            yield _case(stage, some[0], tuple(rows))
 
 
 FINEST = 2

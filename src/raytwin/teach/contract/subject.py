@@ -50,7 +50,7 @@ def find_subject(what: str | Renderer | Callable[..., Any], rung: str, sampling:
     if python:
         process = SubjectProcess(text)
         about = process.describe()
-        found = {name: SubjectFunction(process, name, its) for name, its in about["functions"].items()}
+        found = {name: SubjectFunction(process, name, takes) for name, takes in about["functions"].items()}
         own: dict[str, Callable[..., Any]] = {name: f for name, f in found.items() if name in PARTS}
         render: Callable[..., Any] = found["render"]
         made = about["made"]

@@ -5,7 +5,6 @@ file, run as a script, with one end of a socket; what a subject prints goes wher
 """
 
 import contextlib
-import inspect
 import os
 import signal
 import socket
@@ -36,7 +35,7 @@ class SubjectProcess:
     _finalizer: Callable[[], Any] = lambda: None
 
     def describe(self) -> dict[str, Any]:
-        """Return `made` (what `render` is made of, in words) and `functions`: name -> signature, and what it takes.
+        """Return `made` (what `render` is made of, in words) and `functions`: name -> what it takes.
 
         Raises InputError where the submission cannot be used, SubjectEnded where loading it ends the process.
         """
@@ -105,18 +104,10 @@ def _end(process: "subprocess.Popen[bytes]", connection: Connection) -> None:
 
 
 class SubjectFunction:
-    """One function of a SubjectProcess, with its own signature."""
+    """One function of a SubjectProcess. `takes`: which of seed and samples it takes."""
 
-    def __init__(self, process: SubjectProcess, name: str, about: dict[str, Any]) -> None:
-        self._process, self.__name__, self.takes = process, name, about["takes"]
-        if about["parameters"] is not None:
-            kinds = {kind.name: kind for kind in inspect._ParameterKind}
-            none = inspect.Parameter.empty
-            parameters = [
-                inspect.Parameter(name, kinds[kind], default=None if optional else none)
-                for name, kind, optional in about["parameters"]
-            ]
-            self.__signature__ = inspect.Signature(parameters)
+    def __init__(self, process: SubjectProcess, name: str, takes: set[str]) -> None:
+        self._process, self.__name__, self.takes = process, name, takes
 
     def hint(self) -> str:
         return self._process.hint(self.__name__)
@@ -172,8 +163,7 @@ def _loaded(text: str, functions: dict[str, Callable[..., Any]]) -> dict[str, An
     submission = load(text)
     render, made = submission.picture()
     functions |= {n: f for n, f in submission.stages.items() if n in PARTS and not is_unwritten(f)} | {"render": render}
-    about = {name: {"takes": takes_of(f), "parameters": _parameters(f)} for name, f in functions.items()}
-    return {"made": made, "functions": about}
+    return {"made": made, "functions": {name: takes_of(f) for name, f in functions.items()}}
 
 
 def _hint(name: str, functions: dict[str, Callable[..., Any]]) -> str:
@@ -183,15 +173,6 @@ def _hint(name: str, functions: dict[str, Callable[..., Any]]) -> str:
 
     found = repair_function(CONTRACT[name], functions[name])
     return found.hint(HINTS) if found else ""
-
-
-def _parameters(function: Callable[..., Any]) -> list[tuple[str, str, bool]] | None:
-    """Name, kind, and whether it may be left out; None where the function tells none, as a compiled one."""
-    try:
-        found = inspect.signature(function).parameters.values()
-    except (TypeError, ValueError):
-        return None
-    return [(p.name, p.kind.name, p.default is not inspect.Parameter.empty) for p in found]
 
 
 def _plain(made: Any) -> Any:

@@ -12,7 +12,7 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -42,13 +42,12 @@ _numbers = itertools.count()
 class Submission:
     """`name`: what was handed in. `stages`: of the contract's functions those that it has, in the contract's order.
 
-    `notes`: what a reader should know, a line each (cells of a notebook that failed). `module`: what was run.
+    `notes`: what a reader should know, a line each (cells of a notebook that failed).
     """
 
     name: str
     stages: Mapping[str, Function]
     notes: tuple[str, ...] = ()
-    module: ModuleType | None = field(default=None, compare=False)
 
     def picture(self) -> tuple[Function, str]:
         """What renders a scene: its own `render`, or our tracer with its stages in it; in words, what that is made of.
@@ -101,7 +100,7 @@ def load_code(path: Path, function: str | None = None) -> Submission:
         found["render"] = getattr(module, function)
     if not found:
         raise InputError(path, f"a function of {', '.join(CONTRACT)}", "; ".join(("none", *notes)))
-    return Submission(str(path), found, notes, module)
+    return Submission(str(path), found, notes)
 
 
 def run_file(path: Path) -> ModuleType:
@@ -122,8 +121,9 @@ def run_notebook(path: Path) -> tuple[ModuleType, tuple[str, ...]]:
 
 def cells(path: Path) -> Iterator[tuple[int, str]]:
     """The code cells as plain Python by their number among all cells, from 1; those of other languages are left out."""
+    text = _read(path)
     try:
-        written = msgspec.json.decode(_read(path).encode())
+        written = msgspec.json.decode(text.encode())
         cells = [(cell["cell_type"], "".join(cell["source"])) for cell in written["cells"]]
     except (msgspec.DecodeError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise InputError(path, "a notebook (JSON, version 4)", f"{type(error).__name__}: {error}") from None

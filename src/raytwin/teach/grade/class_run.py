@@ -25,7 +25,6 @@ from raytwin.teach.grade.result import Result
 from raytwin.teach.grade.rubric import Rubric, read_rubric
 from raytwin.teach.grade.submission_code import CODE
 from raytwin.teach.sandbox.sandbox import plain
-from raytwin.teach.sandbox.work_folder import sweep
 
 RESULTS = "results"
 """The folder of what came of each job; it makes a run go on where it stopped."""
@@ -84,10 +83,8 @@ def run(
 ) -> list[Result]:
     """Return the results in the jobs' order; each is written to `out`/results/KEY.json as it comes.
 
-    What the grader failed on before is graded again. `each` is called with every new result as it comes. Folders that a
-    killed run left in the temporary directory are removed first.
+    What the grader failed on before is graded again. `each` is called with every new result as it comes.
     """
-    sweep()
     said = _marked_by_rubric_of(jobs)
     found = {} if again else {job.key: stored(out, job.key) for job in jobs}
     done = {key: result for key, result in found.items() if result is not None and not result.grader_fault}
@@ -110,42 +107,6 @@ def stored(out: Path, key: str) -> Result | None:
         return msgspec.json.decode((out / RESULTS / f"{key}.json").read_bytes(), type=Result)
     except (OSError, msgspec.DecodeError):
         return None
-
-
-class _Listed(msgspec.Struct):
-    student: str
-    key: str
-
-
-class _Class(msgspec.Struct):
-    """What is read of results.json."""
-
-    results: list[_Listed]
-
-
-def with_class(results: Sequence[Result], out: Path, rubric: Rubric) -> list[Result]:
-    """One submission's result among those of the class that `out` holds; alone where it holds none.
-
-    Raises InputError where the class is there and cannot be read whole: nobody may vanish from it.
-    """
-    listed = out / "results.json"
-    if len(results) != 1 or not listed.exists():
-        return list(results)
-    try:
-        keys = [(row.student, row.key) for row in msgspec.json.decode(listed.read_bytes(), type=_Class).results]
-    except (OSError, msgspec.DecodeError) as error:
-        raise InputError(listed, "the results of a class", error) from None
-    found = {results[0].student: results[0]}
-    for student, key in keys:
-        if student not in found:
-            if (other := stored(out, key)) is None:
-                raise InputError(
-                    out / RESULTS / f"{key}.json", f"the stored result of {student}", "none that can be read"
-                )
-            if other.exercises and [e.stage for e in other.exercises] != [e.stage for e in rubric.exercises]:
-                raise InputError(listed, "was graded by other exercises. Grade the whole class again.")
-            found[student] = marked_by(other, rubric)
-    return [found[student] for student in dict.fromkeys([*(name for name, _ in keys), results[0].student])]
 
 
 def _marked_by_rubric_of(jobs: Sequence[Job]) -> Callable[[Result], Result]:

@@ -23,7 +23,7 @@ import msgspec
 from raytwin.errors import InputError, check_one_of
 from raytwin.rungs import RUNGS
 from raytwin.scene import Record
-from raytwin.scene.toml_json import read_toml, to_record, unknown_key
+from raytwin.scene.toml_json import read_toml, to_record
 from raytwin.teach.contract.composed_tracer import NEEDED
 from raytwin.teach.contract.stage_table import LESSONS
 from raytwin.teach.grade.fingerprint import is_fingerprint
@@ -178,7 +178,7 @@ def read_rubric(path: str | Path) -> Rubric:
     path = Path(path)
     data = read_toml(path)
     if "folder" in data:
-        raise unknown_key(path, "folder")
+        raise InputError(f"{path}: folder", "is no known key.")
     rubric = to_record(path, data | {"folder": str(path.parent)}, Rubric)
     named = []
     for i, exercise in enumerate(rubric.exercises):

@@ -58,13 +58,13 @@ DRIVER = f"""
 
 {inspect.getsource(attempt)}
 
-def {CALLED}(function, codes, lengths, names, arguments, seconds, changed, innocent):
+def {CALLED}(function, codes, lengths, names, arguments, seconds, changed):
     import marshal
     import numpy
     ends = numpy.cumsum(lengths).astype(int)
     chosen = [marshal.loads(codes[end - n : end].tobytes()) for end, n in zip(ends, lengths)]
     shapes, numbers = [], []
-    for made in attempt(globals(), function, chosen, names, arguments, seconds, changed, innocent):
+    for made in attempt(globals(), function, chosen, names, arguments, seconds, changed):
         shapes.append(-1 if made is None else len(made))
         for array in made or ():
             shapes += [array.ndim, *array.shape]
@@ -125,7 +125,7 @@ class SecondLook:
             return False
         self.child_with()
         assert self.trials is not None
-        each = ((case, self.trials.run(stage, (), [change], case.args, False)[0]) for case in cases)
+        each = ((case, self.trials.run(stage, [change], case.args, False)[0]) for case in cases)
         return all(got is not None and is_repaired(LESSONS[stage], case, got) for case, got in each)
 
     def close(self) -> None:
@@ -201,9 +201,7 @@ def _makes_right(found: Repair, stage: str, trials: "_Trials") -> bool:
     """Whether the change makes another function right, too, that is wrong without."""
 
     def right_with(change: Candidate) -> bool:
-        each = (
-            (case, trials.run(stage, (), [change], case.args, False)[0]) for case in (*_cases(stage), *_further(stage))
-        )
+        each = ((case, trials.run(stage, [change], case.args, False)[0]) for case in (*_cases(stage), *_further(stage)))
         return all(got is not None and is_repaired(LESSONS[stage], case, got) for case, got in each)
 
     change = found.candidate
@@ -279,7 +277,7 @@ def _repair(
     def keeps(candidate: Candidate) -> bool:
         """Whether it leaves right what is: a change that mends one function and spoils another is none."""
         for other, case in right_beside():
-            (got,) = trials.run(other.name, (), [candidate], case.args, False)
+            (got,) = trials.run(other.name, [candidate], case.args, False)
             if got is None or not is_right(other, case, got):
                 return False
         return True
@@ -296,9 +294,9 @@ def _repair(
     if not (tried := next(filter(None, each), [])):
         return None
     innocent = [*(name for name in right if name not in PICTURES), *ours]
-    runner = Runner(partial(trials.run, stage.name, innocent), partial(trials.lines, stage.name), correct_lines, work)
+    runner = Runner(partial(trials.run, stage.name), partial(trials.lines, stage.name), correct_lines, work)
     wrong_beside = cache(lambda: _some_cases(others, is_wrong, CASES_OF_WRONG))
-    helps = lambda candidate: _helps(candidate, trials, innocent, wrong_beside())  # noqa: E731
+    helps = lambda candidate: _helps(candidate, trials, wrong_beside())  # noqa: E731
     return repair(cells, stage.name, tried, partial(is_repaired, stage), runner, innocent, known,
                   partial(_further, stage.name), keeps, helps, words_of(stage.name))  # fmt: skip
 
@@ -312,14 +310,12 @@ def _some_cases(stages: Sequence[Stage], wanted: Callable[[Case, Stage], bool], 
     return some
 
 
-def _helps(
-    candidate: Candidate, trials: "_Trials", innocent: Sequence[str], beside: Sequence[tuple[Stage, Case]]
-) -> bool:
+def _helps(candidate: Candidate, trials: "_Trials", beside: Sequence[tuple[Stage, Case]]) -> bool:
     """Whether one of these cases becomes right, or none runs what the change is in."""
     runs_it = False
     for stage, case in beside:
         if candidate.runs_in((trials.lines(stage.name, case.args) or {}).keys()):
-            (got,) = trials.run(stage.name, innocent, [candidate], case.args, False)
+            (got,) = trials.run(stage.name, [candidate], case.args, False)
             if got is not None and is_right(stage, case, got):
                 return True
             runs_it = True
@@ -338,15 +334,12 @@ class _Trials:
     def __init__(self, child: Sandbox) -> None:
         self.child = child
 
-    def run(
-        self, function: str, innocent: Sequence[str], chosen: Sequence[Candidate], arguments: Sequence[Any],
-        changed: bool,
-    ) -> Answers:  # fmt: skip
+    def run(self, function: str, chosen: Sequence[Candidate], arguments: Sequence[Any], changed: bool) -> Answers:
         if not chosen:
             return []
         codes, lengths = np.frombuffer(b"".join(c.code for c in chosen), np.uint8), [len(c.code) for c in chosen]
         answer = self.child.call(CALLED, function, codes, lengths, [list(c.names) for c in chosen], list(arguments),
-                                 SECONDS_A_TRY, changed, list(innocent))  # fmt: skip
+                                 SECONDS_A_TRY, changed)  # fmt: skip
         if answer.problem or len(answer.arrays) != 2:
             return [None] * len(chosen)
         shapes, numbers = answer.arrays

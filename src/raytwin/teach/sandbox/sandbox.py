@@ -18,6 +18,7 @@ import secrets
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from dataclasses import dataclass, replace
@@ -33,7 +34,7 @@ from raytwin.scene_folders import REFERENCES
 from raytwin.teach.sandbox import wire
 from raytwin.teach.sandbox.importable import importable
 from raytwin.teach.sandbox.lock import HOLDS, LOCKS, WITHOUT_LOCK, uid_of
-from raytwin.teach.sandbox.work_folder import MEGA, copy_files, excess, new_folder, remove
+from raytwin.teach.sandbox.work_folder import MEGA, copy_files, excess, remove
 
 POLL = 0.1
 """Seconds between two looks at the clock and at the working folder."""
@@ -121,7 +122,7 @@ class Sandbox:
         self._with_uid = uid if uid is not None else probe().get("other uid") == HOLDS
 
     def __enter__(self) -> "Sandbox":
-        self._base, self._held = new_folder()
+        self._base = Path(tempfile.mkdtemp(prefix="raytwin-sandbox-"))
         self._work, self._copy = self._base / "work", self._base / "submission"
         self._work.mkdir(mode=0o700)
         self._copy.mkdir(mode=0o755)
@@ -329,8 +330,6 @@ class Sandbox:
                 self._outbox.get_nowait()
             self._draining.join(1.0)
         remove(self._base)
-        if self._held >= 0:
-            os.close(self._held)
 
 
 # ------------------------------------------------------------------------------------------ probe

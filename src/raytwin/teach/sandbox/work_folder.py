@@ -4,7 +4,6 @@ import contextlib
 import os
 import shutil
 import subprocess
-import tempfile
 import threading
 from pathlib import Path
 
@@ -17,41 +16,6 @@ MOST_FILES = 10_000
 
 REMOVAL_SECONDS = 1.0
 """Seconds that grading waits for the removal of a submission's folder."""
-PREFIX = "raytwin-sandbox-"
-"""How the names of submissions' folders in the temporary directory begin."""
-
-
-def new_folder() -> tuple[Path, int]:
-    """Make a submission's folder; return it and the descriptor of a lock. It is in use until that is closed.
-
-    It has its final name only once it is locked, so `sweep` in another process never takes it for left behind.
-    """
-    folder = Path(tempfile.mkdtemp(prefix="raytwin-new-"))
-    try:
-        import fcntl
-    except ImportError:  # not Unix
-        return folder, -1
-    held = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    with contextlib.suppress(OSError):  # some network file systems have no locks: `sweep` finds none either
-        fcntl.flock(held, fcntl.LOCK_SH)
-    return folder.rename(folder.with_name(folder.name.replace("raytwin-new-", PREFIX))), held
-
-
-def sweep() -> None:
-    """Remove this user's submissions' folders whose process is gone: it was killed before it could do so."""
-    try:
-        import fcntl
-    except ImportError:  # not Unix: no folder is locked
-        return
-    for folder in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
-        with contextlib.suppress(OSError):
-            there = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-            try:
-                fcntl.flock(there, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                if os.fstat(there).st_uid == os.getuid():
-                    remove(folder)
-            finally:
-                os.close(there)
 
 
 def copy_files(folder: Path, to: Path, most: int) -> None:

@@ -81,7 +81,7 @@ class Desk:
 
         sizes = self.photo.shape[1], self.photo.shape[0]
         found = calibrate_detections(self._found, sizes, self.board)
-        pose = pose_of_tags(found.K, found.dist, self._found[self._name], found.shaped(self.board)).refined
+        pose = pose_of_tags(found.K, found.dist, self._found[self._name], found.shaped(self.board))
         camera = camera_at(found, pose)
         self.full_K = np.array(found.K)
         camera = camera.resized(self._width, round(self._width * sizes[1] / sizes[0]))

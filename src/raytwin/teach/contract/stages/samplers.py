@@ -65,10 +65,8 @@ def _compiled(expression: str) -> Any:
     return compile(expression, "sampler", "eval")
 
 
-COSINE = Sampler("sqrt(1 - a)", "z / pi", "z / pi")
 SAMPLERS = {
-    "hemisphere": COSINE,
-    "sample_cosine": COSINE,
+    "sample_cosine": Sampler("sqrt(1 - a)", "z / pi", "z / pi"),
     "sample_hemisphere": Sampler("1 - a", "1 / (2 * pi)", "z / pi"),
     "sample_cone": Sampler("1 - a * (1 - c)", "1 / (2 * pi * (1 - c))", "1"),
     "sample_phong": Sampler("(1 - a) ** (1 / (n + 1))", "(n + 1) / (2 * pi) * z**n", "(n + 2) / (2 * pi) * z**n"),
@@ -79,22 +77,13 @@ SAMPLERS = {
 # ------------------------------------------------------------------------------------------ what students write
 
 
-def hemisphere(a: Any, b: Any) -> Any:
-    """Unit directions (N, 3) about the normal (0, 0, 1), with density cos θ / π; a, b: (N,), numbers in [0, 1).
-
-    A point of the unit disk, even over its area, raised to the hemisphere (Malley): at the radius √a and the angle
-    2πb, so that z = cos θ = √(1 - a).
-    """
-    return COSINE(np.stack([a, b], axis=-1))[0]
-
-
 def sample_cosine(u: Any) -> Any:
     """Unit directions (N, 3) about the normal (0, 0, 1), pdf (N,), weight (N,); u: (N, 2), numbers in [0, 1).
 
     They are drawn with the density cos θ / π per steradian, which is their pdf. What is sampled is a white Lambertian
     BRDF times the cosine, cos θ / π. The weight is that divided by the pdf.
     """
-    return COSINE(u)
+    return SAMPLERS["sample_cosine"](u)
 
 
 def sample_hemisphere(u: Any) -> Any:
@@ -132,7 +121,7 @@ NAMES = tuple(SAMPLERS)
 def source_of(names: Sequence[str]) -> str:
     """The text of these samplers, with all that they need."""
     head = "from functools import cache\nfrom typing import Any, NamedTuple\nimport numpy as np\nArrays = Any"
-    known = f"COSINE = {COSINE!r}\nSAMPLERS = {SAMPLERS!r}"
+    known = f"SAMPLERS = {SAMPLERS!r}"
     texts = [inspect.getsource(globals()[name]) for name in names]
     return "\n\n".join([head, inspect.getsource(Sampler), inspect.getsource(_compiled), known, *texts])
 
@@ -141,10 +130,10 @@ def source_of(names: Sequence[str]) -> str:
 
 
 class Drawn:
-    """What a function gave in one case, beside its textbook: unit `directions` (N, 3), what it `claims` of them."""
+    """What a function gave in one case, beside its textbook: unit `directions` (N, 3), `pdf` and `weight` (N,)."""
 
     def __init__(self, sampler: Sampler, case: Case, got: Arrays) -> None:
-        self.sampler, (self.directions, *self.claims) = sampler, got
+        self.sampler, (self.directions, self.pdf, self.weight) = sampler, got
         self.parameter = next((argument for argument in case.args if np.ndim(argument) == 0), None)
         self.z = self.directions[:, 2]
         self.lowest = float(self.at("cosine", a=1.0))
@@ -169,10 +158,8 @@ class Drawn:
     def errors(self) -> np.ndarray:
         """Return each direction's error: its length, domain, pdf and weight x pdf; 1 for all where the test fails."""
         off = np.maximum(self.off, np.maximum(self.lowest - self.z, 0))
-        if self.claims:
-            pdf, weight = self.claims
-            for found, part in ((pdf, "pdf"), (weight * pdf, "value")):
-                off = np.maximum(off, np.abs(found - self.at(part, z=self.z)) / self.at(part, z=1.0))
+        for found, part in ((self.pdf, "pdf"), (self.weight * self.pdf, "value")):
+            off = np.maximum(off, np.abs(found - self.at(part, z=self.z)) / self.at(part, z=1.0))
         if not (off <= TOLERANCE).all() or self.p_value(self.sampler) >= FALSE_ALARMS:
             return np.asarray(off)
         return np.ones_like(off)
@@ -182,23 +169,21 @@ class Drawn:
         inside = self.z >= self.lowest
         if not inside.any():
             return np.nan
-        z, pdf = self.z[inside], self.claims[0][inside]
+        z, pdf = self.z[inside], self.pdf[inside]
         order = np.argsort(z)
         z, pdf = np.concatenate([[self.lowest], z[order], [1.0]]), pdf[order[[0, *range(len(z)), -1]]]
         return float(2 * np.pi * trapezoid(pdf, z))
 
     def variance(self) -> float:
         """The weight's variance by the square of its mean."""
-        return float(self.claims[1].var() / max(self.claims[1].mean() ** 2, 1e-300))
+        return float(self.weight.var() / max(self.weight.mean() ** 2, 1e-300))
 
     def fits(self, wrong: Sampler) -> bool:
         """Whether a mistake predicts what was drawn and claimed; the weight may be of the correct pdf, too."""
         if self.p_value(wrong) < UNLIKE:
             return False
-        if not self.claims:
-            return True
         inside = self.z >= self.lowest
-        z, (pdf, weight) = self.z[inside], (claim[inside] for claim in self.claims)
+        z, pdf, weight = (values[inside] for values in (self.z, self.pdf, self.weight))
         value, right = self.at("value", z=z), self.at("pdf", z=z)
         claimed = wrong.at("pdf", self.parameter, z=z)
         weights = [wrong.at("weight", self.parameter, value=value, pdf=one) for one in (claimed, right)]
@@ -229,15 +214,14 @@ def faults(stage: str) -> tuple[tuple[str, str, tuple[Sampler, ...]], ...]:
 
     A mistake's line is the samplers, its name and its sentence. A way's begins with a tab: part, expression, ...
     """
-    of = "sample_cosine" if stage == "hemisphere" else stage
     made: list[tuple[str, str, list[Sampler]]] = []
     for line in Path(__file__).with_name("sampler_faults.tsv").read_text(encoding="utf-8").splitlines():
         samplers, *fields = line.split("\t")
         if samplers:
-            concerned = of in samplers.split()
+            concerned = stage in samplers.split()
             made += [(fields[0], fields[1], [])] if concerned else []
         elif concerned:
-            made[-1][2].append(SAMPLERS[of]._replace(**dict(zip(fields[::2], fields[1::2], strict=True))))
+            made[-1][2].append(SAMPLERS[stage]._replace(**dict(zip(fields[::2], fields[1::2], strict=True))))
     return tuple((name, sentence, tuple(ways)) for name, sentence, ways in made)
 
 
@@ -260,11 +244,10 @@ def _told(stage: str, cases: Sequence[Case], got: Sequence[Arrays]) -> str:
     if not all(one.unit for one in drawn):
         return f"the largest error of a direction's length is {max(one.off.max() for one in drawn):.2g}"
     said = [f"chi-square p {', '.join(f'{one.p_value(one.sampler):.2g}' for one in drawn)}"]
-    if drawn[0].claims:
-        integrals = dict.fromkeys(f"{one.integral():.4g}" for one in drawn)
-        said.append(f"the pdf integrates to {', '.join(integrals)}")
-        least = "0 by the density cos θ / π" if stage == "sample_hemisphere" else "best known: 0"
-        said.append(f"the weight's relative variance is {round(max(one.variance() for one in drawn), 6):.2g} ({least})")
+    integrals = dict.fromkeys(f"{one.integral():.4g}" for one in drawn)
+    said.append(f"the pdf integrates to {', '.join(integrals)}")
+    least = "0 by the density cos θ / π" if stage == "sample_hemisphere" else "best known: 0"
+    said.append(f"the weight's relative variance is {round(max(one.variance() for one in drawn), 6):.2g} ({least})")
     return "; ".join(said)
 
 
@@ -277,16 +260,14 @@ def _stage(reference: Callable[..., Any], *shown: tuple[str, tuple[float, ...]])
 
     def cases(seed: int) -> list[Case]:
         rng = np.random.default_rng(seed)
-        numbers = ((words, rng.uniform(size=(DRAWS, 2)), parameters) for words, parameters in shown)
-        asked = [(words, (*u.T,) if reference is hemisphere else (u, *more)) for words, u, more in numbers]
+        asked = [(words, (rng.uniform(size=(DRAWS, 2)), *more)) for words, more in shown]
         return [Case(words, args, arrays_of(reference(*args))) for words, args in asked]
 
     def errors(case: Case, got: Arrays) -> np.ndarray:
         return Drawn(SAMPLERS[name], case, got).errors()
 
-    returns = ("directions", "pdf", "weight")[: 1 if reference is hemisphere else 3]
     return Stage(
-        reference, returns, cases, errors, TOLERANCE, "of 1",
+        reference, ("directions", "pdf", "weight"), cases, errors, TOLERANCE, "of 1",
         columns=True, by_values=partial(_named, name), tells=partial(_told, name),
         judged_by="a chi-square test of the directions",
     )  # fmt: skip
@@ -294,7 +275,6 @@ def _stage(reference: Callable[..., Any], *shown: tuple[str, tuple[float, ...]])
 
 EVEN = ("numbers at random", ()), ("other numbers at random", ())
 STAGES = (
-    _stage(hemisphere, *EVEN),
     _stage(sample_cosine, *EVEN),
     _stage(sample_hemisphere, *EVEN),
     _stage(sample_cone, ("a wide cone", (0.3,)), ("a narrow cone", (0.98,))),

@@ -1,12 +1,7 @@
-"""How people call the objects of a scene: by the name its file gives, else by kind, number and colour."""
+"""The everyday word for a colour."""
 
 import colorsys
-from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import count
-from typing import Any
-
-from msgspec import UNSET
+from collections.abc import Sequence
 
 GREYEST, BLACKEST, WHITEST = 0.25, 0.06, 0.7
 """Saturation below which a colour is a grey; lightness (HSV's value, of linear light) of black and of white."""
@@ -15,20 +10,6 @@ HUES = (
     (340, "pink"), (360, "red"),
 )  # fmt: skip
 """Degrees up to which a hue has its name."""
-
-
-def numbered(kinds: Iterable[str]) -> tuple[str, ...]:
-    """Return `sphere 0, sphere 1, plane 0` for the kinds `sphere, sphere, plane`."""
-    counts: defaultdict[str, Iterator[int]] = defaultdict(count)
-    return tuple(f"{kind} {next(counts[kind])}" for kind in kinds)
-
-
-def called(numbers: Sequence[str], names: Sequence[Any], colours: Sequence[Sequence[float]]) -> tuple[str, ...]:
-    """Return each object's own name, or its number with its colour; `names` are UNSET where the file gives none."""
-    return tuple(
-        f"{number} ({colour_word(colour)})" if name is UNSET else str(name)
-        for number, name, colour in zip(numbers, names, colours, strict=True)
-    )
 
 
 def colour_word(albedo: Sequence[float]) -> str:
