@@ -7,6 +7,7 @@
 Loaded by every pytest run on a machine that has raytwin: so this file imports nothing but pytest at load.
 """
 
+import contextlib
 import itertools
 import os
 import shlex
@@ -382,12 +383,14 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     folder = _report_folder(item.config)
     ours = {"raytwin_laws", "raytwin_reference"} & set(getattr(item, "fixturenames", ()))
     if folder is not None and ours and report.failed and call.excinfo and not item.stash.get(_FAILED, False):
+        from raytwin.errors import InputError
         from raytwin.show import check_page
 
         text = call.excinfo.exconly(tryshort=True).removeprefix("Failed: ").splitlines()
         case = getattr(item, "callspec", None)
         reason = f"{'' if call.when == 'call' else f'in {call.when}: '}{text[0] if text else 'an error'}"
-        check_page.write_crash(folder, *_numbered(item, "error"), case.id if case else "", reason)
+        with contextlib.suppress(InputError):  # the end of the run says that there is no report
+            check_page.write_crash(folder, *_numbered(item, "error"), case.id if case else "", reason)
     return report
 
 

@@ -1,6 +1,6 @@
 """Damaged and adversarial image files, and a child process of limited memory that reads them.
 
-`python tests/hostile.py FOLDER RESULTS` reads every file there and writes, for each, its name and what came of it.
+`python tests/images/hostile.py FOLDER RESULTS` writes what came of reading each file there.
 """
 
 import io
@@ -62,15 +62,11 @@ def sound_files() -> dict[str, bytes]:
         made["colour.pfm"] = (folder / "x.pfm").read_bytes()
     made["big_endian_grey.pfm"] = b"Pf\n33 21\n1.0\n" + a[::-1, :, 0].astype(">f4").tobytes()
     codes = np.round(a * 255).astype(np.uint8)
-    for key, mode, options in (
-        ("rgb", "RGB", {}), ("grey", "L", {}), ("palette", "P", {}), ("rgba", "RGBA", {}), ("bits", "1", {}),
-    ):  # fmt: skip
-        buffer = io.BytesIO()
-        Pillow.fromarray(codes).convert(mode).save(buffer, "PNG", **options)
+    for key, mode in (("rgb", "RGB"), ("grey", "L"), ("palette", "P"), ("rgba", "RGBA"), ("bits", "1")):
+        Pillow.fromarray(codes).convert(mode).save(buffer := io.BytesIO(), "PNG")
         made[f"{key}.png"] = buffer.getvalue()
-    for key, options in (("base", {}), ("progressive", {"progressive": True})):
-        buffer = io.BytesIO()
-        Pillow.fromarray(codes).save(buffer, "JPEG", **options)
+    for key, progressive in (("base", False), ("progressive", True)):
+        Pillow.fromarray(codes).save(buffer := io.BytesIO(), "JPEG", progressive=progressive)
         made[f"{key}.jpg"] = buffer.getvalue()
     for key in ("PPM", "TIFF", "BMP", "WEBP"):
         Pillow.fromarray(codes).save(buffer := io.BytesIO(), key)

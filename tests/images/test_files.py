@@ -378,22 +378,21 @@ def photo(rng: np.random.Generator, h: int = 40, w: int = 60) -> np.ndarray:
     return rng.integers(0, 256, (h, w, 3), dtype=np.uint8)
 
 
-def test_a_png_keeps_every_code_and_a_jpeg_nearly(tmp_path):
-    rng = np.random.default_rng(1)
-    pixels = photo(rng)
+def test_photos_of_all_kinds_are_read_with_every_code_and_a_jpeg_nearly(tmp_path):
+    pixels = photo(np.random.default_rng(1))
     write_picture(tmp_path / "a.png", pixels)
-    np.testing.assert_array_equal(read_photo(tmp_path / "a.png"), pixels)
+    for name, options in (("a.TIFF", {}), ("a.bmp", {}), ("a.tif", {}), ("a.webp", {"lossless": True})):
+        Pillow.fromarray(pixels).save(tmp_path / name, **options)
+    for path in list_photos(tmp_path):
+        np.testing.assert_array_equal(read_photo(path), pixels)
     smooth = np.broadcast_to(np.linspace(20, 230, 60).astype(np.uint8)[None, :, None], (40, 60, 3))
     write_picture(tmp_path / "a.JPG", smooth, quality=98)
     assert np.abs(read_photo(tmp_path / "a.JPG").astype(int) - smooth).max() <= 3
-    for quality in (30, 95):
-        write_picture(tmp_path / f"{quality}.jpg", pixels, quality)
-    assert (tmp_path / "95.jpg").stat().st_size > 2 * (tmp_path / "30.jpg").stat().st_size
-    (tmp_path / "notes.txt").touch()
-    assert [p.name for p in list_photos(tmp_path)] == ["30.jpg", "95.jpg", "a.JPG", "a.png"]
     write_picture(tmp_path / "grey.png", pixels[..., 0])
     np.testing.assert_array_equal(read_photo(tmp_path / "grey.png"), np.repeat(pixels[..., :1], 3, axis=-1))
-    assert photo_size(tmp_path / "a.png") == (60, 40)
+    (tmp_path / "notes.txt").touch()
+    names = ["a.JPG", "a.TIFF", "a.bmp", "a.png", "a.tif", "a.webp", "grey.png"]
+    assert [p.name for p in list_photos(tmp_path)] == names
     with pytest.raises(InputError, match=r"expected a name that ends in \.png, \.jpg or \.jpeg, got \.tiff"):
         write_picture(tmp_path / "a.tiff", pixels)
 
@@ -406,15 +405,6 @@ def test_a_photo_read_as_grey_is_the_luma_of_its_colours(tmp_path):
         grey = read_grey(tmp_path / name)
         assert grey.dtype == np.uint8
         assert np.abs(grey - read_photo(tmp_path / name) @ np.array([0.299, 0.587, 0.114])).max() <= 2
-
-
-def test_photos_of_other_kinds_are_read(tmp_path):
-    pixels = photo(np.random.default_rng(1))
-    names = ["a.TIFF", "a.bmp", "a.tif", "a.webp"]
-    for name in names:
-        Pillow.fromarray(pixels).save(tmp_path / name, **{"lossless": True} if name == "a.webp" else {})
-        np.testing.assert_array_equal(read_photo(tmp_path / name), pixels)
-    assert list_photos(tmp_path) == [tmp_path / name for name in names]
 
 
 def test_a_photo_of_more_than_8_bits_or_from_a_phone_is_refused_by_name(tmp_path):
@@ -469,8 +459,6 @@ def test_a_wrong_photo_is_named(tmp_path):
 
 # ------------------------------------------------------------------------------------------------ EXR
 
-ANY_FLOAT = st.floats(width=32, allow_nan=True, allow_infinity=True)
-
 
 def same_bits(a: np.ndarray, b: np.ndarray) -> bool:
     return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
@@ -480,9 +468,7 @@ def same_bits(a: np.ndarray, b: np.ndarray) -> bool:
 @given(data=st.data(), h=st.integers(1, 9), w=st.integers(1, 9), has_variance=st.booleans(), has_surface=st.booleans())
 def test_an_image_survives_an_exr_to_the_last_bit(tmp_path, data, h, w, has_variance, has_surface):
     def layer(*shape):
-        # With the last 8 bits of all values clear, another packing is taken.
-        bits = np.uint32(data.draw(st.sampled_from([0xFFFFFFFF, 0xFFFFFF00])))
-        return (data.draw(arrays(np.float32, shape, elements=ANY_FLOAT)).view(np.uint32) & bits).view(np.float32)
+        return data.draw(arrays(np.float32, shape, elements=st.floats(width=32, allow_nan=True, allow_infinity=True)))
 
     ids = data.draw(arrays(np.int32, (h, w), elements=st.integers(-1, 2**31 - 2)))
     surface = Surface(ids, layer(h, w), layer(h, w, 3)) if has_surface else None
@@ -492,15 +478,12 @@ def test_an_image_survives_an_exr_to_the_last_bit(tmp_path, data, h, w, has_vari
     )
     write_exr(tmp_path / "x.exr", image, {"seed": "7", "samples": "wrong", "batches": "wrong"})
     found, header = read_exr(tmp_path / "x.exr")
+    assert (found.samples, found.batches, header["seed"]) == (image.samples, image.batches, "7")
     assert same_bits(found.mean, image.mean)
-    assert (found.samples, found.batches) == (image.samples, image.batches)
-    assert header["seed"] == "7"
-    assert (found.variance is None) == (image.variance is None)
-    assert image.variance is None or same_bits(found.variance, image.variance)
+    assert found.variance is image.variance is None or same_bits(found.variance, image.variance)
     assert (found.surface is None) == (surface is None)
-    if surface is not None:
-        for name in ("ids", "depth", "normal"):
-            assert same_bits(getattr(found.surface, name), getattr(surface, name)), name
+    for name in ("ids", "depth", "normal") if surface else ():
+        assert same_bits(getattr(found.surface, name), getattr(surface, name)), name
 
 
 def test_a_wrong_exr_is_named(tmp_path):

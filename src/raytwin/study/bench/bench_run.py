@@ -36,8 +36,8 @@ ERRORS = ("rmse", "relmse", "p999_abs")
 ALL_LIGHT = "path-area"
 """The reference with all light, which every method is compared with, whatever part of it the method computes."""
 REFERENCE_SHARE, PREPARE_SHARE = 0.3, 0.47
-"""Shares of a size's time: references end after the first, and no method is prepared after the second. Each warm call
-takes no longer than its first one did, so that three rounds of timed calls fit into what is left."""
+"""Shares of a size's time: all references take the first, and no method is prepared after the second. A warm call takes
+no longer than the first one did, so that three rounds of timed calls fit into the rest."""
 OUT_OF_TIME = "no time"
 """How the reason begins where a larger budget would help."""
 
@@ -85,7 +85,7 @@ def bench(
     cameras = [sized(scene.camera, megapixels) for megapixels in sizes]
     for i, camera in enumerate(cameras):
         own, whole, missing = measure_size(
-            scene.with_camera(camera), scene.tolerance, chosen, subjects, portion(start + budget, len(sizes) - i),
+            scene.with_camera(camera), scene.tolerance, chosen, subjects, start + budget * (i + 1) / len(sizes),
             repeats, truth_samples, progress, no_picture if i else picture,
         )  # fmt: skip
         rows, errors, left = rows + own, errors + whole, missing | left
@@ -152,11 +152,6 @@ def check_numbers(where: str, numbers: Sequence[float], most: float = math.inf) 
         raise InputError(where, f"at most {most}", f"{max(numbers):g}")
 
 
-def portion(until: float, parts: int) -> float:
-    """Return the end of the first of `parts` equal parts of the time from now until then."""
-    return clock() + (until - clock()) / parts
-
-
 def _nothing(left: dict[str, str], subjects: Collection[str], budget: float, spent: float) -> InputError:
     """Why nothing was measured, and what to give."""
     if late := [name for name, why in left.items() if why.startswith(OUT_OF_TIME)]:
@@ -202,7 +197,7 @@ def measure_size(
     for i, name in enumerate(names):
         progress("references", i, len(names))
         rung, sampling = name.split("-")
-        seconds = portion(start + REFERENCE_SHARE * given, len(names) - i) - clock()
+        seconds = REFERENCE_SHARE * given / len(names)
         known = converged(scene, rung, sampling, samples=truth_samples, seconds=seconds, clock=clock)
         references[name] = known
         picture(f"reference {name}", known.image)
