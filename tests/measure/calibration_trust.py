@@ -18,7 +18,7 @@ import cv2
 import msgspec
 import numpy as np
 from measure import record
-from photo_helpers import PlainRenderer, a_camera, stored_board, stored_tags
+from photo_helpers import BentRenderer, PlainRenderer, a_camera, stored_board, stored_tags
 
 from raytwin.images.photo_files import photo_size, read_photo, write_picture
 from raytwin.photos.boards import Board, Grid, read_board
@@ -82,7 +82,8 @@ def drawn(seed: int, bend: float = 0.0, spoil: Callable[[np.ndarray, int], np.nd
     board = Board(family, float(edge), Grid(columns, rows, float(edge * rng.uniform(1.2, 1.35))))
     camera = msgspec.structs.replace(a_camera(*size), K=K, dist=tuple(map(float, dist)))
     with tempfile.TemporaryDirectory() as folder:
-        photograph(board, camera, 14, folder, PlainRenderer(), seed=5000 + seed, bend=bend)
+        render = BentRenderer(board, bend) if bend else PlainRenderer()
+        photograph(board, camera, 14, folder, render, seed=5000 + seed)
         photos = sorted(Path(folder).glob("*.jpg"))
         for i, photo in enumerate(photos):
             if spoil is not None:

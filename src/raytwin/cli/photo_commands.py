@@ -115,16 +115,13 @@ def light_command(
 
 def simulate_command(
     out: Path, board: Path, scene: Path | None = None, count: int = 14, size: Size = None,
-    focal: float = 1560.0, dist: str = "0.08,-0.16", samples: int = 32, seed: int = 1, bend: str = "0mm",
+    focal: float = 1560.0, dist: str = "0.08,-0.16", samples: int = 32, seed: int = 1,
     with_objects: bool = False, verbose: bool = False,
 ) -> None:  # fmt: skip
     """Render photos of a board with Mitsuba, and the true camera."""
-    from raytwin.photos.boards.lengths import parse_length
     from raytwin.study.photograph import photograph_board
 
     check_outputs(folders=(out,))
-    # A number without a unit is in millimetres.
-    bent = parse_length(bend if bend.strip()[-1:].isalpha() else f"{bend}mm", "--bend", zero=True)
     with show_progress() as progress:
         photograph_board(
             board,
@@ -137,7 +134,6 @@ def simulate_command(
             samples=samples,
             seed=seed,
             with_objects=with_objects,
-            bend=bent,
             progress=progress,
         )
     print_seconds(progress, verbose)
