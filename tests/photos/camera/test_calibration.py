@@ -28,9 +28,6 @@ def _views(dist=(0.08, -0.16), count: int = 12, noise: float = 0.05, seed: int =
     return camera, stands, seen(camera, stands, noise=noise, rng=rng)
 
 
-# ---------------------------------------------------------------------------------- what is found
-
-
 def test_from_exact_detections_the_camera_and_every_pose_are_the_truth():
     camera, stands, tags = _views(noise=0)
     found = calibrate_detections(tags, SIZE, SMALL, "k1k2")
@@ -92,9 +89,6 @@ def test_its_json_has_exactly_the_promised_keys(tmp_path):
     assert list(data["boards"][0]) == ["offsets", "bend_mm", "bend_sigma_mm"]
     assert list(data["warnings"][0]) == ["code", "text"]
     assert data["image_size"] == [1008, 756]
-
-
-# ---------------------------------------------------------------------------------- real photos
 
 
 @pytest.mark.nightly
@@ -184,9 +178,6 @@ def test_every_code_that_the_docs_list_is_provoked_by_a_test_and_no_other():
     page = Path(__file__).parents[3] / "docs" / "photos.md"
     listed = set(re.findall(r"^\| `([a-z-]+)` \|", page.read_text(), re.MULTILINE))
     assert set(re.findall(r'"([a-z]+(?:-[a-z]+)+)"', tests)) == listed
-
-
-# ---------------------------------------------------------------------------------- wrong input
 
 
 def test_too_few_photos_or_views_other_ids_and_models_are_refused(shoot):

@@ -73,9 +73,6 @@ def test_a_mirrored_photo_is_called_mirrored(sheet, tmp_path):
         detect_photo(file)
 
 
-# ---------------------------------------------------------------------------------- where the centres are
-
-
 def test_found_centres_are_where_the_camera_projects_them_once_the_bias_is_taken_out(shoot):
     folder, truth = shoot()
     raw, mended = [], []
