@@ -43,7 +43,7 @@ def calibrate_command(
                 _write_camera(out, calibration, photo)
                 calibration_page.write_calibration(calibration, out.with_suffix(".html"), out.name)
     if json:
-        write_json(json, calibration.numbers())
+        write_json(json, calibration.to_dict())
     say_wrapped(terminal_text.calibration_summary(calibration))
     print_seconds(progress, verbose)
 

@@ -68,14 +68,10 @@ class Calibration(Record, frozen=True):
     warnings: tuple[CalibrationWarning, ...] = ()
     evidence: Evidence = Evidence()
 
-    def numbers(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """What the JSON holds; `boards` is a list of one."""
         fields = {k: v for k, v in msgspec.structs.asdict(self).items() if k not in ("evidence", "board")}
-        return fields | {"boards": [self.board]}
-
-    def to_dict(self) -> dict[str, Any]:
-        """What the JSON holds as plain values."""
-        plain: dict[str, Any] = msgspec.to_builtins(self.numbers())
+        plain: dict[str, Any] = msgspec.to_builtins(fields | {"boards": [self.board]})
         return plain
 
     def table(self) -> list[dict[str, Any]]:
