@@ -107,7 +107,7 @@ def real_tags(shared_photos):
 @pytest.fixture(scope="session")
 def shoot(tmp_path_factory):
     """A folder of photos of the plain renderer's, and their truth; made once for the same arguments."""
-    from photo_helpers import BOARD, PlainRenderer, a_camera
+    from photo_helpers import BOARD, BentRenderer, PlainRenderer, a_camera
 
     from raytwin.photos.synthetic_photos import photograph
 
@@ -119,10 +119,8 @@ def shoot(tmp_path_factory):
         key = (count, dist, width, height, seed, bend)
         if key not in made:
             out = tmp_path_factory.mktemp("photos")
-            made[key] = (
-                out,
-                photograph(BOARD, a_camera(width, height, dist), count, out, PlainRenderer(), seed=seed, bend=bend),
-            )
+            render = BentRenderer(BOARD, bend) if bend else PlainRenderer()
+            made[key] = out, photograph(BOARD, a_camera(width, height, dist), count, out, render, seed=seed)
         return made[key]
 
     return take

@@ -1,6 +1,8 @@
 """Cameras, boards and detections that the tests of photos share."""
 
 import json
+import math
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -49,6 +51,86 @@ class PlainRenderer:
         )
         mean = cv2.resize(seen, camera.image_size, interpolation=cv2.INTER_AREA)
         return np.repeat(self.light * mean[..., None], 3, axis=-1)
+
+
+BOW_DEGREES = 30.0
+"""The direction in which a bow's height changes, from the board's X."""
+
+NODES = 16
+"""How a bent sheet is seen is computed for one texel of this many."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bow:
+    """A sheet bent about one direction and not stretched: z = bend/2 (1 + cos(pi s / reach)), s along `across`, metres.
+
+    `bend` is the height from the middle to the outermost tags. No polynomial, so that it is no shape that a fit of
+    polynomials could find exactly. `s`, `arc`: a table of how long the sheet is from the middle to s.
+    """
+
+    bend: float
+    reach: float
+    middle: np.ndarray
+    across: np.ndarray
+    s: np.ndarray
+    arc: np.ndarray
+
+    def height(self, s: np.ndarray) -> np.ndarray:
+        return self.bend / 2 * (1 + np.cos(np.pi / self.reach * s))
+
+    def bent(self, flat: np.ndarray) -> np.ndarray:
+        """(n, 3): where the flat sheet's points (n, 2) are in space."""
+        along = (flat - self.middle) @ self.across
+        s = np.interp(along, self.arc, self.s)
+        return np.c_[flat + (s - along)[:, None] * self.across, self.height(s)]
+
+    def seen_from(self, texture: np.ndarray, extent: tuple[float, float, float, float], eye: np.ndarray) -> np.ndarray:
+        """What a flat sheet must show, for an eye at `eye`, to look like the bent one: its texture moved accordingly.
+
+        A ray from the eye meets the bent sheet at another place than the flat one: exact for where things are seen; the
+        light is the flat sheet's.
+        """
+        h, w = texture.shape
+        x0, x1, y0, y1 = extent
+        columns, rows = np.meshgrid(*((np.arange(n) + 0.5) / n for n in (-(-w // NODES), -(-h // NODES))))
+        flat = np.stack([x0 + columns * (x1 - x0), y1 - rows * (y1 - y0)], axis=-1)
+        met = flat
+        for _ in range(20):  # each time the error shrinks by the slope times the tangent of the view's tilt
+            z = self.height((met - self.middle) @ self.across)
+            met = flat + (eye[:2] - flat) * (z / eye[2])[..., None]
+        s = (met - self.middle) @ self.across
+        printed = met + (np.interp(s, self.s, self.arc) - s)[..., None] * self.across
+        moved = ((printed - flat) * [w / (x1 - x0), -h / (y1 - y0)]).astype(np.float32)
+        dx, dy = cv2.split(cv2.resize(moved, (w, h), interpolation=cv2.INTER_LINEAR))
+        dx += np.arange(w, dtype=np.float32)
+        dy += np.arange(h, dtype=np.float32)[:, None]
+        return cv2.remap(texture, dx, dy, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+
+
+def bow_of(board: Board, bend: float) -> Bow:
+    """The bow that lifts the board's middle by `bend` metres over its outermost tags."""
+    xy = np.array(list(board.centers().values()))
+    middle = (xy.min(axis=0) + xy.max(axis=0)) / 2
+    across = np.array([math.cos(math.radians(BOW_DEGREES)), math.sin(math.radians(BOW_DEGREES))])
+    reach = float(np.abs((xy - middle) @ across).max())
+    s = np.linspace(-3, 3, 6001) * reach
+    slope = -bend / 2 * np.pi / reach * np.sin(np.pi / reach * s)
+    length = np.sqrt(1 + slope**2)
+    arc = np.concatenate([[0], np.cumsum((length[1:] + length[:-1]) / 2 * np.diff(s))])
+    return Bow(bend, reach, middle, across, s, arc - np.interp(0, s, arc))
+
+
+class BentRenderer(PlainRenderer):
+    """The same of a sheet that is bent into a bow."""
+
+    def __init__(self, board: Board, bend: float):
+        super().__init__()
+        self.bow = bow_of(board, bend)
+
+    def __call__(self, camera, texture, sheet):
+        (x, y, _), u, v = sheet.center, sheet.half_u[0], sheet.half_v[1]
+        shown = self.bow.seen_from(texture, (x - u, x + u, y - v, y + v), np.array(camera.eye))
+        return super().__call__(camera, shown, sheet)
 
 
 def a_camera(width: int = 1008, height: int = 756, dist=(0.08, -0.16)) -> Camera:

@@ -123,7 +123,7 @@ def test_an_option_beyond_reason_is_refused(tmp_path, scenes):
         (("light", "B", "-o", "l.toml", "--camera", "c", "--ball", "1mm,,2,3"), "expected numbers separated by"),
         (("light", "B", "-o", "l.toml", "--camera", "c", "--ball", "1px,2,3,4"), "--ball: expected a length"),
         (("light", "B", "-o", "l.toml", "--camera", "c", "--stand", "1mm,2,-3mm"), "--stand: expected x,y,h in"),
-        (("photograph", "-o", "OUT", "--board", "B", "--bend", "3px"), "--bend: expected a length with its unit"),
+        (("board", "-o", "OUT.pdf", "--tag", "3px"), "--tag: expected a length with its unit"),
         (("bench", "single", "--sizes", "nan"), "--sizes: expected finite numbers"),
         (("bench", "single", "--sizes", "1e9"), "--sizes: expected at most 1000, got 1e+09"),
         (("compare", "single", "--rung", "path", "--samples", "99999999999"), "whole number from 1 to 16777216, got"),

@@ -39,6 +39,7 @@ COMMANDS: dict[str, str] = {
     "matrix": "Use `raytwin bench SCENE... --subject A --subject B`, or pytest as docs/renderer.md shows.",
     "needs": "Use `raytwin levels SCENE --tolerance T`.",
     "photo draw --against": "Use `raytwin diff DRAWN TRUE` on two photos or folders.",
+    "photo simulate --bend": "Leave it out: a synthetic board is flat.",
     "photo simulate --ball": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
     "photo simulate --exposure": "Scale the sun and the sky of the scene that --scene names.",
     "photo simulate --mirror": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",

@@ -4,7 +4,7 @@
 
 Timed as users meet it: photos on disk -> decode, find the tags, fit -> camera. The photos are synthetic (15 of 4032 x
 3024 by default). *Held out* is the rms error in photos that the fit did not use, in pixels of the photos as taken,
-against the true centres of the tags. `python -m measure.paper` shows some of the settings beside the paper's times.
+against the true centres of the tags.
 """
 
 import statistics
@@ -19,16 +19,16 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
+from photo_helpers import BOARD, seen
+from PIL import Image as Pillow
 
 from raytwin.errors import InputError
 from raytwin.images.photo_files import list_photos, read_grey
 from raytwin.photos import boards, synthetic_photos
 from raytwin.photos import camera as camera_package
-from raytwin.photos.boards import Board, Grid
 from raytwin.photos.camera import Calibration, Tag
 from raytwin.study.photograph import photograph_board
 
-BOARD = Board("tag36h11", 0.030, Grid(5, 7, 0.038))
 FOLDS = 5
 """Parts of the photos; each is held out once."""
 
@@ -40,10 +40,13 @@ class Setting(NamedTuple):
     reductions: tuple[float, ...] | None = (1.0,)
     threads: int | None = None
 
-    def find(self, grey: np.ndarray, family: str) -> list[Tag]:
-        if self.shrink > 1:
-            return detect_shrunk(grey, family, self.shrink)
-        return camera_package.detect(grey, family, self.reductions)
+    def find(self, grey: np.ndarray) -> list[Tag]:
+        """The tags in the photo's own pixels: u' of a photo shrunk to 1/n lies at u = (u' + 1/2) n - 1/2."""
+        found, n = [], self.shrink
+        for tag in camera_package.detect(np.asarray(Pillow.fromarray(grey).reduce(n)), BOARD.family, self.reductions):
+            center, *corners = map(tuple, ((np.array([tag.center, *tag.corners]) + 0.5) * n - 0.5).tolist())
+            found.append(msgspec.structs.replace(tag, center=center, corners=tuple(corners)))
+        return found
 
 
 WHOLE, OURS, QUARTER = "full size, one thread", "raytwin's own", "photos shrunk to 1/4"
@@ -75,46 +78,16 @@ def photographed(count: int, size: tuple[int, int]) -> Iterator[Path]:
         yield folder / "photos"
 
 
-def detect_shrunk(grey: np.ndarray, family: str, n: int) -> list[Tag]:
-    """Return the tags of a grey photo shrunk to 1/n of its side, in the photo's own pixels.
-
-    A small pixel is the mean of n x n: its centre u' lies at u = (u' + 1/2) n - 1/2, pixel centres being whole numbers.
-    """
-    from PIL import Image as Pillow
-
-    def back(point: tuple[float, float]) -> tuple[float, float]:
-        return (point[0] + 0.5) * n - 0.5, (point[1] + 0.5) * n - 0.5
-
-    small = np.asarray(Pillow.fromarray(grey).reduce(n))
-    return [
-        msgspec.structs.replace(tag, center=back(tag.center), corners=tuple(map(back, tag.corners)))
-        for tag in camera_package.detect(small, family, (1.0,))
-    ]
-
-
-def true_tags(truth: synthetic_photos.Truth) -> dict[str, list[Tag]]:
-    """Return where the true camera sees the centres of the tags within the frame, by photo."""
-    points = np.array([(*center, 0.0) for center in BOARD.centers().values()])
-    shown = {}
-    for photo, (R, t) in truth.photos.items():
-        pixels = camera_package.project(points, np.array(R), np.array(t), np.array(truth.K), truth.dist)
-        inside = np.all((pixels > -0.5) & (pixels < np.array(truth.image_size) - 0.5), axis=1)
-        at = zip(BOARD.centers(), pixels.tolist(), inside.tolist(), strict=True)
-        shown[photo] = [Tag(i, tuple(p), (tuple(p),) * 4, 0.0) for i, p, ok in at if ok]
-    return shown
-
-
 def held_out(tags: Mapping[str, Sequence[Tag]], found: Calibration, true: Mapping[str, Sequence[Tag]]) -> float:
     """Return the rms over photos that a fit of `found`'s model has not seen; only their poses are fitted to `true`."""
-    names = [view.photo for view in found.views]
-    squares, count, folds = 0.0, 0, min(FOLDS, len(names))
-    for k in range(folds):
-        rest = {name: tags[name] for i, name in enumerate(names) if i % folds != k}
+    names, rms, counts = [view.photo for view in found.views], [], []
+    for k in range(FOLDS):
+        rest = {name: tags[name] for i, name in enumerate(names) if i % FOLDS != k}
         camera = camera_package.calibrate_detections(rest, found.image_size, BOARD, found.model)
-        for name in names[k::folds]:
-            pose, _ = camera_package.refined_pose(camera.K, camera.dist, true[name], BOARD)
-            squares, count = squares + len(true[name]) * pose.rms_px**2, count + len(true[name])
-    return float((squares / count) ** 0.5)
+        for name in names[k::FOLDS]:
+            rms.append(camera_package.refined_pose(camera.K, camera.dist, true[name], BOARD)[0].rms_px)
+            counts.append(len(true[name]))
+    return float(np.average(np.square(rms), weights=counts) ** 0.5)
 
 
 def medians(calls: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, float]:
@@ -131,19 +104,19 @@ def medians(calls: Mapping[str, Callable[[], object]], repeats: int) -> dict[str
 def costs(folder: Path, repeats: int, names: Iterable[str] = SETTINGS) -> dict[str, Cost]:
     """Return what each setting costs on the synthetic photos in `folder`, where that can be told."""
     taken, truth = list_photos(folder), synthetic_photos.read_truth(folder / "truth.toml")
-    true = true_tags(truth)
+    true = dict(zip(truth.photos, seen(truth, truth.photos.values(), BOARD).values(), strict=True))
 
-    def calibrate(setting: Setting) -> Calibration:
+    def calibrate(setting: Setting) -> tuple[dict[str, list[Tag]], Calibration]:
         with ThreadPoolExecutor(setting.threads) as pool:
-            tags = pool.map(lambda photo: setting.find(read_grey(photo), BOARD.family), taken)
+            tags = pool.map(lambda photo: setting.find(read_grey(photo)), taken)
         by_name = {photo.name: found for photo, found in zip(taken, tags, strict=True)}
-        return camera_package.calibrate_detections(by_name, truth.image_size, BOARD)
+        return by_name, camera_package.calibrate_detections(by_name, truth.image_size, BOARD)
 
     errors = {}
     for name in names:
         try:
-            camera = calibrate(SETTINGS[name])
-            unseen = held_out(camera.basis.found, camera, true)
+            tags, camera = calibrate(SETTINGS[name])
+            unseen = held_out(tags, camera, true)
         except InputError as error:
             print(f"{name}: {error}", file=sys.stderr)
             continue

@@ -5,23 +5,21 @@
 Each set of photos is split at random into halves. *halves*: by how many of their joint sigmas fx, fy, cx and cy of the
 two calibrations differ (rms; 1 is honest). *truth*: by how many of its sigmas the whole set's K is off (rms). *unseen*:
 the median distance of a half's tags from where the camera calibrated from the other half sees them, over the same by
-OpenCV with five coefficients on a flat board; only the tags' poses are fitted. (The fit here knows of the detector's
-bias; the fit by OpenCV takes it for a little of the lens.) Frame, lens, board and poses of the synthetic sets are drawn
-at random: nothing was tuned on them.
+OpenCV with five coefficients on a flat board; only the poses are fitted. Frame, lens, board and poses of the synthetic
+sets are drawn at random: nothing was tuned on them.
 """
 
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import cv2
 import msgspec
 import numpy as np
 from measure import record
-from photo_helpers import PlainRenderer, a_camera, stored_board, stored_tags
+from photo_helpers import BentRenderer, PlainRenderer, a_camera, stored_board, stored_tags
 
-from raytwin.images.photo_files import photo_size, read_photo, write_picture
-from raytwin.photos.boards import Board, Grid, read_board
+from raytwin.photos.boards import Board, Grid
 from raytwin.photos.camera import Calibration, Tag, calibrate_detections, detect_photos
 from raytwin.photos.camera.bias import unbiased
 from raytwin.photos.camera.lens_model import five
@@ -32,41 +30,27 @@ ROOT = Path(__file__).resolve().parents[2]
 SHARED = ROOT.parent / "shared" / "photos"
 SPLITS = 4
 """Splits into halves per set; all are of the same photos, so twenty say little more."""
-SPOILED = 4
-"""Which photo is zoomed or turned."""
 SIZES = (1008, 756), (1200, 800), (756, 1008), (960, 720), (1280, 720)
 
 Set = tuple[Board, dict[str, list[Tag]], tuple[int, int], tuple[float, ...]]
 """The board, tags by photo, the photos' size, and the true fx, fy, cx, cy, if they are known."""
 
+REAL = {"april_fine": "fine", "desk_tilted": "coarse", "desk_degenerate": "coarse"}
+"""Sets of real photos, and their boards."""
 
-def real(name: str, board: str) -> Set:
-    return stored_board(SHARED, board), *stored_tags(SHARED, name), ()
-
-
-def shipped() -> Set:
-    folder = ROOT / "scenes" / "desk"
-    board = read_board(folder / "board.toml")
-    photos = sorted((folder / "photos").glob("*.jpg"))
-    return board, detect_photos(photos, board.family)[0], photo_size(photos[0]), ()
-
-
-def blurred(pixels: np.ndarray, i: int) -> np.ndarray:
-    return cv2.GaussianBlur(pixels, (0, 0), (0.3, 2.5, 1.0, 3.5)[i % 4])
+DRAWN = {
+    "flat": (0, 0.0), "flat, too": (1, 0.0), "bent by 1 mm": (2, 1e-3), "bent by 1 mm, too": (3, 1e-3),
+    "bent by 2 mm": (11, 2e-3), "bent by 2 mm, too": (12, 2e-3), "bent by 3 mm": (4, 3e-3),
+    "bent by 3 mm, too": (5, 3e-3),
+}  # fmt: skip
+"""Seed and bend, metres, of the synthetic sets."""
 
 
-def zoomed(pixels: np.ndarray, i: int) -> np.ndarray:
-    """One photo, cut at 85 % of its sides and enlarged again."""
-    h, w = pixels.shape[:2]
-    y, x = round(0.06 * h), round(0.1 * w)
-    return cv2.resize(pixels[y : y + round(0.85 * h), x : x + round(0.85 * w)], (w, h)) if i == SPOILED else pixels
+def real(name: str) -> Set:
+    return stored_board(SHARED, REAL[name]), *stored_tags(SHARED, name), ()
 
 
-def turned(pixels: np.ndarray, i: int) -> np.ndarray:
-    return np.ascontiguousarray(pixels[::-1, ::-1]) if i == SPOILED else pixels
-
-
-def drawn(seed: int, bend: float = 0.0, spoil: Callable[[np.ndarray, int], np.ndarray] | None = None) -> Set:
+def drawn(seed: int, bend: float) -> Set:
     """Draw a frame, a lens, a board and 14 poses; photos by the plain renderer, searched by the detector."""
     rng = np.random.default_rng([20261124, seed])
     while True:
@@ -82,42 +66,10 @@ def drawn(seed: int, bend: float = 0.0, spoil: Callable[[np.ndarray, int], np.nd
     board = Board(family, float(edge), Grid(columns, rows, float(edge * rng.uniform(1.2, 1.35))))
     camera = msgspec.structs.replace(a_camera(*size), K=K, dist=tuple(map(float, dist)))
     with tempfile.TemporaryDirectory() as folder:
-        photograph(board, camera, 14, folder, PlainRenderer(), seed=5000 + seed, bend=bend)
-        photos = sorted(Path(folder).glob("*.jpg"))
-        for i, photo in enumerate(photos):
-            if spoil is not None:
-                write_picture(photo, spoil(read_photo(photo), i))
-        return board, detect_photos(photos, board.family)[0], size, (camera.fx, camera.fy, camera.cx, camera.cy)
-
-
-def wrong_ids(seed: int) -> Set:
-    """Every thirtieth tag has another one's id."""
-    board, tags, size, truth = drawn(seed)
-    rng, ids = np.random.default_rng(seed), list(board.centers())
-    for found in tags.values():
-        found[:] = [msgspec.structs.replace(t, id=int(rng.choice(ids))) if rng.uniform() < 1 / 30 else t for t in found]
-    return board, tags, size, truth
-
-
-SETS: dict[str, Callable[[], Set]] = {
-    "april_fine": lambda: real("april_fine", "fine"),
-    "desk_tilted": lambda: real("desk_tilted", "coarse"),
-    "desk_degenerate": lambda: real("desk_degenerate", "coarse"),
-    "scenes/desk": shipped,
-    "flat": lambda: drawn(0),
-    "flat, too": lambda: drawn(1),
-    "bent by 1 mm": lambda: drawn(2, 1e-3),
-    "bent by 1 mm, too": lambda: drawn(3, 1e-3),
-    "bent by 2 mm": lambda: drawn(11, 2e-3),
-    "bent by 2 mm, too": lambda: drawn(12, 2e-3),
-    "bent by 3 mm": lambda: drawn(4, 3e-3),
-    "bent by 3 mm, too": lambda: drawn(5, 3e-3),
-    "blurred": lambda: drawn(6, spoil=blurred),
-    "blurred, bent by 1 mm": lambda: drawn(7, 1e-3, blurred),
-    "one photo zoomed": lambda: drawn(8, spoil=zoomed),
-    "one photo turned": lambda: drawn(9, spoil=turned),
-    "wrong ids": lambda: wrong_ids(10),
-}
+        render = BentRenderer(board, bend) if bend else PlainRenderer()
+        photograph(board, camera, 14, folder, render, seed=5000 + seed)
+        tags, _ = detect_photos(sorted(Path(folder).glob("*.jpg")), board.family)
+    return board, tags, size, (camera.fx, camera.fy, camera.cx, camera.cy)
 
 
 def plain(tags: Mapping[str, Sequence[Tag]], size: tuple[int, int], board: Board) -> tuple[np.ndarray, np.ndarray]:
@@ -150,13 +102,12 @@ def rms(values) -> float:
 
 def numbers(c: Calibration) -> tuple[np.ndarray, np.ndarray]:
     """fx, fy, cx, cy and their sigmas."""
-    K, sigma = c.K, [c.sigma[n] for n in ("fx", "fy", "cx", "cy")]
-    return np.array([K[0][0], K[1][1], K[0][2], K[1][2]]), np.array(sigma)
+    return np.array(c.K)[[0, 1, 0, 1], [0, 1, 2, 2]], np.array([c.sigma[n] for n in ("fx", "fy", "cx", "cy")])
 
 
 def measure(name: str) -> tuple[list[str], float, float | None]:
     """Return a set's row of the table, its rms z of halves, and that of the truth, where it is known."""
-    board, tags, size, truth = SETS[name]()
+    board, tags, size, truth = real(name) if name in REAL else drawn(*DRAWN[name])
     known = board.centers()
     tags = {p: [t for t in seen if t.id in known] for p, seen in tags.items()}
     tags = {p: seen for p, seen in tags.items() if len(seen) >= 6}
@@ -178,7 +129,7 @@ def measure(name: str) -> tuple[list[str], float, float | None]:
 
 
 if __name__ == "__main__":
-    found = [measure(name) for name in record.arguments() or SETS]
+    found = [measure(name) for name in record.arguments() or (*REAL, *DRAWN)]
     halves, truths = [z for _, z, _ in found], [off for _, _, off in found if off is not None]
     total = ["all, rms", "", "", f"{rms(halves):.2f}", f"{rms(truths):.2f}" if truths else "-", ""]
     columns = ["photos of", "photos", "model", "z of halves", "z of the truth", "unseen, of OpenCV's"]

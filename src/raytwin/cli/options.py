@@ -208,7 +208,6 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
         "focal": _opt("Focal length in pixels of a photo 2016 wide."),
         "dist": _opt("Distortion: k1,k2,p1,p2,k3 or a prefix."),
         "samples": _opt("Light paths per pixel.", min=1),
-        "bend": _opt("Bend the sheet by this much, as 3mm.", "LENGTH"),
         "with_objects": _opt("Put the scene's objects there, too.", None, "--with-objects"),
     },
     "photo board": {

@@ -58,7 +58,7 @@ def calibrate_command(
                 _write_camera(out, calibration, photo)
                 calibration_page.write_calibration(calibration, out.with_suffix(".html"), out.name)
     if json:
-        write_json(json, calibration.numbers())
+        write_json(json, calibration.to_dict())
     say(terminal_text.calibration_summary(calibration))
 
 
@@ -125,16 +125,13 @@ def light_command(
 
 def simulate_command(
     out: Path, board: Path, scene: Path | None = None, count: int = 14, size: Size = None,
-    focal: float = 1560.0, dist: str = "0.08,-0.16", samples: int = 32, seed: int = 1, bend: str = "0mm",
+    focal: float = 1560.0, dist: str = "0.08,-0.16", samples: int = 32, seed: int = 1,
     with_objects: bool = False,
 ) -> None:  # fmt: skip
     """Render photos of a board with Mitsuba, and the true camera."""
-    from raytwin.photos.boards.lengths import parse_length
     from raytwin.study.photograph import photograph_board
 
     check_outputs(folders=(out,))
-    # A number without a unit is in millimetres.
-    bent = parse_length(bend if bend.strip()[-1:].isalpha() else f"{bend}mm", "--bend", zero=True)
     with show_progress() as progress:
         photograph_board(
             board,
@@ -147,7 +144,6 @@ def simulate_command(
             samples=samples,
             seed=seed,
             with_objects=with_objects,
-            bend=bent,
             progress=progress,
         )
     say(f"{count} photos, board.toml and truth.toml: {out}")

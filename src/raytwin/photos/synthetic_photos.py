@@ -7,7 +7,6 @@ a `render` that the caller passes in.
 import math
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -20,7 +19,6 @@ from raytwin.photos.camera import lens_model
 from raytwin.photos.camera.pose import rotation
 from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Matrix, PixelCount, Record, Rectangle, Vector
-from raytwin.scene.record_base import NonNegative
 from raytwin.scene.toml_json import plain, read_toml, to_record, write_toml
 
 Render = Callable[[Camera, np.ndarray, Rectangle], np.ndarray]
@@ -43,16 +41,12 @@ MAX_TEXTURE = 16_000_000
 
 
 class Truth(Record, frozen=True):
-    """The true camera, and for each photo its true (R_cam_board, t_cam_board): what calibration should find.
-
-    `bend_mm`: how far the sheet was bent. Its board frame is then the one that the flat sheet had.
-    """
+    """The true camera, and for each photo its true (R_cam_board, t_cam_board): what calibration should find."""
 
     image_size: tuple[PixelCount, PixelCount]
     K: Matrix
     dist: tuple[float, ...]
     photos: dict[str, tuple[Matrix, Vector]]
-    bend_mm: NonNegative = 0.0
 
 
 def read_truth(path: str | os.PathLike) -> Truth:
@@ -82,13 +76,11 @@ def photograph(
     render: Render,
     *,
     seed: int = 1,
-    bend: float = 0.0,
     progress: Progress = silent,
 ) -> Truth:
     """`count` photos of the board by `camera` (its pose is not used), written to `out` with board.toml and truth.toml.
 
-    The truth is written last: where it is, the photos are whole. `bend`: the sheet is bent into a `Bow` of so many
-    metres.
+    The truth is written last: where it is, the photos are whole.
     """
     check_board(board)
     out = Path(out)
@@ -101,89 +93,18 @@ def photograph(
     affordable = 1000.0 * math.sqrt(MAX_TEXTURE / draw_board(board, 1000.0)[0].size)
     texture, extent = draw_board(board, min(density, affordable))
     sheet = sheet_of(extent)
-    bow = bow_of(board, bend) if bend else None
     truth = {}
     progress("photograph", 0, count)
     for i, (R, t) in enumerate(stands):
         view = Camera(camera.image_size, camera.K, R, t, camera.dist)
         name = f"photo_{i:02d}.jpg"
-        shown = texture if bow is None else bow.seen_from(texture, extent, np.array(view.eye))
-        write_picture(out / name, expose(render(view, shown, sheet), rng, view), quality=QUALITY)
+        write_picture(out / name, expose(render(view, texture, sheet), rng, view), quality=QUALITY)
         truth[name] = (R, t)
         progress("photograph", i + 1, count)
-    written = Truth(camera.image_size, camera.K, camera.dist, truth, 1e3 * bend)
+    written = Truth(camera.image_size, camera.K, camera.dist, truth)
     write_board(out / "board.toml", board)
     write_truth(out / "truth.toml", written)
     return written
-
-
-BOW_DEGREES = 30.0
-"""The direction in which a bow's height changes, from the board's X."""
-
-NODES = 16
-"""How a bent sheet is seen is computed for one texel of this many."""
-
-
-@dataclass(frozen=True, eq=False)
-class Bow:
-    """A sheet bent about one direction and not stretched: z = bend/2 (1 + cos(pi s / reach)), s along `across`, metres.
-
-    `bend` is the height from the middle to the outermost tags. No polynomial, so that it is no shape that a fit of
-    polynomials could find exactly. `s`, `arc`: a table of how long the sheet is from the middle to s.
-    """
-
-    bend: float
-    reach: float
-    middle: np.ndarray
-    across: np.ndarray
-    s: np.ndarray
-    arc: np.ndarray
-
-    def height(self, s: np.ndarray) -> np.ndarray:
-        return self.bend / 2 * (1 + np.cos(np.pi / self.reach * s))
-
-    def bent(self, flat: np.ndarray) -> np.ndarray:
-        """(n, 3): where the flat sheet's points (n, 2) are in space."""
-        along = (flat - self.middle) @ self.across
-        s = np.interp(along, self.arc, self.s)
-        return np.c_[flat + (s - along)[:, None] * self.across, self.height(s)]
-
-    def seen_from(self, texture: np.ndarray, extent: tuple[float, float, float, float], eye: np.ndarray) -> np.ndarray:
-        """What a flat sheet must show, for an eye at `eye`, to look like the bent one: its texture moved accordingly.
-
-        A ray from the eye meets the bent sheet at another place than the flat one: exact for where things are seen; the
-        light is the flat sheet's.
-        """
-        h, w = texture.shape
-        x0, x1, y0, y1 = extent
-        columns, rows = np.meshgrid(*((np.arange(n) + 0.5) / n for n in (-(-w // NODES), -(-h // NODES))))
-        flat = np.stack([x0 + columns * (x1 - x0), y1 - rows * (y1 - y0)], axis=-1)
-        met = flat
-        for _ in range(20):  # each time the error shrinks by the slope times the tangent of the view's tilt
-            z = self.height((met - self.middle) @ self.across)
-            met = flat + (eye[:2] - flat) * (z / eye[2])[..., None]
-        s = (met - self.middle) @ self.across
-        printed = met + (np.interp(s, self.s, self.arc) - s)[..., None] * self.across
-        moved = ((printed - flat) * [w / (x1 - x0), -h / (y1 - y0)]).astype(np.float32)
-        dx, dy = cv2.split(cv2.resize(moved, (w, h), interpolation=cv2.INTER_LINEAR))
-        dx += np.arange(w, dtype=np.float32)
-        dy += np.arange(h, dtype=np.float32)[:, None]
-        return cv2.remap(texture, dx, dy, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-
-
-def bow_of(board: Board, bend: float) -> Bow:
-    """The bow that lifts the board's middle by `bend` metres over its outermost tags."""
-    xy = np.array(list(board.centers().values()))
-    middle = (xy.min(axis=0) + xy.max(axis=0)) / 2
-    across = np.array([math.cos(math.radians(BOW_DEGREES)), math.sin(math.radians(BOW_DEGREES))])
-    reach = float(np.abs((xy - middle) @ across).max())
-    if bend > reach / 2:
-        raise InputError("bend", f"at most {1e3 * reach / 2:.0f} mm for this board", f"{1e3 * bend:g} mm")
-    s = np.linspace(-3, 3, 6001) * reach
-    slope = -bend / 2 * np.pi / reach * np.sin(np.pi / reach * s)
-    length = np.sqrt(1 + slope**2)
-    arc = np.concatenate([[0], np.cumsum((length[1:] + length[:-1]) / 2 * np.diff(s))])
-    return Bow(bend, reach, middle, across, s, arc - np.interp(0, s, arc))
 
 
 def sheet_of(extent: tuple[float, float, float, float]) -> Rectangle:

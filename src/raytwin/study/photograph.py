@@ -31,7 +31,6 @@ def photograph_board(
     samples: int = 32,
     seed: int = 1,
     with_objects: bool = False,
-    bend: float = 0.0,
     progress: Progress = silent,
 ) -> synthetic_photos.Truth:
     """`count` photos of the board on its table, and the truth (camera.toml's K, dist and every pose), written to `out`.
@@ -39,7 +38,7 @@ def photograph_board(
     Sun, sky and table (the planes below the board) come from `scene`, by default a plain desk. `focal` is in pixels of
     a photo 2016 wide, so that another size changes the pixels and not the view. The lens is centred a little off, as
     real ones are. `with_objects` puts the scene's spheres really there: the same seed gives the same poses and the same
-    sensor noise, so that such photos are the truth for augmented ones. `bend`: the sheet is bent by so many metres.
+    sensor noise, so that such photos are the truth for augmented ones.
     """
     definition = boards.read_board(board)
     width, height = size
@@ -62,6 +61,4 @@ def photograph_board(
         )  # fmt: skip
         return made.mean
 
-    return synthetic_photos.photograph(
-        definition, lens, count, Path(out), render, seed=seed, bend=bend, progress=progress
-    )
+    return synthetic_photos.photograph(definition, lens, count, Path(out), render, seed=seed, progress=progress)

@@ -4,22 +4,7 @@ from pathlib import Path
 import pytest
 from photo_helpers import BOARD
 
-from raytwin.photos.camera import Calibration, calibrate, calibrate_detections, detection
-
-BOARDS = {"april_fine": "fine", "desk_tilted": "coarse", "desk_degenerate": "coarse"}
-
-
-@pytest.fixture(scope="session")
-def real_found(real_tags, real_board):
-    """A real set's calibration, made once: no test changes it."""
-    made: dict[str, Calibration] = {}
-
-    def find(name: str) -> Calibration:
-        if name not in made:
-            made[name] = calibrate_detections(*real_tags(name), real_board(BOARDS[name]))
-        return made[name]
-
-    return find
+from raytwin.photos.camera import Calibration, calibrate, detection
 
 
 @pytest.fixture(scope="session")

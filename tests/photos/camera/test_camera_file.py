@@ -10,7 +10,7 @@ from raytwin.cli.photo_commands import calibrate_command
 from raytwin.errors import InputError
 from raytwin.photos.boards import Grid, write_board
 from raytwin.photos.camera import camera_at, detect_photo, pose_of_tags, with_shape, write_camera_file
-from raytwin.scene.scene_files import read_camera, write_camera
+from raytwin.scene.scene_files import read_camera
 from raytwin.study import augment_photos
 
 BENT = msgspec.structs.replace(SMALL, offsets=tuple((0.0, 1e-5, 1e-4 * i) for i in range(35)))
@@ -44,13 +44,8 @@ def test_the_file_gives_the_same_camera_back_and_its_shape_to_the_same_board_alo
     ):  # fmt: skip
         other = msgspec.structs.replace(SMALL, **changes)
         assert with_shape(other, file) == other
-
-
-def test_a_flat_boards_camera_file_has_no_shape(tmp_path):
-    write_camera(tmp_path / "old.toml", a_camera())
-    write_camera_file(tmp_path / "flat.toml", a_camera(), SMALL)
-    assert (tmp_path / "old.toml").read_text() == (tmp_path / "flat.toml").read_text()
-    assert with_shape(SMALL, tmp_path / "flat.toml") == SMALL
+    write_camera_file(file, a_camera(), SMALL)
+    assert with_shape(SMALL, file) == SMALL
 
 
 def test_a_shape_that_is_none_is_refused_with_its_place(tmp_path):

@@ -1,6 +1,7 @@
 import subprocess
 import sys
 
+import msgspec
 import numpy as np
 import pytest
 from photo_helpers import BOARD
@@ -9,7 +10,7 @@ from raytwin.errors import InputError
 from raytwin.images.photo_files import write_picture
 from raytwin.photos.boards.board import Board, Grid, draw_board
 from raytwin.photos.camera import lens_model
-from raytwin.photos.camera.bias import center_bias, unbiased
+from raytwin.photos.camera.bias import _edges, center_bias, unbiased
 from raytwin.photos.camera.detection import SEARCH_SIDE, detect, detect_photo, detect_photos
 
 
@@ -72,9 +73,6 @@ def test_a_mirrored_photo_is_called_mirrored(sheet, tmp_path):
         detect_photo(file)
 
 
-# ---------------------------------------------------------------------------------- where the centres are
-
-
 def test_found_centres_are_where_the_camera_projects_them_once_the_bias_is_taken_out(shoot):
     folder, truth = shoot()
     raw, mended = [], []
@@ -110,3 +108,13 @@ def test_a_tags_centre_is_off_by_what_straight_lines_through_its_bent_edges_make
         assert np.abs(off).max() > 0.02
         found = center_bias(ids, BOARD, R, t, K, dist)
         np.testing.assert_allclose(found, off, rtol=0, atol=0.02 * np.abs(off).max())
+
+
+def test_the_edges_of_tags_on_a_parabola_rise_as_it_does():
+    """z = c s²/2 of a tag's edge over that of its centre, to the outermost tags."""
+    xy = np.array([*BOARD.centers().values()])
+    s = (xy - xy.mean(axis=0)) @ (0.8, 0.6)
+    board = msgspec.structs.replace(BOARD, offsets=tuple((0.0, 0.0, float(z)) for z in s**2 / 8))
+    for (at, edges), along in zip(_edges(board).items(), s, strict=True):
+        there = along + edges[..., :2] @ (0.8, 0.6)
+        assert np.allclose(edges[..., 2], (there**2 - along**2) / 8, atol=1e-6), at

@@ -49,14 +49,6 @@ def test_the_pose_is_the_least_squares_one(stands):
         assert np.abs(pose.t_cam_board - tvec.ravel()).max() < 1e-5
 
 
-def test_a_far_small_board_has_two_poses_and_a_near_one_has_not():
-    rng = np.random.default_rng(0)
-    far, near = (seen(CAMERA, [leaning(d)], noise=0.3, rng=rng)["view_00"] for d in (4.0, 0.5))
-    assert ambiguous(refined_pose(CAMERA.K, CAMERA.dist, far, SMALL)[1], 35)
-    ratio = refined_pose(CAMERA.K, CAMERA.dist, near, SMALL)[1]
-    assert ratio is None or not ambiguous(ratio / 5, 35)
-
-
 def test_how_much_worse_a_second_pose_must_fit_to_be_ruled_out_is_fishers_f():
     """At 1 in 1000; with 2 and 2 degrees of freedom F's tail is 1 / (1 + F): F = 999."""
     assert ambiguous(999**0.5 - 0.01, 4)

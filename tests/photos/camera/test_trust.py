@@ -7,13 +7,13 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
-from photo_helpers import BOARD, SMALL, a_camera, seen
+from photo_helpers import BOARD, SMALL, a_camera, bow_of, seen
 
-from raytwin.photos.boards import Board, BoardTag, Grid
+from raytwin.photos.boards import Board, BoardTag
 from raytwin.photos.camera import calibrate_detections, lens_model, model, pose_of_tags
 from raytwin.photos.camera.fit import Fit, ModelSpec, fit, matched
 from raytwin.photos.camera.model import FEW_PHOTOS, covariance, select_model
-from raytwin.photos.synthetic_photos import bow_of, poses
+from raytwin.photos.synthetic_photos import poses
 
 SIZE = (1008, 756)
 CAMERA = a_camera(*SIZE)
@@ -31,42 +31,24 @@ def z_of_fit(made: Fit) -> np.ndarray:
     return (made.shared[:4] - [getattr(CAMERA, n) for n in FOUR]) / sigma
 
 
-def views(
-    seed: int = 0, count: int = 12, noise=0.1, bend: float = 0.0, camera=CAMERA, breath: float = 0.0, pool=(),
-    board: Board = SMALL,
-) -> dict:  # fmt: skip
+def views(seed: int = 0, count: int = 12, noise=0.1, bend: float = 0.0, camera=CAMERA, breath: float = 0.0, pool=()):
     """What a camera sees of a board bent by `bend` metres; `noise` px (sd), one or by view.
 
     `breath`: the focal length's standard deviation from view to view, as a share of it. `pool`: what stands are drawn
     from.
     """
-    rng, ids = np.random.default_rng(seed), list(board.centers())
+    rng = np.random.default_rng(seed)
     stands = [pool[i] for i in rng.permutation(len(pool))[:count]] or poses(BOARD, camera, count, rng)
     scales, noises = rng.normal(1, breath, count), np.broadcast_to(noise, count)
     middle, tags = np.array([camera.cx, camera.cy]), {}
-    for (photo, found), stand, scale, sd in zip(
-        seen(camera, stands, board).items(), stands, scales, noises, strict=True
-    ):
-        at = crossings(bend, camera, stand, board) if bend else np.array([t.center for t in found])
-        shown = ids if bend else [t.id for t in found]
+    for (photo, found), stand, scale, sd in zip(seen(camera, stands).items(), stands, scales, noises, strict=True):
+        at, shown = np.array([t.center for t in found]), [t.id for t in found]
+        if bend:
+            bent = bow_of(SMALL, bend).bent(np.array([*SMALL.centers().values()]))
+            at, shown = lens_model.project(bent, *stand, camera.K, camera.dist), SMALL.centers()
         there = dict(zip(shown, rng.normal(middle + scale * (at - middle), sd), strict=True))
         tags[photo] = [moved(t, there[t.id]) for t in found if inside(there[t.id])]
     return tags
-
-
-def crossings(bend: float, camera, stand, board: Board) -> np.ndarray:
-    """(n, 2) pixels: where the diagonals cross of straight lines through bent tags' edges."""
-    s, one = np.linspace(-0.767, 0.767, 5), np.ones(5)
-    around = np.stack([np.c_[s, -one], np.c_[one, s], np.c_[-s, one], np.c_[-one, -s]]) * board.tag_edge / 2
-    flat = np.array([*board.centers().values()])[:, None, None] + around
-    edges = bow_of(board, bend).bent(flat.reshape(-1, 2))
-    pixels = lens_model.project(edges, *stand, camera.K, camera.dist).reshape(-1, 4, 5, 2)
-    middle = pixels.mean(axis=2)
-    along = np.linalg.svd(pixels - middle[:, :, None])[2][:, :, 0]
-    line = np.cross(np.insert(middle, 2, 1, axis=-1), np.insert(along, 2, 0, axis=-1))
-    corner = np.cross(np.roll(line, 1, axis=1), line)
-    found = np.cross(np.cross(corner[:, 0], corner[:, 2]), np.cross(corner[:, 1], corner[:, 3]))
-    return found[:, :2] / found[:, 2:]
 
 
 def inside(center) -> bool:
@@ -83,9 +65,6 @@ def but(tags: dict, photo: str) -> dict:
 
 def named(found, *codes: str) -> list[str]:
     return sorted(re.split("[: ]", w.text)[0] for w in found.warnings if w.code in codes)
-
-
-# ---------------------------------------------------------------------------------- the fit, against others
 
 
 def test_on_a_flat_board_the_fit_is_opencvs(real_tags, real_board):
@@ -128,9 +107,6 @@ def test_the_fit_without_a_photo_is_told_without_making_it_and_gives_sigma():
     assert np.sqrt((pulls**2).mean()) == pytest.approx(1 / np.sqrt(13), rel=0.3)
 
 
-# ---------------------------------------------------------------------------------- sigma
-
-
 SETS = {
     "each coordinate errs alike": {},
     "some photos are blurred": {"noise": 0.1 * np.exp(np.random.default_rng(1000).normal(0, 0.7, 12))},
@@ -142,9 +118,8 @@ SETS = {
 
 @pytest.mark.nightly
 def test_over_a_hundred_sets_the_truth_lies_as_far_off_as_sigma_says():
-    """fx and fy err together, and sigma is known to a fifth: 20 sets of a kind are worth 25 independent draws. Were
-    sigma true, a kind's rms z were 1 ± 0.14, and outside 0.55 and 1.6 for less than one seed in a thousand, by
-    chi-squared; of all together, 125 draws, outside 0.75 and 1.3.
+    """fx and fy err together: 20 sets of a kind are worth 25 independent draws. Were sigma true, a kind's rms z were
+    1 ± 0.14, and outside 0.55 and 1.6 for less than one seed in a thousand; of all together outside 0.75 and 1.3.
     """
     pool, z = poses(BOARD, CAMERA, 60, np.random.default_rng(0)), []
     for i in range(100):
@@ -165,41 +140,6 @@ def test_over_a_hundred_sets_the_truth_lies_as_far_off_as_sigma_says():
 
 
 @pytest.mark.nightly
-def test_few_photos_that_disagree_lie_as_far_off_as_sigma_says():
-    """The focus moves by 0.3 % from photo to photo: sigma of 4, 6 and 8 photos, 40 sets each.
-
-    Of 120 draws of some three independent numbers the median of |z| / 0.674 is 1 ± 0.07 where sigma is true.
-    """
-    pool = poses(BOARD, CAMERA, 60, np.random.default_rng(0))
-    sets = [views(i, count, pool=pool, breath=3e-3) for count in (4, 6, 8) for i in range(40)]
-    z = [z_of_fit(fit(tags, SIZE, SMALL, ModelSpec("k1k2"))) for tags in sets]
-    assert 0.75 < np.median(np.abs(z)) / 0.6745 < 1.22
-    assert np.sqrt(np.mean(np.square(z))) < 1.55
-
-
-@pytest.mark.nightly
-def test_on_a_bent_board_the_camera_lies_as_far_off_as_sigma_says():
-    """z of fx, fy, cx, cy of six sets: fx and fy err as one, so 18 independent draws. Were sigma true, their rms were
-    above 1.6, and the mean of fx beyond 3.3 of its own deviation, once in a thousand.
-
-    The last board's tags are large, and its sheet bends on beyond their centres.
-    """
-    z = []
-    for seed, bend in enumerate((0.5, 1.0, 3.0, 1.0, 0.5, 2.0)):
-        board = BOARD if seed < 5 else Board("tag36h11", 0.020, Grid(4, 4, 0.027))
-        pool = poses(board, CAMERA, 12, np.random.default_rng(seed))
-        found = calibrate_detections(
-            views(seed, noise=0.05, bend=1e-3 * bend, pool=pool, board=board), SIZE, board, "k1k2"
-        )
-        assert found.board.bend_mm == pytest.approx(bend, abs=0.06 if seed < 5 else 0.2)
-        assert found.evidence.taken == "k1k2, bent"
-        z.append(z_of(found))
-    assert np.sqrt(np.square(z).mean()) < 1.6, z
-    assert np.abs(np.mean(z, axis=0)).max() * np.sqrt(6) < 3.3, z
-    assert np.abs(z[5]).max() < 3, z
-
-
-@pytest.mark.nightly
 def test_on_photos_of_a_bent_board_the_bend_and_the_camera_are_the_truth(shoot, bent_found):
     """One set in eight would have one of the four numbers beyond two of its sigmas; this seed's has none."""
     (_, truth), found = shoot(14, bend=3e-3), bent_found
@@ -207,10 +147,6 @@ def test_on_photos_of_a_bent_board_the_bend_and_the_camera_are_the_truth(shoot, 
     true = msgspec.structs.replace(CAMERA, K=truth.K)
     assert np.abs(z_of(found, true)).max() < 2
     assert found.warnings == ()
-    assert truth.bend_mm == 3
-
-
-# ---------------------------------------------------------------------------------- few photos
 
 
 def test_of_few_photos_auto_fits_all_coefficients_and_from_four_on_a_bend():
@@ -227,16 +163,6 @@ def test_of_lenses_that_predict_alike_one_that_folds_back_in_the_frame_is_the_la
     folds = {2: "pixel (0, 0)"}
     monkeypatch.setattr(model, "undone", lambda K, dist, size: SimpleNamespace(fault=folds.get(len(dist), "")))
     assert calibrate_detections(views(1, FEW_PHOTOS), SIZE, SMALL).model == "full5"
-
-
-def test_one_spoilt_photo_does_not_make_auto_fit_a_lens_too_small():
-    """Its own error outweighs what a smaller lens adds to the others' in any mean over photos."""
-    tags = views(3, 9)
-    tags["view_04"] = [moved(t, 1.03 * np.array(t.center) - 12) for t in tags["view_04"]]
-    tags["view_04"] = [t for t in tags["view_04"] if inside(t.center)]
-    found = calibrate_detections(tags, SIZE, SMALL)
-    assert found.model == "full5"
-    assert abs(z_of(found)[2]) < 3
 
 
 def test_how_far_models_that_predict_alike_lie_apart_goes_into_sigma():
@@ -262,9 +188,6 @@ def test_a_small_lens_of_many_photos_is_no_surer_of_the_centre_than_the_richest_
     assert 0.5 < np.abs(z).max() < 3
 
 
-# ---------------------------------------------------------------------------------- photos and boards at fault
-
-
 def zoomed(tags: list, share: float = 0.8) -> list:
     """Cut at a share of its sides, off the middle, and enlarged again."""
     cut = [(t, (np.array(t.center) - (60, 90)) / share) for t in tags]
@@ -283,7 +206,7 @@ def upside_down(tags: list) -> list:
 def test_photos_at_odds_with_the_rest_are_named_and_no_others(subtests):
     """The fit of all may be pulled so far that sound photos' rms is three times the median there. A photo far off hides
     no other; one that fits no camera of the others is left out."""
-    for spoil, seed in ((by_another_camera, 0), (zoomed, 6), (zoomed, 13), (upside_down, 13)):
+    for spoil, seed in ((by_another_camera, 0), (zoomed, 6), (upside_down, 13)):
         with subtests.test(f"{spoil.__name__}, {seed}"):
             tags = views(seed, 14, noise=0.03)
             tags["view_05"] = spoil(tags["view_05"])

@@ -126,9 +126,9 @@ def check_board(board: Board, where: object = "board") -> None:
         found = "both" if board.grid else "neither"
         raise InputError(f"{where}: grid, tags", "either a grid or a list of tags", found)
     ids = [tag.id for tag in board.tags] if board.tags is not None else list(board.centers())
-    last = family_size(board.family) - 1
+    field = "tags" if board.grid is None else "grid"
+    last = len(cv2.aruco.getPredefinedDictionary(FAMILIES[board.family]).bytesList) - 1
     if max(ids, default=0) > last:
-        field = "tags" if board.grid is None else "grid"
         raise InputError(f"{where}: {field}", f"ids up to {last}, the last of {board.family}", f"ids up to {max(ids)}")
     if len(set(ids)) < len(ids):
         raise InputError(f"{where}: tags", "ids that differ", f"{next(i for i in ids if ids.count(i) > 1)} twice")
@@ -136,7 +136,6 @@ def check_board(board: Board, where: object = "board") -> None:
     if in_one_line(xy):
         raise InputError(f"{where}: tags", "at least 4 tags, not in one line", f"{len(xy)} tags")
     if (gap := pdist(xy, "chebyshev").min()) <= board.tag_edge:
-        field = "tags" if board.grid is None else "grid.pitch"
         raise InputError(f"{where}: {field}", f"centres more than tag_edge ({board.tag_edge:g} m) apart", f"{gap:g} m")
     if board.offsets is not None and len(board.offsets) != len(xy):
         raise InputError(f"{where}: offsets", f"one for each of {len(xy)} tags", len(board.offsets))
@@ -148,11 +147,6 @@ def in_one_line(xy: np.ndarray) -> bool:
         return True
     width = np.linalg.svd(xy - xy.mean(axis=0), compute_uv=False)
     return bool(width[1] <= 1e-3 * width[0])
-
-
-def family_size(family: str) -> int:
-    """How many ids the family has."""
-    return len(cv2.aruco.getPredefinedDictionary(FAMILIES[family]).bytesList)
 
 
 def tag_cells(family: str, tag_id: int) -> np.ndarray:

@@ -1,9 +1,8 @@
-"""A distorted tag's diagonals do not cross at its centre: what a detector that fits straight edges gets wrong.
+"""The bias of a detector that fits straight lines to a tag's edges, which lens and bent sheet bend.
 
-The lens bends a tag's edges; the detector fits straight lines to them, and calls the point where the diagonals of their
-four crossings meet the centre. Through a known camera the same can be done to the true edges. What comes out differs
-from the image of the true centre by the detector's bias: a fifth of a pixel (rms) on large tags under moderate
-distortion, four times the detector's noise. A bent sheet bends the edges, too.
+It takes for the centre where the diagonals of the lines' four crossings meet. Through a known camera the same is done
+to the true edges; what comes out differs from the image of the true centre by the detector's bias: a fifth of a pixel
+(rms) on large tags under moderate distortion, four times the detector's noise.
 """
 
 import functools
@@ -17,12 +16,12 @@ from raytwin.photos.camera import lens_model
 from raytwin.photos.camera.detection import Tag
 
 POINTS_PER_EDGE, EDGE_SHARE = 5, 0.767
-"""Number of points per tag edge that its line is fitted to, and the share of the edge that they span. Their mean
-square offset equals that of the 16 places on an edge, corners excluded, that the AprilTag library samples."""
+"""Points per tag edge that its line is fitted to, and the share of the edge that they span: with the same mean square
+offset as the 16 places that the AprilTag library samples."""
 
 
 def center_bias(ids: Sequence[int], board: Board, R, t, K, dist: Sequence[float]) -> np.ndarray:
-    """(n, 2) pixels: crossing of the diagonals of straight lines through the distorted edges, minus the true centre."""
+    """(n, 2) pixels: crossing of the diagonals of straight lines through the edges, minus the true centre."""
     centers, edges = board.points(ids), _edges(board)
     around = centers[:, None, None] + np.stack([edges[i] for i in ids])
     true = lens_model.project(centers, R, t, K, dist)
@@ -44,7 +43,7 @@ def center_bias(ids: Sequence[int], board: Board, R, t, K, dist: Sequence[float]
 def _edges(board: Board) -> dict[int, np.ndarray]:
     """By id, (4, POINTS_PER_EDGE, 3): from the tag's centre to points on its lower, right, upper and left edge, metres.
 
-    On a bent sheet the edges lie higher or lower than the centre; that a tilt shortens them is second order.
+    On a bent sheet the edges lie higher or lower than the centre.
     """
     s, one = np.linspace(-EDGE_SHARE, EDGE_SHARE, POINTS_PER_EDGE), np.ones(POINTS_PER_EDGE)
     flat = np.stack([np.c_[s, -one], np.c_[one, s], np.c_[-s, one], np.c_[-one, -s]]) * board.tag_edge / 2

@@ -9,7 +9,7 @@ from raytwin.scene import Matrix, Record, Vector
 
 
 class View(Record, frozen=True):
-    """The board in one photo: tags used, root mean squared distance, `p_cam = R_cam_board @ p_board + t_cam_board` (m).
+    """The board in one photo: number of tags used, their rms distance, `p_cam = R_cam_board @ p_board + t_cam_board`.
 
     `influence`: by how many of their standard deviations fx, fy, cx and cy move (rms) when the photo is left out.
     """
@@ -23,8 +23,8 @@ class View(Record, frozen=True):
 
 
 class FoundBoard(Record, frozen=True):
-    """The board as fitted: `offsets` is None where a flat one predicts as well. `bend_mm`: from the lowest tag's
-    height to the highest's, `bend_sigma_mm` one standard deviation of it."""
+    """The board as fitted: `offsets` is None if it is flat. `bend_mm`: from the lowest tag to the highest,
+    `bend_sigma_mm` one standard deviation of it."""
 
     offsets: Offsets | None = None
     bend_mm: float = 0.0
@@ -32,8 +32,6 @@ class FoundBoard(Record, frozen=True):
 
 
 class CalibrationWarning(Record, frozen=True):
-    """What speaks against a calibration: `code` is stable, `text` is for people."""
-
     code: str
     text: str
 
@@ -53,10 +51,10 @@ class Evidence(Record, frozen=True):
 
 
 class Calibration(Record, frozen=True):
-    """The camera and how well it is known; its fields, but for `evidence`, are the keys of the JSON.
+    """The camera and how well it is known.
 
-    `K` in pixels (OpenCV's: (0, 0) is a pixel's centre); `dist` is a prefix of k1, k2, p1, p2, k3; `sigma` holds one
-    standard deviation of fx, fy, cx, cy and of each coefficient that was fitted; `rms_px` is over all tags used.
+    `K` in OpenCV's pixels; `dist` is a prefix of k1, k2, p1, p2, k3; `sigma` holds one standard deviation of fx, fy,
+    cx, cy and of each coefficient that was fitted; `rms_px` is over all tags used.
     """
 
     image_size: tuple[int, int]
@@ -70,18 +68,14 @@ class Calibration(Record, frozen=True):
     warnings: tuple[CalibrationWarning, ...] = ()
     evidence: Evidence = Evidence()
 
-    def numbers(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """What the JSON holds; `boards` is a list of one."""
         fields = {k: v for k, v in msgspec.structs.asdict(self).items() if k not in ("evidence", "board")}
-        return fields | {"boards": [self.board]}
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what the JSON holds as plain values."""
-        plain: dict[str, Any] = msgspec.to_builtins(self.numbers())
+        plain: dict[str, Any] = msgspec.to_builtins(fields | {"boards": [self.board]})
         return plain
 
     def table(self) -> list[dict[str, Any]]:
-        """Return a row per photo: what `pandas.DataFrame` takes."""
+        """A row per photo, for `pandas.DataFrame`."""
         return [view.to_dict() for view in self.views]
 
     def __repr__(self) -> str:
@@ -89,6 +83,6 @@ class Calibration(Record, frozen=True):
         return f"<raytwin.calibrate {len(self.views)} photos, model {self.model}, {found}>"
 
     def shaped(self, board: Board) -> Board:
-        """The board with the shape that was found for it; as it is if it is not the one calibrated from."""
+        """The board with the shape that was found for it; another board is returned as it is."""
         found = self.evidence.board
         return found if found is not None and found.flat() == board.flat() else board

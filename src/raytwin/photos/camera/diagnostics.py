@@ -3,7 +3,7 @@
 Every warning's code is stable: tools may test for it. docs/photos.md lists what each says.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from scipy.spatial.distance import pdist
@@ -26,12 +26,12 @@ NORMAL_SPREAD, COVERAGE = 15.0, 0.25
 the frame's 10 x 10 cells that hold a tag's centre."""
 
 MISFIT = 0.01
-"""Share of the distance between neighbouring tags: a larger rms says that the board's file is wrong. (Sound sets have
-at most 0.005, a fisheye of 150 degrees 0.04, a pitch that is 3 % wrong in one direction 0.022.)"""
+"""Largest rms as a share of the distance between neighbouring tags. (Sound sets have at most 0.005, a fisheye of 150
+degrees 0.04, a pitch that is 3 % wrong in one direction 0.022.)"""
 
 ODD_RMS, ODD_PX, LEAST_FOR_ODD = 2.5, 0.2, 5
 """A photo is odd if its rms in the camera of the others is this many times the median, and this many pixels; of fewer
-photos, none is. (Sound sets: at most 2.4 times. Small tags and slanting ones are read no better.)"""
+photos, none is. (Sound sets: at most 2.4 times.)"""
 
 BETTER_WITHOUT, FAR_RMS = 0.97, 10.0
 """A photo is odd only if the camera without it sees the others with less than this share of their error; with less at
@@ -52,63 +52,57 @@ def normal_spread(rotations: Sequence[np.ndarray]) -> float:
     return float(np.degrees(np.arccos(np.clip((normals @ normals.T).min(), -1, 1))))
 
 
-def misfit(found: Fit) -> float:
-    """The rms as a share of the distance between neighbouring tags, where the median view has the board."""
-    apart = found.K[0, 0] * pdist(found.observations.points).min() / np.median(found.t[:, 2])
-    return float(found.rms_px / apart)
-
-
 def warnings_for(
     made: Calibration,
     found: Fit,
     views: Views,
     board: Board,
     wrong: Mapping[str, str],
-    rejected: Mapping[str, Iterable[int]],
+    rejected: Mapping[str, set[int]],
 ) -> tuple[CalibrationWarning, ...]:
     """What speaks against a calibration `made` of the fit `found` of `views`. `wrong`: photos left out, and why.
     `rejected`: ids of outliers, by photo."""
-    said = [("no-tags", text) for text in _left_out(wrong)]
+    said = []
+    for why in dict.fromkeys(wrong.values()):
+        of = [photo for photo, reason in wrong.items() if reason == why]
+        names = ", ".join(of[:3]) + f" and {len(of) - 3} more" * (len(of) > 3)
+        said.append(("no-tags", f"{names} {'was' if len(of) == 1 else 'were'} left out: {why}"))
     if len(views) < FEW_VIEWS:
         text = f"{len(views)} photos: with fewer than {FEW_VIEWS} the focal length moves by a per cent"
         said.append(("few-views", text))
     if doubts := degenerate(made, found):
         said.append(("degenerate-views", "; ".join(doubts)))
     # A mirrored description fits as well, seen from behind; but no detector reads a tag from there.
-    grid = board.grid
     sights = found.R @ np.append(np.mean([*board.centers().values()], axis=0), 0.0) + found.t
-    behind = int(((found.R[:, :, 2] * sights).sum(axis=1) > 0).sum())
-    if behind:
-        order = "down" if grid is None or grid.order == "up" else "up"
-        advice = "swap the sign of x" if grid is None else f'write order = "{order}" into its [grid]'
-        of = f"{behind} of {len(views)} views"
-        said.append(
-            ("mirrored-board", f"the board is seen from behind in {of}: its description is mirrored ({advice})")
+    if behind := int(((found.R[:, :, 2] * sights).sum(axis=1) > 0).sum()):
+        order = "down" if board.grid is not None and board.grid.order == "up" else "up"
+        advice = "swap the sign of x" if board.grid is None else f'write order = "{order}" into its [grid]'
+        text = (
+            f"the board is seen from behind in {behind} of {len(views)} views: its description is mirrored ({advice})"
         )
+        said.append(("mirrored-board", text))
     said += [("odd-photo", text) for text in odd_photo(found, [*views])]
     known = undone(made.K, made.dist, made.image_size)
     if known.fault:
         lost = 100 * float((~known.found).mean())
         text = f"no ray belongs to {lost:.2g} % of the frame, left black: the lens cannot be undone at {known.fault}"
         said.append(("unconverged-distortion", f"{text}; photograph the board there"))
-    of_tags = {photo: ", ".join(map(str, sorted(ids))) for photo, ids in rejected.items() if ids}
-    said += [("outlier-tags", f"{photo}: rejected tags {ids}") for photo, ids in of_tags.items()]
-    said += [("ambiguous-pose", text) for text in _ambiguous(made, views, found.shaped(board)) if not behind]
+    for photo, ids in rejected.items():
+        if ids:
+            said.append(("outlier-tags", f"{photo}: rejected tags {', '.join(map(str, sorted(ids)))}"))
+    for photo, tags in views.items() if not behind else ():
+        _, ratio = pose.refined_pose(made.K, made.dist, tags, found.shaped(board))
+        if ratio is not None and pose.ambiguous(ratio, len(tags)):
+            said.append(("ambiguous-pose", f"{photo}: a second pose fits with only {ratio:.2f} times the error"))
     return tuple(CalibrationWarning(*warning) for warning in said)
-
-
-def _left_out(wrong: Mapping[str, str]) -> Iterator[str]:
-    for why in dict.fromkeys(wrong.values()):
-        of = [photo for photo, reason in wrong.items() if reason == why]
-        names = ", ".join(of[:3]) + f" and {len(of) - 3} more" * (len(of) > 3)
-        yield f"{names} {'was' if len(of) == 1 else 'were'} left out: {why}"
 
 
 def degenerate(made: Calibration, found: Fit) -> list[str]:
     """In which way the views do not determine the camera; none of sound ones."""
     ((fx, _, cx), (_, fy, cy), _), sd, (width, height) = made.K, made.sigma, made.image_size
     aspect, off_x, off_y = fx / fy, abs(cx - (width - 1) / 2), abs(cy - (height - 1) / 2)
-    spread, covered, off = normal_spread([*found.R]), coverage(made), misfit(found)
+    spread, covered, board = normal_spread([*found.R]), coverage(made), found.observations.points
+    off = found.rms_px / (fx * pdist(board).min() / np.median(found.t[:, 2]))
     doubts = {
         f"fx = {fx:.0f} ± {sd['fx']:.0f} px": sd["fx"] > FOCAL_SD * fx,
         f"fy = {fy:.0f} ± {sd['fy']:.0f} px": sd["fy"] > FOCAL_SD * fy,
@@ -126,14 +120,11 @@ def degenerate(made: Calibration, found: Fit) -> list[str]:
 
 def odd_photo(found: Fit, names: Sequence[str]) -> Iterator[str]:
     """The photo most at odds with the rest, if any is; there may be more, which show once it is left out."""
-    photos = range(len(names) if len(names) >= LEAST_FOR_ODD else 0)
-    without = [found.without([i]) for i in photos]
-    errors = np.array([found.error_px(i, without[i]) for i in photos])
-    for i in np.argsort(-errors):
-        usual = float(np.median(errors))
-        if errors[i] <= max(ODD_PX, ODD_RMS * usual):
-            return
-        others = [other for other in photos if other != i]
+    _, errors = found.leave_one_out()
+    usual = float(np.median(errors))
+    odd = [i for i in np.argsort(-errors).tolist() if errors[i] > max(ODD_PX, ODD_RMS * usual)]
+    for i in odd if len(names) >= LEAST_FOR_ODD else ():
+        others = [other for other in range(len(names)) if other != i]
         # A geometric mean: another odd photo counts no more than a sound one.
         share = np.exp(np.mean([np.log(found.error_px(o, found.without([i, o])) / errors[o]) for o in others]))
         if share <= (1.0 if errors[i] > FAR_RMS * usual else BETTER_WITHOUT):
@@ -142,10 +133,3 @@ def odd_photo(found: Fit, names: Sequence[str]) -> Iterator[str]:
             advice = "leave it out, or take more like it if none is so steep"
             yield f"{names[i]}: its rms in the camera of the others of {times} {blame}: {advice}"
             return
-
-
-def _ambiguous(made: Calibration, views: Views, board: Board) -> Iterator[str]:
-    for view, tags in zip(made.views, views.values(), strict=True):
-        _, ratio = pose.refined_pose(made.K, made.dist, tags, board)
-        if ratio is not None and pose.ambiguous(ratio, len(tags)):
-            yield f"{view.photo}: a second pose fits with only {ratio:.2f} times the error"

@@ -1,8 +1,4 @@
-"""The lens: OpenCV's Brown-Conrady distortion, its inverse, and where it turns back.
-
-x, y = X/Z, Y/Z; r² = x² + y²; radial g = 1 + k1 r² + k2 r⁴ + k3 r⁶;
-x' = x g + 2 p1 x y + p2 (r² + 2 x²), y' = y g + p1 (r² + 2 y²) + 2 p2 x y; u = fx x' + cx, v = fy y' + cy.
-"""
+"""The lens by OpenCV: what it makes of points, its inverse, and where it folds back (`raytwin.scene.lens`)."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -40,7 +36,7 @@ def of_pose(points: np.ndarray, of_point: np.ndarray) -> np.ndarray:
 
 
 def undistort(pixels: Any, K: Any, dist: Sequence[float]) -> np.ndarray:
-    """Normalised x, y (n, 2) of pixels (n, 2); correct where the lens can be undone (`raytwin.scene.lens`)."""
+    """Normalised x, y (n, 2) of pixels (n, 2), where the lens can be undone."""
     (fx, _, cx), (_, fy, cy), _ = K
     u, v = np.asarray(pixels, float).reshape(-1, 2).T
     return np.stack(newton((u - cx) / fx, (v - cy) / fy, five(dist).tolist()), axis=1)
@@ -54,7 +50,7 @@ def grows(rays: np.ndarray, dist: Sequence[float]) -> np.ndarray:
 
 
 def matrix(lens: np.ndarray) -> np.ndarray:
-    """K of fx, fy, cx, cy, the first of `lens`."""
+    """K of fx, fy, cx, cy."""
     return np.array([[lens[0], 0, lens[2]], [0, lens[1], lens[3]], [0, 0, 1]])
 
 

@@ -2,12 +2,10 @@
 uncertain the camera is.
 """
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
 
-from raytwin.errors import InputError
 from raytwin.photos.boards import Board
 from raytwin.photos.camera.fit import LENS, MODELS, Fit, ModelSpec, Views, fit
 from raytwin.scene.lens import undone
@@ -32,18 +30,13 @@ def select_model(
     errors: dict[ModelSpec, float] = {}
 
     def attempt(form: ModelSpec, begin: Fit) -> None:
-        try:
-            fits[form] = fit(views, image_size, board, form, begin)
-            # A mean of photos, not of squares, so that one foreign photo does not choose the model.
-            errors[form] = float(fits[form].leave_one_out()[1].mean())
-        except InputError:
-            errors[form] = math.inf
+        fits[form] = fit(views, image_size, board, form, begin)
+        # A mean of photos, not of squares, so that one foreign photo does not choose the model.
+        errors[form] = float(fits[form].leave_one_out()[1].mean())
 
     lenses = [*MODELS][::-1] if model == "auto" else [model]
     for bent in (False, True)[: 1 + (len(views) >= FEWEST_FOR_A_BEND)]:
         attempt(ModelSpec(lenses[0], bent), start)
-    if not fits:
-        raise InputError("views", "photos from which a camera follows", "a fit that does not converge")
     taken = _as_good(errors)[0]
     for lens in lenses[1:]:
         attempt(ModelSpec(lens, taken.bent), fits[taken])
@@ -77,14 +70,13 @@ def _gap(fits: Mapping[ModelSpec, Fit], errors: Mapping[ModelSpec, float], taken
 def covariance(found: Fit, moves: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
     """(m, m): that of `Fit.shared`, from how the photos disagree, and how the models do (`gap`).
 
-    Tags in one photo do not err on their own: blur, a board that is not quite as described, a focus that moved, pull
-    all of them the same way. So the photo is the unit. Where photos err alike, the covariance is s² H^-1; where they
-    disagree, the jackknife is honest:
+    Blur, a focus that moved and the like pull all tags of a photo the same way. So the photo is the unit. Where photos
+    err alike, the covariance is s² H^-1; where they disagree, the jackknife is honest:
 
         C = S s² H^-1 S,  S_k² = max(1, V_k / (s² H^-1)_kk),  V_k = (n - 1) / n Σ d_ik²,
 
-    d_i: how far the numbers move without photo i of n (`moves`). Neither is believed where it is the smaller: V of few
-    photos may be small by chance, and that makes sigma some 8 % too large where photos do err alike.
+    d_i: how far the numbers move without photo i of n (`moves`). V of few photos may be small by chance, so the larger
+    one counts.
     """
     alike = max(found.variance, 1e-300) * found.inverse
     variance, jackknife = np.diag(alike), (1 - 1 / len(moves)) * (moves**2).sum(axis=0)
