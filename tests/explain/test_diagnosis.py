@@ -165,24 +165,6 @@ def test_of_few_wrong_pixels_it_is_said_where_they_are():
     assert whereabouts([sample], [errors]).startswith("wrong in single pixels (0.021 %), most ")
 
 
-@pytest.mark.nightly
-def test_a_region_that_stays_wrong_is_told_and_makes_nothing_sure():
-    pictures = [planted(fault("pi-missing").ways[0], scene) for scene in SCENES]
-    v, u = np.argwhere(predictor(SCENES[0]).seen().ids.reshape(60, 80) >= 0).mean(axis=0).astype(int)
-    pictures[0][v : v + 5, u : u + 5] *= 0.7
-    made = diagnose(views(pictures))
-    assert names(made) == ["pi-missing"]
-    assert made.certainty == "likely"
-    assert made.sentences[-1].startswith("something else is wrong, too: wrong")
-
-
-@pytest.mark.nightly
-def test_shadows_on_the_rung_without_any_are_told():
-    scene = draw_scene.draw_scene(1)
-    made = diagnose([SubmittedImage(scene, trace(scene, "shadow").mean, rung="lambert")])
-    assert names(made) == ["shadows-always"]
-
-
 def test_eight_bits_hide_no_cause():
     scene = SCENES[1]
     code = np.rint(srgb_encode(planted(fault("pi-twice").ways[0], scene)) * 255) / 255
@@ -251,15 +233,10 @@ def test_of_an_unknown_scene_an_error_without_such_a_cause_gets_no_words():
     assert explain(Image(P[:, :20]), Image(P)) == ()
 
 
-def test_parts_of_the_light_are_fitted_although_the_sky_hides_them_in_the_whole():
+def test_parts_of_the_light_are_fitted_in_the_whole_or_by_object():
     scene = SCENES[1]
     found = split(sample_pixels(SubmittedImage(scene, planted(fault("pi-missing").ways[0], scene))))
     assert found.words == "the sun's part is 3.142 = π times too bright"
-    assert {share.part: round(share.factor, 3) for share in found.shares} == {"sun": 3.142}
-
-
-def test_parts_of_the_light_are_fitted_by_object():
-    scene = SCENES[1]
     right = planted(RIGHT, scene)
     one = predictor(scene).seen().ids.reshape(right.shape[:2]) == 1
     right[one] *= 0.5

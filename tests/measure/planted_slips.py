@@ -1,6 +1,6 @@
 """How well the ready rubric sees and names slips in students' texts: `python -m measure.planted_slips [N] [SEED]`.
 
-Slips of the operators, as the textbook gets them, are planted in three students' texts, N (16) in each, drawn by SEED
+Slips of the operators, as the textbook gets them, are planted in two students' texts, N (16) in each, drawn by SEED
 (0), equally many of each operator. What does not run, or changes nothing in cases and scenes that the rubric does not
 have, is left out and counted. Each is graded with the ready rubric. What a student reads first is correct if it is
 
@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from measure import record
 from starter_submissions import PLAIN
-from tracers_by_students import BOARD_FRAME, VECTORS
+from tracers_by_students import BOARD_FRAME
 
 from raytwin.explain.catalogue import FAULTS
 from raytwin.explain.draw_scene import LARGER, draw_scene
@@ -59,18 +59,15 @@ SAME = 1e-9
 FIX = re.compile(r"line (\d+): (.*); `(.*)` in place of `(.*)` makes everything correct$")
 """The third level of hints."""
 
-TEXTS = {"arrays": PLAIN, "render alone": BOARD_FRAME, "vectors": VECTORS}
-NOT_PLANTED = {"estimate_pose", "vec", "array"}
-"""The textbook has no pose; the others only change the layout."""
+TEXTS = {"arrays": PLAIN, "render alone": BOARD_FRAME}
 CAMERA, SOLVER, NORMALS, LIGHT, REST = (
     {"camera"}, {"solver"}, {"normals"}, {"light"}, {"order", "normals", "light", "shadow", "output", "solver"},
 )  # fmt: skip
 STAGES: dict[str, set[str]] = {
-    **dict.fromkeys(("undo_lens", "back_project", "camera_rays", "directions", "distort", "newton",
-                     "eye_and_ways"), CAMERA),
-    **dict.fromkeys(("intersect_sphere", "intersect_plane", "hit", "Vec", "__init__"), SOLVER | {"order", "shadow"}),
+    **dict.fromkeys(("undo_lens", "back_project", "camera_rays", "directions"), CAMERA),
+    **dict.fromkeys(("intersect_sphere", "intersect_plane", "hit"), SOLVER | {"order", "shadow"}),
     **dict.fromkeys(("normal", "normalize"), NORMALS | {"solver", "camera"}),
-    "shade": LIGHT, "hit_points": {"order", "solver"}, "closest": {"order", "solver"}, "in_shadow": {"shadow"},
+    "shade": LIGHT, "hit_points": {"order", "solver"}, "in_shadow": {"shadow"},
     "render": REST | {"camera"},
 }  # fmt: skip
 """Function or method -> stages of the mistakes that may be told of a slip in it."""
@@ -121,7 +118,7 @@ def planted(name: str, function: str, edit: Edit) -> Planted | None:
 def _functions(tree: ast.Module) -> Iterator[tuple[ast.FunctionDef, str]]:
     for one in tree.body:
         inner = one.body if isinstance(one, ast.ClassDef) else [one]
-        yield from ((f, f.name) for f in inner if isinstance(f, ast.FunctionDef) and f.name not in NOT_PLANTED)
+        yield from ((f, f.name) for f in inner if isinstance(f, ast.FunctionDef) and f.name != "estimate_pose")
 
 
 def written_into(text: str, edit: Edit) -> str:
@@ -185,7 +182,7 @@ def values(source: str) -> list[np.ndarray] | None:
                         if isinstance(answer, str):
                             return None
                         got += answer
-    except (Exception, TimeoutError):
+    except Exception:
         return None
     finally:
         signal.setitimer(signal.ITIMER_VIRTUAL, 0)

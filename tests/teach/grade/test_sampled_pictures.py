@@ -23,21 +23,29 @@ points = 10
 credit = [[1e-3, 0.9], [1e-1, 0.4]]
 """
 
-WEDGE = """
+SAMPLING = """
 import numpy as np
 
 
+def sample_cosine(u):
+    a, b = u.T
+    z, r = np.sqrt(1 - a), np.sqrt(a)
+    directions = np.stack([r * np.cos(2 * np.pi * b), r * np.sin(2 * np.pi * b), z], axis=-1)
+    return directions, z / np.pi, np.ones(len(u))
+
+
 def render(scene):
-    # Half of the directions from either plane meet the other: the walk of light in scenes/wedge, which is exact.
-    shape = scene["height"], scene["width"], 1
-    light, weight = np.zeros(shape), np.ones(shape)
-    for surface in range({"sky": 1, "path": 7}[scene["rung"]]):
-        weight = weight * 0.5
-        sky = np.random.uniform(size=shape) < 0.5
+    height, width = scene["height"], scene["width"]
+    light, weight = np.zeros(height * width), np.ones(height * width)
+    for surface in range(7 if scene["rung"] == "path" else 1):
+        directions, _, more = sample_cosine(np.random.uniform(size=(height * width, 2)))
+        weight = weight * more * 0.5
+        sky = directions[:, 0] < 0
         light += np.where(sky, weight, 0)
         weight = np.where(sky, 0, weight)
-    return np.repeat(light, 3, axis=2)
+    return np.repeat(light.reshape(height, width, 1), 3, axis=2)
 """
+"""The wedge's walk of light, whose other half is where the directions' x is positive."""
 
 
 def graded(folder, text, rung):
@@ -50,9 +58,9 @@ def graded(folder, text, rung):
 def test_a_correct_path_tracer_has_all_points_and_one_that_drops_a_bounce_has_fewer(tmp_path):
     """False alarms: one in 100 000 of each correct picture. The sandbox's seed is the submission's own."""
     for rung in ("sky", "path"):
-        found = graded(tmp_path, WEDGE, rung)
+        found = graded(tmp_path, SAMPLING, rung)
         assert (found.status, found.points) == ("pass", 10), found.sentences
-    found = graded(tmp_path, WEDGE.replace('"path": 7', '"path": 2'), "path")
+    found = graded(tmp_path, SAMPLING.replace("range(7 if", "range(2 if"), "path")
     assert (found.status, found.parts[0].passed) == ("fail", False)
     assert found.points == 0  # 5/16 for 1/3: 6 %, for which a picture without noise has credit
     assert "too dark" in found.sentences[0]
@@ -60,10 +68,10 @@ def test_a_correct_path_tracer_has_all_points_and_one_that_drops_a_bounce_has_fe
 
 
 def test_a_fixed_seed_is_undecided_and_a_crash_is_what_it_is(tmp_path):
-    fixed = graded(tmp_path, WEDGE.replace("    shape =", "    np.random.seed(1)\n    shape ="), "path")
+    fixed = graded(tmp_path, SAMPLING.replace("    height,", "    np.random.seed(1)\n    height,"), "path")
     assert (fixed.status, fixed.points) == ("fail", 0)
     assert fixed.sentences[0] == f"undecided: {SAME_NUMBERS}"
-    crashed = graded(tmp_path, WEDGE.replace("    shape =", "    shape = undefined\n    shape ="), "path")
+    crashed = graded(tmp_path, SAMPLING.replace("    height,", "    undefined\n    height,"), "path")
     assert crashed.status == "error"
     assert "NameError" in crashed.sentences[0]
 
@@ -106,38 +114,12 @@ def test_a_sampler_is_graded_by_what_it_draws(tmp_path):
     assert "chi-square p" in result.exercises[1].got
 
 
-SAMPLING = """
-import numpy as np
-
-
-def sample_cosine(u):
-    a, b = u.T
-    z, r = np.sqrt(1 - a), np.sqrt(a)
-    directions = np.stack([r * np.cos(2 * np.pi * b), r * np.sin(2 * np.pi * b), z], axis=-1)
-    return directions, z / np.pi, np.ones(len(u))
-
-
-def render(scene):
-    height, width = scene["height"], scene["width"]
-    light, weight = np.zeros(height * width), np.ones(height * width)
-    for surface in range(7 if scene["rung"] == "path" else 1):
-        directions, _, more = sample_cosine(np.random.uniform(size=(height * width, 2)))
-        weight = weight * more * 0.5
-        sky = directions[:, 0] < 0
-        light += np.where(sky, weight, 0)
-        weight = np.where(sky, 0, weight)
-    return np.repeat(light.reshape(height, width, 1), 3, axis=2)
-"""
-"""The wedge's walk of light, whose other half is where the directions' x is positive."""
-
-
 def test_a_wrong_sampler_costs_its_own_points_and_no_picture(tmp_path):
     """The submission's own samplers are replaced before a sampled picture is judged again."""
     rubric = '[[exercises]]\nstage = "sample_cosine"\npoints = 5\n' + RUBRIC.split("\n", 2)[2].replace("{rung}", "path")
     (tmp_path / "r.toml").write_text(f'title = "t"\nhints = 0\nfollow_through = 1\n{rubric}')
-    short = SAMPLING.replace("range(7 if", "range(2 if")
     wrong = SAMPLING.replace("np.ones(len(u))", "np.full(len(u), 0.5)")
-    for text, points in ((SAMPLING, [5, 10]), (short, [5, 0]), (wrong, [0, 10])):
+    for text, points in ((SAMPLING, [5, 10]), (wrong, [0, 10])):
         (tmp_path / "a.py").write_text(text)
         (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers(), again=True)
         assert [e.points for e in result.exercises] == points, [e.said for e in result.exercises]

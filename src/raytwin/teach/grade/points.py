@@ -53,8 +53,7 @@ def _paid_once(marked: Sequence[Marked], rubric: Rubric) -> list[Marked]:
     rate, made = rubric.follow_through, []
     for m, e in zip(marked, rubric.exercises, strict=True):
         if m.name in payers:
-            kept = [0.0 if p.passed else rate for p in m.parts]
-            made.append(replace(_scored(m, e, kept), same_as=payers[m.name]))
+            made.append(replace(_scored(m, e, [rate] * len(m.parts)), same_as=payers[m.name]))
         else:
             made.append(_scored(m, e, [_share_again(p, e, rate) for p in m.parts]))
     return made
