@@ -9,7 +9,7 @@ from raytwin.compare import Comparison
 from raytwin.compare.finding import Finding, notes
 from raytwin.explain.diagnosis import explain
 from raytwin.explain.noisy_values import noisy_cause
-from raytwin.explain.predict import RIGHT, written
+from raytwin.explain.predict import NO_MISTAKE, written
 from raytwin.explain.rounding_cause import rounding_cause
 from raytwin.fast import trace
 from raytwin.images.image import Image, Surface
@@ -37,7 +37,7 @@ def test_depths_that_are_off_by_a_formula_of_the_pixel_are_named(words):
     right = trace(scene)
     v, u = np.indices((60, 80), float).reshape(2, -1)
     K, dist = np.array(scene.camera.K), np.array(scene.camera.coefficients)
-    stretch = 1 / written(RIGHT)["through"](K, dist, u, v)[:, 2].reshape(60, 80)
+    stretch = 1 / written(NO_MISTAKE)["through"](K, dist, u, v)[:, 2].reshape(60, 80)
     (found,) = explain(with_depth(right, DEPTHS[words](stretch)), right, scene)
     said = found.reason
     assert said.startswith("cause (likely): ")

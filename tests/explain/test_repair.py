@@ -5,7 +5,6 @@ import marshal
 import time
 import types
 from collections import Counter
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -203,12 +202,8 @@ def test_a_search_ends_after_a_fixed_amount_of_work_however_long_it_takes():
         runner = Runner(attempted, lambda arguments: Counter({("f", 2): 1, ("f", 3): 1}), work=work)
         assert repair([("", text)], "f", cases, lambda case, got: False, runner) is None
         tried_in.append([c.edit.after for c in run])
-        assert not work.stopped
     assert tried_in[0] == tried_in[1]
     assert len(tried_in[0]) < 60 + 2 * AT_ONCE
-    late = Work(1e9, in_time=lambda: False)
-    assert repair([("", text)], "f", cases, lambda *_: False, replace(runner, work=late)) is None
-    assert late.stopped
 
 
 def mixed_up(origins, directions, center, radius):

@@ -13,7 +13,7 @@ from raytwin.explain.diagnosis import diagnose, explain
 from raytwin.explain.evidence import is_likelier
 from raytwin.explain.parametric_faults import FAMILIES, bright
 from raytwin.explain.pixel_sample import PixelSample, SubmittedImage, sample_pixels
-from raytwin.explain.predict import RIGHT, planted
+from raytwin.explain.predict import NO_MISTAKE, planted
 from raytwin.images.image import Image
 from raytwin.scene import Scene, Sphere
 from raytwin.scene.scene_files import read_scene
@@ -88,12 +88,12 @@ def test_a_cause_under_noise_has_to_bring_the_noisy_pixels_nearer():
     """The rays three pixels aside, and as many to the other side; the noise is a third of the scale."""
     scene = SCENES["overlap"]
     left, right = (moved(x, 0) for x in (-3, 3))
-    exact, made = (planted(scene, way) for way in (RIGHT, left))
+    exact, made = (planted(scene, way) for way in (NO_MISTAKE, left))
     noise = np.random.default_rng(0).normal(0, 0.3, made.shape)
     samples = [sample_pixels(SubmittedImage(scene, made + noise, exact, half=np.full(made.shape, 0.9)))]
     assert is_likelier(samples, left)
     assert not is_likelier(samples, right)
-    assert not is_likelier(samples, RIGHT)
+    assert not is_likelier(samples, NO_MISTAKE)
 
 
 @pytest.mark.parametrize(("name", "known"), [("overlap", True), ("distorted", False)])
@@ -147,22 +147,9 @@ PREDICTIONS = 6000
 
 
 @pytest.mark.parametrize("kind", SHOWN)
-def test_the_same_words_are_said_whatever_the_clock_says_and_a_search_has_an_end(kind, monkeypatch):
-    """A clock that stands still, and one that goes by 5 ms each time it is asked, as on a busy machine."""
+def test_a_search_has_an_end(kind, monkeypatch):
     right = trace(SCENES["overlap"]).mean
     predictions, predict = itertools.count(), PixelSample.predict
     monkeypatch.setattr(PixelSample, "predict", lambda sample, steps: (next(predictions), predict(sample, steps))[1])
-    said = []
-    for clock in (itertools.repeat(0.0), itertools.count(step=0.005)):
-        monkeypatch.setattr("raytwin.explain.search.time.monotonic", clock.__next__)
-        said.append(diagnose([SubmittedImage(SCENES["overlap"], SHOWN[kind](right))]))
-    assert said[0] == said[1]
-    assert next(predictions) < 2 * PREDICTIONS
-
-
-def test_a_search_that_the_net_catches_says_so_and_names_nothing(monkeypatch):
-    clock = itertools.count(step=601)
-    monkeypatch.setattr("raytwin.explain.search.time.monotonic", lambda: next(clock))
-    made = diagnose([SubmittedImage(SCENES["overlap"], 1.3 * trace(SCENES["overlap"]).mean)])
-    assert not made.cause
-    assert made.findings[-1].text == "the search stopped early, after 600 s: not all known mistakes were tried"
+    diagnose([SubmittedImage(SCENES["overlap"], SHOWN[kind](right))])
+    assert next(predictions) < PREDICTIONS

@@ -20,7 +20,7 @@ from raytwin.safe_write import write_text
 from raytwin.show import autograder_sites as sites
 from raytwin.show import class_page as pages
 from raytwin.teach.grade import job
-from raytwin.teach.grade.class_run import RESULTS, jobs_of, run
+from raytwin.teach.grade.class_run import RESULTS_FOLDER, jobs_of, run
 from raytwin.teach.grade.follow_through import source_of
 from raytwin.teach.grade.result import Result
 from raytwin.teach.grade.rubric import read_rubric
@@ -148,13 +148,13 @@ def test_each_result_is_reported_once_it_is_there_and_one_that_is_half_written_i
     jobs, told = [j for j in graded.jobs if j.student in ("empty", "large")], []
 
     def each(result: Result) -> None:
-        told.append((result.student, len(list((tmp_path / RESULTS).glob("*.json")))))
+        told.append((result.student, len(list((tmp_path / RESULTS_FOLDER).glob("*.json")))))
 
     for _ in range(2):  # the second time nothing is new
         run(jobs, tmp_path, Workers(), each=each)
         assert [count for _, count in told] == [1, 2]
     assert {name for name, _ in told} == {"empty", "large"}
-    stored = tmp_path / RESULTS / f"{jobs[0].key}.json"
+    stored = tmp_path / RESULTS_FOLDER / f"{jobs[0].key}.json"
     stored.write_bytes(stored.read_bytes()[:100])
     run(jobs, tmp_path, Workers(), each=each)
     assert told[2:] == [(jobs[0].student, 2)]
@@ -171,9 +171,9 @@ def test_another_rubric_another_text_or_another_grader_is_another_job(tmp_path, 
 
     said = f'[[feedback]]\nstage = "shade"\nsentence = "no"\nfingerprint = "{"0.1 " * 16}"\n'
     keys = {key(RUBRIC, "a = 1"), key(RUBRIC.replace("seed = 5", "seed = 6"), "a = 1"), key(RUBRIC, "a = 2")}
-    other_points = RUBRIC.replace("points = 10", "points = 3.5").replace("[10.0, 0.25]", "[20.0, 0.125]")
+    other_points = RUBRIC.replace("points = 10", "points = 3.5").replace("[10, 0.25]", "[20, 0.125]")
     other_words = other_points.replace('name = "image"', 'name = "i"').replace('of = "image"', 'of = "i"') + said
-    assert key(other_words.replace('visibility = "hidden"', ""), "a = 2") in keys
+    assert key(other_words.replace('visibility = "hidden"', 'name = "light"'), "a = 2") in keys
     for number in "12":  # what grades
         (tmp_path / number).write_text(number)
         monkeypatch.setattr("raytwin.teach.grade.job.GRADER", (tmp_path / number,))

@@ -18,19 +18,13 @@ pytest.importorskip("resource")
 
 RUBRIC = """
 title = "t"
-[[exercises]]
-stage = "intersect_sphere"
-points = 10
-[[exercises]]
-name = "image"
-stage = "render"
-scenes = ["single"]
-rung = "lambert"
-points = 20
-visibility = "hidden"
-[limits]
-memory_mb = 300
+limits = { memory_mb = 300 }
+exercises = [
+  { stage = "intersect_sphere", points = 10 },
+  { name = "image", stage = "render", scenes = ["single"], rung = "lambert", points = 20, visibility = "hidden" },
+]
 """
+
 pytestmark = [
     pytest.mark.nightly,
     pytest.mark.skipif(sys.platform != "linux", reason="Gradescope's containers are Linux"),

@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 from raytwin.teach.grade.points import marked_by, with_points
-from raytwin.teach.grade.result import Again, Marked, Part, Result
+from raytwin.teach.grade.result import Again, Marked, MarkedPart, Result
 from raytwin.teach.grade.rubric import Exercise, Rubric, Speed
 
 CREDIT = ((0.1, 0.5), (1.0, 0.5))
@@ -23,7 +23,7 @@ def rubric(**more) -> Rubric:
 def wrong(name: str, *mistakes: str, parts: str = "x", again: Again | None = None) -> Marked:
     """An exercise whose parts are wrong (x) or not (o), by these mistakes."""
     stage = next(e.stage for e in EXERCISES if e.name == name)
-    some = tuple(Part("", p == "o", error=0.0 if p == "o" else 0.5, wrong=0.5, seconds=1.0,
+    some = tuple(MarkedPart("", p == "o", error=0.0 if p == "o" else 0.5, wrong=0.5, seconds=1.0,
                       again=None if p == "o" else again) for p in parts)  # fmt: skip
     return Marked(name, stage, "fail" if "x" in parts else "pass", parts=some, mistakes=mistakes)
 

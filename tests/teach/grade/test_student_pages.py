@@ -9,7 +9,7 @@ from raytwin.show import class_page as pages
 from raytwin.show.student_page import for_student, seen_as, student_page
 from raytwin.teach.grade.excerpt import with_own_text
 from raytwin.teach.grade.feedback import unnamed
-from raytwin.teach.grade.result import CodeLine, Marked, Part, Result
+from raytwin.teach.grade.result import CodeLine, Marked, MarkedPart, Result
 from raytwin.teach.grade.rubric import Exercise, Rubric
 from raytwin.teach.sandbox.sandbox import Code
 
@@ -17,7 +17,7 @@ RUBRIC = Rubric("t", tuple(Exercise("render", 10, name) for name in "ab"), seed=
 
 
 def wrong(name: str = "a", *said: str, **more) -> Marked:
-    return Marked(name, "render", "fail", 0, 10, sentences=said, parts=(Part("single, shadow", False),), **more)
+    return Marked(name, "render", "fail", 0, 10, sentences=said, parts=(MarkedPart("single, shadow", False),), **more)
 
 
 def test_a_page_that_is_handed_out_is_whole_and_says_nothing_of_the_grader(graded, tmp_path):
@@ -52,7 +52,7 @@ def test_no_folder_of_the_graders_machine_is_handed_out():
 
 def test_what_is_not_visible_is_not_handed_out_nor_the_graders_own_fault():
     words = "wrong on drawn 12, right on single"
-    hidden = replace(wrong("b"), visibility="after_due_date", parts=(Part("drawn 12, shadow", False),))
+    hidden = replace(wrong("b"), visibility="after_due_date", parts=(MarkedPart("drawn 12, shadow", False),))
     told = for_student(Result("s", "k", "t", (wrong("a", words, same_as="b"), hidden), seed=3), RUBRIC)
     assert [e.name for e in told.exercises] == ["a"]
     assert told.exercises[0].sentences == ("wrong on a scene that is not shown, right on single",)

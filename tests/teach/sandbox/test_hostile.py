@@ -13,7 +13,7 @@ import attacks
 import numpy as np
 import pytest
 
-from raytwin.teach.sandbox.lock import HOLDS, NEIGHBOURS, _without
+from raytwin.teach.sandbox.lock import HOLDS, SUBMISSIONS_AT_ONCE, _without
 from raytwin.teach.sandbox.sandbox import Code, Limits, Sandbox, probe
 
 NAMES = re.findall(r"@tried\ndef (\w+)", attacks.ATTACKS)
@@ -147,7 +147,7 @@ def test_no_more_processes_are_started_than_the_limit_says(locks):
     with Sandbox(Code(source=source, asked=("f",)), SHORT) as child:
         answer = child.call("f")
         alone = locks["other uid"] == HOLDS
-        assert 0 < answer.arrays[0] <= SHORT.processes * (1 if alone else NEIGHBOURS)
+        assert 0 < answer.arrays[0] <= SHORT.processes * (1 if alone else SUBMISSIONS_AT_ONCE)
     assert left_of(child._process.pid) == 0
 
 

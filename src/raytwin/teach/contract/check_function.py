@@ -20,7 +20,14 @@ from raytwin.explain.explanation import Explanation
 from raytwin.explain.repair import Repair
 from raytwin.teach.contract.composed_tracer import NEEDED
 from raytwin.teach.contract.loading import arrays_of
-from raytwin.teach.contract.repair_function import PROOF, further_probes, probes, repair_here, right_ones, words_of
+from raytwin.teach.contract.repair_function import (
+    REPAIRED_OFF,
+    further_probes,
+    probes,
+    repair_here,
+    right_ones,
+    words_of,
+)
 from raytwin.teach.contract.stage import Arrays, Case, Function, Stage, Variant
 from raytwin.teach.contract.stage_result import CaseResult, StageResult
 
@@ -58,7 +65,7 @@ def is_right(stage: Stage, case: Case, got: Outcome) -> bool:
 
 def is_repaired(stage: Stage, case: Case, got: Outcome) -> bool:
     """Whether these arrays pass the case, hardly a value being off: an accident may spoil as few as may be off."""
-    return _passes(dataclasses.replace(stage, outliers=min(stage.outliers, PROOF)), case, got)
+    return _passes(dataclasses.replace(stage, outliers=min(stage.outliers, REPAIRED_OFF)), case, got)
 
 
 # ------------------------------------------------------------------------------------------ calling

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from msgspec.structs import replace
 
 from raytwin.teach.grade.feedback import with_feedback
-from raytwin.teach.grade.result import Marked, Part, Result
+from raytwin.teach.grade.result import Marked, MarkedPart, Result
 from raytwin.teach.grade.rubric import PICTURES, Exercise, Rubric
 
 
@@ -72,7 +72,7 @@ def _one_mistake_each(marked: Sequence[Marked]) -> list[list[Marked]]:
     return groups
 
 
-def _share_again(p: Part, e: Exercise, rate: float) -> float:
+def _share_again(p: MarkedPart, e: Exercise, rate: float) -> float:
     """What a picture keeps that was asked for again with correct functions in place of the failed ones."""
     if p.again is None:
         return 0.0
