@@ -200,24 +200,6 @@ def shade(points, normals, albedo, to_light, irradiance, sky):
         ambient = albedo[i] * sky
         colours.append(direct + ambient)
     return np.array(colours)
-
-
-def hit_points(scene):
-    h, w = scene["height"], scene["width"]
-    R, t = scene["R_cam_board"], scene["t_cam_board"]
-    eye = -np.linalg.inv(R).dot(t)
-    rays = back_project(scene["K"], scene["dist"], w, h)
-    points = np.full((h, w, 3), np.nan)
-    for row in range(h):
-        for col in range(w):
-            d = R.T.dot(rays[row, col])
-            closest = math.inf
-            for ball in scene["spheres"]:
-                s = hit_one(eye, d, ball["center"], ball["radius"])
-                if s < closest:
-                    closest = s
-                    points[row, col] = eye + s * d
-    return points
 """
 
 

@@ -241,49 +241,25 @@ def drawn_slips(name: str, count: int, seed: int, counts: Counter[str]) -> Itera
 # ------------------------------------------------------------------------------------------ grading
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """`how`: what told the student first: a repair, a written way, a fitted number, the error."""
-
-    how: str
-    right: bool
-    proved: bool
-    line: int | None
-    line_right: bool
-    first: str
-
-
-WRITTEN = {fault.name for fault in FAULTS}
-
-
-def verdict_of(slip: Planted, result: Result) -> Verdict:
-    """What a student with this result reads first, and whether that is correct."""
+def first_said(slip: Planted, result: Result) -> tuple[str, bool, bool]:
+    """What a student with this result reads first, whether that is correct, and whether it is called proved."""
     worst = result.worst
     assert worst is not None
     first = worst.sentences[0] if worst.sentences else ""
-    found = [m for e in result.exercises for m in map(FIX.search, e.sentences) if m]
-    told = FIX.match(first)
-    line = int((told or found[0])[1]) if told or found else None
-    line_right = line is not None and line in slip.lines
-    proved = worst.sureness == "proved"
-    if told:
-        return Verdict("repair", line_right, True, line, line_right, first)
+    if told := FIX.match(first):
+        return first, int(told[1]) in slip.lines, True
     if worst.status == "error":
         raised = re.search(r"\(line (\d+)", first)
-        right = raised is not None and int(raised[1]) in slip.lines
-        return Verdict("error", right or line_right, False, line, line_right, first)
-    if not worst.faults:
-        return Verdict("unknown", False, False, line, line_right, first)
-    (name, _), *_ = worst.faults
-    stages = {fault.stage for fault in (*FAULTS, *FAMILIES) if fault.name == name}
-    how = "written way" if name in WRITTEN else "fitted number"
-    right = proved and stages <= STAGES[slip.function]
-    return Verdict(how, right, proved, line, line_right, first)
+        return first, raised is not None and int(raised[1]) in slip.lines, False
+    proved = worst.sureness == "proved"
+    names = {name for name, _ in worst.faults[:1]}
+    stages = {fault.stage for fault in (*FAULTS, *FAMILIES) if fault.name in names}
+    return first, proved and bool(names) and stages <= STAGES[slip.function], proved and bool(names)
 
 
 ROWS = (
     "slips of the operators", "drawn", "do not run", "change nothing", "planted", "detected", "named first", "proved",
-    "proved and right", "line named", "line named and right",
+    "proved and correct",
 )  # fmt: skip
 
 
@@ -293,13 +269,10 @@ def main(number: str = "16", seed: str = "0") -> int:
     signal.signal(signal.SIGVTALRM, stop)
     warnings.simplefilter("ignore")
     counts: Counter[str] = Counter()
-    ways: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
         file, rubric = Path(folder, "submission.py"), Path(folder, "rubric.toml")
-        # The ready rubric with all that is known of repairs.
-        rubric.write_text(
-            READY.read_text(encoding="utf-8").replace("\nseed =", "\nhints = 3\nseed =", 1), encoding="utf-8"
-        )
+        ready = READY.read_text(encoding="utf-8")
+        rubric.write_text(ready.replace("\nseed =", "\nhints = 3\nseed =", 1), encoding="utf-8")
         some = (drawn_slips(name, int(number), int(seed), counts) for name in TEXTS)
         for slip, by in (one for row in zip_longest(*some) for one in row if one is not None):
             file.write_text(slip.source, encoding="utf-8")
@@ -308,17 +281,11 @@ def main(number: str = "16", seed: str = "0") -> int:
             if all(e.status in ("pass", "missing") for e in result.exercises):
                 print(f"UNSEEN {slip} ({slip.operator}): changes {by:.1e}", flush=True)
                 continue
-            told = verdict_of(slip, result)
-            ways[told.how] += 1
-            counts += Counter({
-                "detected": 1, "named first": told.right, "proved": told.proved,
-                "proved and right": told.proved and told.right, "line named": told.line is not None,
-                "line named and right": told.line_right,
-            })  # fmt: skip
-            how = f"{'ok' if told.right else 'WRONG'} {told.how}{' (proved)' if told.proved else ''}"
-            print(f"{how} {slip} ({slip.operator}): {told.first[:170]} | line {told.line} of {slip.lines}", flush=True)
+            first, correct, proved = first_said(slip, result)
+            counts += Counter(detected=1)
+            counts += Counter({"named first": correct, "proved": proved, "proved and correct": proved and correct})
+            print(f"{'ok' if correct else 'WRONG'} {slip} ({slip.operator}): {first[:170]}", flush=True)
     rows = [(row, counts[row]) for row in ROWS]
-    rows += [(f"named by {how}" if how != "unknown" else "no name", count) for how, count in ways.most_common()]
     record.table("causes", "planted", ["", "count"], rows, f"python -m measure.planted_slips {number} {seed}")
     return 0
 
