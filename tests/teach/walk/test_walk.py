@@ -1,18 +1,15 @@
 """The walk as a learner takes it: a script with its functions filled in, or with mistakes in them, and a notebook."""
 
-import json
 import re
 import sys
 
 import numpy as np
 import pytest
-from browser import barriers_of, opened
 from PIL import Image
 from program import raytwin, refused
 
 from raytwin.show.notebook_page import Pictures
-from raytwin.show.viewer.widget import widget
-from raytwin.show.walk_cell import mine, show, viewed
+from raytwin.show.walk_cell import mine, show
 from raytwin.teach.contract.check_function import judge_function
 from raytwin.teach.contract.stage_table import LESSONS
 from raytwin.teach.walk import solutions, with_functions, write_walk
@@ -97,26 +94,6 @@ def test_a_function_that_is_still_empty_is_to_do_and_no_mistake(capsys, monkeypa
     assert capsys.readouterr().out.startswith("TODO  shade: yours to write")
     assert mine("shade", lambda *a: None) is LESSONS["shade"].reference
     assert capsys.readouterr().out.startswith("FAIL  shade: it returned None")
-
-
-def test_axe_core_finds_nothing_serious_in_what_a_cell_shows(tmp_path, chromium):
-    """Two pictures in the viewer as a notebook mounts it."""
-    pytest.importorskip("anywidget")
-    shown = viewed("5 shade", *np.random.default_rng(1).random((2, 6, 8, 3), np.float32))
-    made = widget(shown.data, still="here")
-    cell = f"""<!DOCTYPE html><html lang="en"><title>a notebook</title><style>{made._css}</style>
-    <main><h1>5. Shade</h1><div data-raytwin="here">{shown._repr_html_()}</div><div id="cell"></div></main>
-    <script type="module">
-    const module = new Blob([{json.dumps(made._esm)}], {{ type: "text/javascript" }});
-    const {{ default: {{ render }} }} = await import(URL.createObjectURL(module));
-    const model = new Map([["data", {json.dumps(made.data)}], ["still", "here"]]);
-    render({{ model, el: document.getElementById("cell") }});
-    </script></html>"""
-    (tmp_path / "cell.html").write_text(cell, encoding="utf-8")
-    assert barriers_of(chromium, tmp_path / "cell.html") == []
-    with opened(chromium, (tmp_path / "cell.html").as_uri()) as page:  # the viewer takes the place of what stays
-        page.wait_for_selector("[data-raytwin]", state="hidden")
-        assert page.locator("canvas:visible").count()
 
 
 def test_what_is_half_walked_is_not_overwritten_and_a_function_that_is_not_there_is_named(tmp_path):

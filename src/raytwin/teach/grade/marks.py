@@ -105,13 +105,9 @@ def _status(parts: list[MarkedPart], asked: list[Question]) -> Status:
     for sort in ("limit", "broken", "missing", "error"):
         if sort in sorts:
             return sort
-    return (
-        "pass"
-        if all(p.passed for p in parts)
-        else "error"
-        if all(p.problem and p.wrong is None for p in parts)
-        else "fail"
-    )
+    if all(p.passed for p in parts):
+        return "pass"
+    return "error" if all(p.problem and p.wrong is None for p in parts) else "fail"
 
 
 def _mark_stage(asked: list[Question]) -> Marked:

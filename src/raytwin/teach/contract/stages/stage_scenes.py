@@ -86,17 +86,9 @@ def _camera(rng: np.random.Generator, lens: tuple[float, ...]) -> Camera:
 
 def _is_clear(scene: SceneDict) -> bool:
     """Moved a little each way, every pixel sees the same object, as light or as dark."""
-    seen = [
-        _seen(_moved(scene, x, y))
-        for x, y in (
-            (0, 0),
-            (EDGE_CLEARANCE_PX, 0),
-            (-EDGE_CLEARANCE_PX, 0),
-            (0, EDGE_CLEARANCE_PX),
-            (0, -EDGE_CLEARANCE_PX),
-        )
-    ]
-    return all(np.array_equal(seen[0], other) for other in seen[1:])
+    ways = EDGE_CLEARANCE_PX * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
+    seen = _seen(scene)
+    return all(np.array_equal(seen, _seen(_moved(scene, x, y))) for x, y in ways)
 
 
 def _seen(scene: SceneDict) -> np.ndarray:
