@@ -6,9 +6,7 @@ import pytest
 from raytwin.explain.diagnosis import explain
 from raytwin.images.image import Image
 from raytwin.images.image_formats import write_image
-from raytwin.scene.scene_files import read_scene
 from raytwin.study.diff_files import compare as diff
-from raytwin.tracer import trace
 
 RNG = np.random.default_rng(1)
 Y, X = np.mgrid[0:96, 0:128] / 96
@@ -63,13 +61,3 @@ def test_no_curve_is_told_of_anything_else():
 def test_few_levels_are_no_curve():
     steps = np.floor(20 * X)[..., None].repeat(3, axis=-1).astype(np.float32)
     assert not any("one curve" in found.text for found in explain(Image(steps**1.5 + 0.1), Image(steps)))
-
-
-@pytest.mark.nightly
-def test_a_curve_is_told_of_a_known_scene_and_pairs_of_other_scenes_are_none():
-    scenes = [read_scene(name) for name in ("overlap", "eclipse")]
-    scenes = [scene.with_(size=(80, 60)) for scene in scenes]
-    right, other = (trace(scene, "shadow") for scene in scenes)
-    shown = Image(np.log1p(right.mean))
-    assert ANY in explain(shown, right, scenes[0])[0].text
-    assert not any("one curve" in found.text for found in explain(Image(other.mean), right))

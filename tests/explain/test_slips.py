@@ -3,7 +3,7 @@ import pytest
 
 from raytwin.explain.draw_scene import draw_scene
 from raytwin.explain.pixel_sample import SubmittedImage, sample_pixels
-from raytwin.explain.predict import RIGHT, predictor, slip, text_of
+from raytwin.explain.predict import NO_MISTAKE, predictor, slip, text_of
 from raytwin.explain.textbook import FUNCTIONS
 
 SCENES = [draw_scene(seed, (60, 44)) for seed in (1, 2)]
@@ -15,7 +15,7 @@ def radiance(way, scene=SCENES[0], every=7):
 
 @pytest.mark.parametrize("function", FUNCTIONS)
 def test_a_function_of_the_textbook_without_a_slip_is_the_tracers_own_step(function):
-    assert np.abs(radiance(slip(function)) - radiance(RIGHT)).max() < 1e-9
+    assert np.abs(radiance(slip(function)) - radiance(NO_MISTAKE)).max() < 1e-9
 
 
 def test_slips_in_one_function_add_up_and_those_that_exclude_one_another_are_refused():
@@ -28,7 +28,7 @@ def test_slips_in_one_function_add_up_and_those_that_exclude_one_another_are_ref
     with pytest.raises(ValueError, match="shade has no"):
         radiance((*pi, *again))
     assert text_of(all_) == ("shade", (("return albedo", "return 0 * albedo"),))
-    assert text_of(RIGHT) is None
+    assert text_of(NO_MISTAKE) is None
 
 
 def test_slips_that_do_not_go_with_another_change_predict_nothing():

@@ -4,13 +4,13 @@ import numpy as np
 
 from raytwin.explain.changes import offset_by
 from raytwin.explain.draw_scene import draw_scene
-from raytwin.explain.predict import RIGHT, planted, slip
+from raytwin.explain.predict import NO_MISTAKE, planted, slip
 from raytwin.explain.tolerance_mask import forgiven
 
 SCENE = draw_scene(3)
 
 
-def shown(way=RIGHT):
+def shown(way=NO_MISTAKE):
     return planted(SCENE, way)
 
 

@@ -10,10 +10,10 @@ from scene_of import changed
 from raytwin import scene_folders
 from raytwin.explain.changes import moved
 from raytwin.explain.diagnosis import diagnose, explain
-from raytwin.explain.evidence import is_likelier, shows
+from raytwin.explain.evidence import is_likelier
 from raytwin.explain.parametric_faults import FAMILIES, bright
 from raytwin.explain.pixel_sample import PixelSample, SubmittedImage, sample_pixels
-from raytwin.explain.predict import RIGHT, planted, predictor
+from raytwin.explain.predict import NO_MISTAKE, planted
 from raytwin.images.image import Image
 from raytwin.scene import Scene, Sphere
 from raytwin.scene.scene_files import read_scene
@@ -48,16 +48,9 @@ def test_a_sun_that_is_turned_is_reported_with_the_angle_between_both_directions
     scene = SCENES["distorted"]
     said = explain(trace(turned_sun(scene, 3)), trace(scene), scene)[0].reason
     assert "the sun's direction is off by 3 degrees" in said
-
-
-def test_over_scenes_with_several_suns_the_angle_is_the_largest_of_them():
     family = next(f for f in FAMILIES if f.name == "light-turned")
-    up = with_sun(SCENES["eclipse"], to_light=(0.0, 0.0, 1.0))
-    aside = with_sun(SCENES["eclipse"], to_light=(1.0, 0.0, 0.0))
-    about_x = (np.radians(5), 0.0, 0.0)
-    assert family.sentence(about_x, [up]) == "the sun's direction is off by 5 degrees"
-    assert family.sentence(about_x, [up, aside]) == "the sun's direction is off by up to 5 degrees"
-    assert family.sentence(about_x, [aside]) == "the sun's direction is off by 0 degrees"
+    suns = [with_sun(scene, to_light=to) for to in ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))]
+    assert family.sentence((np.radians(5), 0.0, 0.0), suns) == "the sun's direction is off by up to 5 degrees"
 
 
 def test_an_image_of_one_value_is_said_to_be_one_and_no_power_is_fitted():
@@ -95,30 +88,12 @@ def test_a_cause_under_noise_has_to_bring_the_noisy_pixels_nearer():
     """The rays three pixels aside, and as many to the other side; the noise is a third of the scale."""
     scene = SCENES["overlap"]
     left, right = (moved(x, 0) for x in (-3, 3))
-    exact, made = (planted(scene, way) for way in (RIGHT, left))
+    exact, made = (planted(scene, way) for way in (NO_MISTAKE, left))
     noise = np.random.default_rng(0).normal(0, 0.3, made.shape)
     samples = [sample_pixels(SubmittedImage(scene, made + noise, exact, half=np.full(made.shape, 0.9)))]
     assert is_likelier(samples, left)
     assert not is_likelier(samples, right)
-    assert not is_likelier(samples, RIGHT)
-
-
-@pytest.mark.parametrize("start", range(3))
-def test_numbers_whose_effect_is_below_the_tolerance_are_never_named(start):
-    """A third of all numbers are off by a billionth, beside a dozen odd values that nothing explains."""
-    scene, some = SCENES["overlap"], [f for f in FAMILIES if f.name not in CONSTANTS][start::3]
-    near = [family.make(tuple(x + 3e-9 for x in family.start)) for family in some]
-    predict = predictor(scene).picture
-    shown = predict() + sum(predict(one) - predict() for one in near)
-    samples = [sample_pixels(SubmittedImage(scene, (1.3 * shown).reshape(60, 80, 3)))]
-    assert not any(shows(samples, one) for one in near)
-    shown[np.random.default_rng(1).choice(4800, 12, replace=False)] += 0.05
-    said = explain(Image(shown.reshape(60, 80, 3).astype(np.float32)), trace(scene), scene)
-    assert not any(finding.names_a_cause for finding in said)
-
-
-CONSTANTS = {"background-constant", "shadow-dims", "shadow-start", "shadow-reach"}
-"""Families whose start is no correct tracer."""
+    assert not is_likelier(samples, NO_MISTAKE)
 
 
 @pytest.mark.parametrize(("name", "known"), [("overlap", True), ("distorted", False)])
@@ -172,33 +147,9 @@ PREDICTIONS = 6000
 
 
 @pytest.mark.parametrize("kind", SHOWN)
-def test_the_same_words_are_said_whatever_the_clock_says_and_a_search_has_an_end(kind, monkeypatch):
-    """A clock that stands still, and one that goes by 5 ms each time it is asked, as on a busy machine."""
+def test_a_search_has_an_end(kind, monkeypatch):
     right = trace(SCENES["overlap"]).mean
     predictions, predict = itertools.count(), PixelSample.predict
     monkeypatch.setattr(PixelSample, "predict", lambda sample, steps: (next(predictions), predict(sample, steps))[1])
-    said = []
-    for clock in (itertools.repeat(0.0), itertools.count(step=0.005)):
-        monkeypatch.setattr("raytwin.explain.search.time.monotonic", clock.__next__)
-        said.append(diagnose([SubmittedImage(SCENES["overlap"], SHOWN[kind](right))]))
-    assert said[0] == said[1]
-    assert next(predictions) < 2 * PREDICTIONS
-
-
-def test_a_search_that_the_net_catches_says_so_and_names_nothing(monkeypatch):
-    clock = itertools.count(step=601)
-    monkeypatch.setattr("raytwin.explain.search.time.monotonic", lambda: next(clock))
-    made = diagnose([SubmittedImage(SCENES["overlap"], 1.3 * trace(SCENES["overlap"]).mean)])
-    assert not made.cause
-    assert made.findings[-1].text == "the search stopped early, after 600 s: not all known mistakes were tried"
-
-
-def test_in_a_scene_of_many_objects_fewer_pixels_are_looked_at(monkeypatch):
-    monkeypatch.setattr("raytwin.explain.pixel_sample.MET", 400_000)
-    ball = SCENES["overlap"].spheres[0]
-    balls = tuple(msgspec.structs.replace(ball, center=(0.01 * k, 5.0, 0.1)) for k in range(1200))
-    scene = changed(small("overlap", (32, 24)), objects=(*SCENES["overlap"].objects, *balls))
-    right = np.broadcast_to(np.arange(32 * 24 * 3, dtype=np.float32).reshape(24, 32, 3), (24, 32, 3))
-    sample = sample_pixels(SubmittedImage(scene, 2 * right, right))
-    assert sample.index.size * len(scene.objects) < 8e5
-    assert sample.weight.sum() == pytest.approx(1)
+    diagnose([SubmittedImage(SCENES["overlap"], SHOWN[kind](right))])
+    assert next(predictions) < PREDICTIONS

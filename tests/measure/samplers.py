@@ -16,7 +16,7 @@ from raytwin.teach.contract.check_function import judge_function
 from raytwin.teach.contract.loading import arrays_of
 from raytwin.teach.contract.stage import Case
 from raytwin.teach.contract.stage_table import LESSONS
-from raytwin.teach.contract.stages.samplers import DRAWS, FALSE_ALARMS, SAMPLERS, TOLERANCE, Drawn, faults
+from raytwin.teach.contract.stages.samplers import ALARMS_PER_CASE, DRAWS, SAMPLER_TOLERANCE, SAMPLERS, Drawn, faults
 
 SEEDS = 20
 """Sets of numbers for each number of draws."""
@@ -72,7 +72,7 @@ def alarms(count: int) -> list[list[str]]:
         for seed in range(count):
             one = drawn_by(stage, function, DRAWS, seed)[seed % 2]
             p.append(one.p_value(one.sampler))
-            failed += (one.errors() > TOLERANCE).any()
+            failed += (one.errors() > SAMPLER_TOLERANCE).any()
         rows.append([name, stage, f"{failed} of {count}", f"{sum(one < 0.01 for one in p)} of {len(p)}"])
     return rows
 
@@ -80,7 +80,7 @@ def alarms(count: int) -> list[list[str]]:
 def seen_at(stage: str, function: Wrong) -> str:
     """The fewest draws, of powers of two, with which a case fails in most sets of numbers."""
     for draws in (1 << k for k in range(21)):
-        failed = [any((one.errors() > TOLERANCE).any() for one in drawn_by(stage, function, draws, seed))
+        failed = [any((one.errors() > SAMPLER_TOLERANCE).any() for one in drawn_by(stage, function, draws, seed))
                   for seed in range(SEEDS)]  # fmt: skip
         if np.mean(failed) >= OFTEN:
             return str(draws)
@@ -89,7 +89,7 @@ def seen_at(stage: str, function: Wrong) -> str:
 
 def main(part: str = "", count: str = "1000") -> None:
     if part != "wrong":
-        columns = ["correct sampler", "function", f"alarms at {FALSE_ALARMS:g}", "chi-square p below 0.01"]
+        columns = ["correct sampler", "function", f"alarms at {ALARMS_PER_CASE:g}", "chi-square p below 0.01"]
         record.table("teach", "samplers-alarms", columns, alarms(int(count)), "python -m measure.samplers alarms")
     if part != "alarms":
         rows = []

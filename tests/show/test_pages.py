@@ -45,8 +45,7 @@ from raytwin.study.laws import LawRow, Laws, builtin_scene
 from raytwin.study.levels import Levels, Row, Table
 from raytwin.study.levels import Part as LightPart
 from raytwin.teach.contract.stage_table import LESSONS
-from raytwin.teach.grade.result import CodeLine, Marked, Picture, Result
-from raytwin.teach.grade.result import Part as MarkedPart
+from raytwin.teach.grade.result import CodeLine, Marked, MarkedPart, Picture, Result
 from raytwin.teach.grade.rubric import Exercise, Feedback, Rubric, Speed
 
 pytestmark = pytest.mark.nightly

@@ -9,7 +9,7 @@ from raytwin.explain.predict import Pipeline, replaced, slip, written
 CAMERA, SOLVER, ORDER, NORMALS, LIGHT, SHADOW, OUTPUT, SAMPLING = (
     "camera", "solver", "order", "normals", "light", "shadow", "output", "sampling",
 )  # fmt: skip
-STAGES = (CAMERA, SOLVER, ORDER, NORMALS, LIGHT, SHADOW, SAMPLING, OUTPUT)
+FAULT_STAGES = (CAMERA, SOLVER, ORDER, NORMALS, LIGHT, SHADOW, SAMPLING, OUTPUT)
 """From the pixel to the picture."""
 
 

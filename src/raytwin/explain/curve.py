@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from raytwin.explain.pixel_sample import CLOSE, DIGITS, SubmittedImage
+from raytwin.explain.pixel_sample import FLOAT32_DIGITS, MATCH_WITHIN, SubmittedImage
 
 Array = np.ndarray
 FEWEST_LEVELS = 32
@@ -23,14 +23,14 @@ POWERS = ((1 / 2, "1/2"), (1 / 2.2, "1/2.2"), (1 / 2.4, "1/2.4"))
 
 def curve_cause(view: SubmittedImage) -> str:
     """The sentence on an image without noise; empty where no curve holds."""
-    assert view.right is not None
+    assert view.correct is not None
     step = -(-view.shown.size // MAX_VALUES)
-    bounds = view.bounds or (view.right, view.right)
+    bounds = view.bounds or (view.correct, view.correct)
     half = np.zeros(view.shown.shape) if view.half is None else view.half
-    values = (view.shown, view.right, *bounds, half)
+    values = (view.shown, view.correct, *bounds, half)
     shown, reference, low, high, half = (np.ravel(x)[::step].astype(float) for x in values)
     scale = float(np.max(np.abs(shown), initial=0.0)) or 1.0
-    slack = half + DIGITS * scale
+    slack = half + FLOAT32_DIGITS * scale
     wrong = (shown < low - slack) | (shown > high + slack)
     width = 2 * float(np.median(slack))
     if min(np.unique(reference[wrong]).size, np.unique(np.rint(shown[wrong] / width)).size) < FEWEST_LEVELS:
@@ -43,7 +43,7 @@ def curve_cause(view: SubmittedImage) -> str:
         with np.errstate(all="ignore"):
             ends = stored(curve(np.maximum(low, 0))), stored(curve(np.maximum(high, 0)))
         off = np.maximum(ends[0] - shown, shown - ends[1]) - half
-        return bool((off > CLOSE * scale).mean() <= MAX_SHARE_OFF_CURVE)
+        return bool((off > MATCH_WITHIN * scale).mean() <= MAX_SHARE_OFF_CURVE)
 
     sentence = "each value follows from the reference's by one curve"
     saturated = view.clipped & ((shown >= 1) | (reference >= 1))

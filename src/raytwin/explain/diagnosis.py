@@ -1,8 +1,8 @@
 """Which mistake explains these pictures? Cheap questions first, then each fault's prediction beside what was handed in.
 
-A fault is believed for what it predicts: its picture of every scene is compared with the one that was submitted, the
-scenes that are correct included. Where one explains only a part, it is said that something else is wrong, too. Where
-none does, it is said where the pictures are wrong. `search` tries them.
+Each fault predicts the picture of every scene, and is judged by all of them, the correct ones included. A fault that
+explains only a part is named, and something else is reported wrong, too. If no fault explains the pictures, the report
+says where they are wrong. `search` tries the faults.
 """
 
 from collections.abc import Sequence
@@ -20,36 +20,43 @@ from raytwin.explain.light_decomposition import split
 from raytwin.explain.localize import border_alone, points_of_misses, whereabouts
 from raytwin.explain.noisy_values import noisy_cause
 from raytwin.explain.parametric_faults import FAMILIES, ParametricFault, radii_of
-from raytwin.explain.pixel_sample import MET, PixelSample, Sampled, SubmittedImage, mixed, sample_pixels
-from raytwin.explain.predict import RIGHT, Pipeline
+from raytwin.explain.pixel_sample import (
+    PIXELS_BY_OBJECTS,
+    PixelSample,
+    Sampled,
+    SubmittedImage,
+    mixed,
+    sample_pixels,
+)
+from raytwin.explain.predict import NO_MISTAKE, Pipeline
 from raytwin.explain.premultiplied import alpha_cause
-from raytwin.explain.search import STOPPED, Hypothesis, Search, StoppedEarly
+from raytwin.explain.search import Hypothesis, Search
 from raytwin.explain.tolerance_mask import doubtful
 from raytwin.images.image import Image
 from raytwin.images.stored_precision import Rounding
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
 
-EXPLAINED = 0.9
+NAMED_FROM_SHARE = 0.9
 """Share of the squared error below which no cause is named, unless it explains a part."""
-EXACT = 0.9999
+EXACT_FROM_SHARE = 0.9999
 """Share of the squared error that a cause explains exactly: below it, a curve through all values is told instead."""
-MATCHED = 0.5
+ENOUGH_HITS = 0.5
 """Share of the wrong pixels that it has to hit: its values must not only come near."""
-PART, SPARED = 0.4, 0.99
+PART_FROM_HITS, SPARED_FROM_SHARE = 0.4, 0.99
 """Shares of the wrong pixels that a cause has to hit, and of the correct ones it has to spare, to explain a part."""
-FEWEST_PIXELS = 6
+FEWEST_WRONG_PIXELS = 6
 """Wrong pixels below which nothing is named: rounding on outlines."""
-ALTERNATIVES = 3
+MAX_ALTERNATIVES = 3
 """Most alternative causes that are reported."""
 RARE_SHARE = 3e-3
 """Share of a picture's pixels: up to here, only single faults without fitted numbers are tried."""
-SPECKLED = 0.1
+SPECKLED_FROM = 0.1
 """Least `mixed` value at which acne is tested: acne of seven tracers in five scenes has .11 to .26, and 981
 of 1006 pictures with faults of shapes and light have less."""
 MAX_PIXELS = 25_000
 """Pixels of a picture that are checked for leftover errors."""
-DOUBTED = 0.1
+MAX_SHARE_DOUBTED = 0.1
 """Share of the pixels: if more stay wrong, differences between correct tracers do not explain it."""
 BRIGHTEST_WHITE = 1e6
 """Upper bound assumed for a reference value that was clipped to white."""
@@ -78,23 +85,23 @@ def explain(
     reference round off. `sampled`: the parts of light that chance finds, for the factors of light that are told where
     no cause explains it.
     """
-    shown, right = test.mean, reference.mean
-    if shown.shape != right.shape or shown.ndim != 3 or shown.dtype.kind != "f":
+    shown, correct = test.mean, reference.mean
+    if shown.shape != correct.shape or shown.ndim != 3 or shown.dtype.kind != "f":
         return ()
-    if not (np.isfinite(shown).all() and np.isfinite(right).all()):
+    if not (np.isfinite(shown).all() and np.isfinite(correct).all()):
         return ()
     words = depth_cause(test.surface, reference.surface, scene) if scene else ""
     noisy = test.variance is not None or reference.variance is not None
     if noisy and not words:
         both = (np.zeros(shown.shape) if x.variance is None else x.variance for x in (test, reference))
-        words = noisy_cause(shown, np.clip(right, 0, 1) if rounding.clipped else right, *both)
+        words = noisy_cause(shown, np.clip(correct, 0, 1) if rounding.clipped else correct, *both)
     elif not words:
         words = alpha_cause(test, reference, rounding, of_reference)
     if words:
         return (Finding("likely", words),)
     view = _view(test, reference, scene, rung, rounding, of_reference, sampled)
     made = diagnose([view]) if view.scene else diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES)
-    exact = made.certainty == "correct" or (made.cause is not None and made.explained > EXACT)
+    exact = made.certainty == "correct" or (made.cause is not None and made.explained > EXACT_FROM_SHARE)
     if not noisy and not exact and (words := curve_cause(view)):
         return (Finding("likely", words),)
     return made.findings if made.cause or view.scene else ()
@@ -105,21 +112,21 @@ def _view(
     sampled: Sampled | None,
 ) -> SubmittedImage:  # fmt: skip
     """What `diagnose` takes: noise is slack, and a scene that no fault can be predicted in is unknown."""
-    shown, right = test.mean, reference.mean
+    shown, correct = test.mean, reference.mean
     slack = np.zeros(shown.shape) if rounding.half is None else rounding.half.astype(float)
     variances = [image.variance for image in (test, reference) if image.variance is not None]
     if variances:
         slack = slack + 3 * np.sqrt(np.maximum(np.sum(variances, axis=0, dtype=float), 0))
     bounds: tuple[np.ndarray, ...] = ()
     if of_reference.half is not None:
-        above = np.where(of_reference.clipped & (right >= 1), BRIGHTEST_WHITE, right + of_reference.half)
-        bounds = right - of_reference.half, above
+        above = np.where(of_reference.clipped & (correct >= 1), BRIGHTEST_WHITE, correct + of_reference.half)
+        bounds = correct - of_reference.half, above
     clipped = rounding.clipped or of_reference.clipped
     fits = scene and shown.shape == (scene.camera.height, scene.camera.width, 3)
     # Faults are predicted under a constant sky, without highlights.
     known = scene and fits and RUNGS[rung].lit and scene.objects and not (scene.glossy or scene.environment)
     return SubmittedImage(
-        scene if known else None, shown, right, rung, half=slack, clipped=clipped, sampled=sampled, bounds=bounds
+        scene if known else None, shown, correct, rung, half=slack, clipped=clipped, sampled=sampled, bounds=bounds
     )
 
 
@@ -134,13 +141,13 @@ def diagnose(
     Give the correct views too: a fault that would change one of them is ruled out.
     """
     samples = [sample_pixels(view, seed) for view in views]
-    where = whereabouts(samples, [s.errors(RIGHT) for s in samples])
+    where = whereabouts(samples, [s.errors(NO_MISTAKE) for s in samples])
     count = sum(int(s.wrong.sum()) for s in samples)
     if count == 0:
         return Explanation("correct", where=where, explained=1.0)
     if cause := _one_value(views):
         return Explanation("proved", (cause,), (cause.sentence,), explained=1.0)
-    if count < FEWEST_PIXELS:
+    if count < FEWEST_WRONG_PIXELS:
         return Explanation("unknown", where=where)
     if words := points_of_misses(samples):
         text = f"rays that miss everything have hit points ({words}): return NaN for them"
@@ -156,12 +163,8 @@ def diagnose(
     if families is FAMILIES and len(scenes) == 1 and (scene := samples[0].view.scene):
         families = (*FAMILIES, *radii_of(scene))
     thorough = max(float((s.weight * s.wrong).sum()) for s in samples) > RARE_SHARE
-    try:
-        search = Search(samples)
-        return _said(search.causes(faults, families if thorough else ()), search, where)
-    except StoppedEarly:
-        stopped = f"the search stopped early, after {STOPPED:.0f} s: not all known mistakes were tried"
-        return Explanation("unknown", sentences=(stopped,), where=where)
+    search = Search(samples)
+    return _explanation(search.causes(faults, families if thorough else ()), search, where)
 
 
 def _one_value(views: Sequence[SubmittedImage]) -> Cause | None:
@@ -173,7 +176,7 @@ def _one_value(views: Sequence[SubmittedImage]) -> Cause | None:
     skies = [x for view in views if view.scene for x in view.scene.sky_radiance]
     if values or not np.isfinite(value) or value == 0 or any(abs(value - x) <= 1e-6 * abs(value) for x in skies):
         return None
-    if any(view.right is not None and np.ptp(view.right) <= 1e-6 * value for view in views):
+    if any(view.correct is not None and np.ptp(view.correct) <= 1e-6 * value for view in views):
         return None
     text = f"every pixel has the same value, {value:.4g}: nothing of the scene is in the picture"
     return Cause("one-value", OUTPUT, text)
@@ -183,32 +186,32 @@ def _acne(samples: Sequence[PixelSample]) -> float:
     """The share of the squared error that acne explains, which leaves to chance whether a pixel is lit; 0 for none."""
     spoilt = [s for s in samples if s.wrong.any()]
     speckled = np.average([mixed(s.frame.wrong) for s in spoilt], weights=[s.wrong.sum() for s in spoilt])
-    if speckled < SPECKLED or not is_firm(samples):
+    if speckled < SPECKLED_FROM or not is_firm(samples):
         return 0.0
     hit, kept, before, after = [], [], 0.0, 0.0
     for s in samples:
         made = np.stack([s.predict(way) for way in ACNE.ways])
         off = np.stack([s.off(one) for one in made])
         nearest = off.min(axis=0)
-        hit.append((nearest <= np.minimum(4 * s.tau, s.errors(RIGHT) / 2))[s.wrong])
+        hit.append((nearest <= np.minimum(4 * s.tau, s.errors(NO_MISTAKE) / 2))[s.wrong])
         kept.append((nearest <= 4 * s.tau)[~s.wrong])
-        before += s.squared(s.predict(RIGHT))
+        before += s.squared(s.predict(NO_MISTAKE))
         after += s.squared(np.take_along_axis(made, off.argmin(axis=0)[None, :, None], 0)[0])
     spared = np.concatenate(kept)
-    if np.concatenate(hit).mean() < EXPLAINED or (spared.size and spared.mean() < SPARED):
+    if np.concatenate(hit).mean() < NAMED_FROM_SHARE or (spared.size and spared.mean() < SPARED_FROM_SHARE):
         return 0.0
     return 1 - float(after / max(before, 1e-300))
 
 
-def _said(found: list[Hypothesis], search: Search, where: str) -> Explanation:
+def _explanation(found: list[Hypothesis], search: Search, where: str) -> Explanation:
     """The best of the hypotheses if it explains enough; else where the pictures are wrong, and what comes near."""
     samples = search.samples
     if not found:
         return Explanation("unknown", where=where)
     best = _rather_than_a_fact(found, samples)
     fit = fit_of(samples, best.steps)
-    near = fit.explained >= EXPLAINED and best.cost <= 0.6 * search.unexplained and fit.hit >= MATCHED
-    if not (near or (fit.hit >= PART and fit.kept > SPARED)):
+    near = fit.explained >= NAMED_FROM_SHARE and best.cost <= 0.6 * search.unexplained and fit.hit >= ENOUGH_HITS
+    if not (near or (fit.hit >= PART_FROM_HITS and fit.kept > SPARED_FROM_SHARE)):
         return _unknown(found, samples, where)
     if not is_likelier(samples, best.steps):
         return Explanation("unknown", where=where)
@@ -216,12 +219,12 @@ def _said(found: list[Hypothesis], search: Search, where: str) -> Explanation:
     count, left = left_over([s.everywhere(_most(s)) for s in samples], best.steps)
     # Each scene confirms what the others select: one alone proves nothing.
     confirmed = fit.least > NOTHING_LEFT and sum(bool(s.wrong.any()) for s in samples) > 1
-    whole = count < FEWEST_PIXELS and fit.is_good and (fit.exact or not best.cause.numbers)
+    whole = count < FEWEST_WRONG_PIXELS and fit.is_good and (fit.exact or not best.cause.numbers)
     certainty: Certainty = "proved" if confirmed and whole and not others else "likely"
-    said = [best.cause.sentence, *(f"or, with the same effect here: {other.sentence}" for other in others)]
-    if count >= FEWEST_PIXELS or fit.hit < EXPLAINED:
-        said.append(f"something else is wrong, too: {left}".rstrip(": "))
-    return Explanation(certainty, (best.cause, *others), tuple(said), where, fit.explained)
+    sentences = [best.cause.sentence, *(f"or, with the same effect here: {other.sentence}" for other in others)]
+    if count >= FEWEST_WRONG_PIXELS or fit.hit < NAMED_FROM_SHARE:
+        sentences.append(f"something else is wrong, too: {left}".rstrip(": "))
+    return Explanation(certainty, (best.cause, *others), tuple(sentences), where, fit.explained)
 
 
 def _unknown(found: list[Hypothesis], samples: list[PixelSample], where: str) -> Explanation:
@@ -232,7 +235,7 @@ def _unknown(found: list[Hypothesis], samples: list[PixelSample], where: str) ->
     parts = "; ".join(f"{scene.name}: {words}" for s, scene in lit if (words := split(s).words))
     where = f"{where}; as if {parts}" if parts else where
     closest = f"closest known fault, which explains only part of the error: {nearest.cause.sentence}"
-    return Explanation("unknown", sentences=(closest,) if share >= MATCHED else (), where=where, explained=share)
+    return Explanation("unknown", sentences=(closest,) if share >= ENOUGH_HITS else (), where=where, explained=share)
 
 
 def _rather_than_a_fact(found: list[Hypothesis], samples: list[PixelSample]) -> Hypothesis:
@@ -254,7 +257,7 @@ def _as_good(best: Hypothesis, found: Sequence[Hypothesis], samples: list[PixelS
             are_alike(s, a, s.predict(guess.steps)) for s, a in zip(samples, own, strict=True)
         ):
             others.setdefault(guess.cause.name, guess.cause)
-    return tuple(others.values())[:ALTERNATIVES]
+    return tuple(others.values())[:MAX_ALTERNATIVES]
 
 
 def left_over(samples: Sequence[PixelSample], steps: Pipeline) -> tuple[int, str]:
@@ -263,7 +266,7 @@ def left_over(samples: Sequence[PixelSample], steps: Pipeline) -> tuple[int, str
     for s in samples:
         e = s.errors(steps)
         off = e > 4 * s.tau
-        if off.any() and off.sum() <= DOUBTED * off.size:
+        if off.any() and off.sum() <= MAX_SHARE_DOUBTED * off.size:
             off[off] = ~doubtful(s.only(off).predict, s.scale, steps)
         errors.append(np.where(off, e, 0.0))
         count += int(off.sum())
@@ -273,4 +276,4 @@ def left_over(samples: Sequence[PixelSample], steps: Pipeline) -> tuple[int, str
 def _most(sample: PixelSample) -> int:
     """Pixels that are checked for leftover errors: fewer where a scene has many objects."""
     objects = len(sample.view.scene.objects) if sample.view.scene else 0
-    return min(MAX_PIXELS, max(MET // max(objects, 1), 1))
+    return min(MAX_PIXELS, max(PIXELS_BY_OBJECTS // max(objects, 1), 1))

@@ -13,18 +13,18 @@ from msgspec.structs import replace
 
 from raytwin.scene import Rectangle, Scene, Sky, Sphere, Sun
 
-SIZE = (120, 88)
+DRAWN_SIZE = (120, 88)
 """Pixels."""
 LARGER = 6.0
 """So many times larger some scenes are drawn, so that code that takes a length for 1 is caught."""
-MOVED = 0.002
+MOVED_METRES = 0.002
 """Metres by which parts of an arrangement are moved, at most, along each axis."""
-SMALLER = 0.95
+SMALLEST_FACTOR = 0.95
 """Least factor of a part's size: no two parts touch."""
 ARRANGEMENTS = msgspec.json.decode(Path(__file__).with_name("arrangements.json").read_bytes(), type=tuple[Scene, ...])
 
 
-def draw_scene(seed: int, size: tuple[int, int] = SIZE, name: str = "", scale: float = 1) -> Scene:
+def draw_scene(seed: int, size: tuple[int, int] = DRAWN_SIZE, name: str = "", scale: float = 1) -> Scene:
     """Spheres on and above a floor, panels seen from both sides, things behind the eye, a lens with all coefficients.
 
     Sun and sky have colours. `scale`: all lengths are so many times as long, with the same picture: a length that is
@@ -34,16 +34,16 @@ def draw_scene(seed: int, size: tuple[int, int] = SIZE, name: str = "", scale: f
     scene = ARRANGEMENTS[rng.integers(len(ARRANGEMENTS))]
 
     def moved(v: tuple[float, float, float]) -> tuple[float, float, float]:
-        return _three(scale * (v + rng.uniform(-MOVED, MOVED, 3)))
+        return _three(scale * (v + rng.uniform(-MOVED_METRES, MOVED_METRES, 3)))
 
     def resized(v: tuple[float, float, float]) -> tuple[float, float, float]:
-        return _three(scale * rng.uniform(SMALLER, 1) * np.array(v))
+        return _three(scale * rng.uniform(SMALLEST_FACTOR, 1) * np.array(v))
 
     balls: list[Sphere] = []
     flats: list[Rectangle] = []
     for ball in scene.spheres:
         center, albedo = moved(ball.center), _colour(rng, 0.3, 0.95)
-        balls.append(Sphere(center, scale * ball.radius * rng.uniform(SMALLER, 1), albedo))
+        balls.append(Sphere(center, scale * ball.radius * rng.uniform(SMALLEST_FACTOR, 1), albedo))
     for flat in scene.planes:
         center, albedo = moved(flat.center), _colour(rng, 0.3, 0.95)
         flats.append(Rectangle(center, resized(flat.half_u), resized(flat.half_v), albedo))

@@ -11,7 +11,7 @@ from typing import Any
 
 New = ast.AST | list[ast.stmt]
 """What stands in the place of a node: another node, or statements."""
-Part = tuple[ast.AST, New]
+Replacement = tuple[ast.AST, New]
 """A node, and what stands in its place."""
 
 
@@ -27,11 +27,11 @@ class Edit:
     weight: float
     old: ast.AST
     new: New
-    also: tuple[Part, ...] = ()
+    also: tuple[Replacement, ...] = ()
     moved: ast.stmt | None = None
 
     @property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[Replacement, ...]:
         """All places that change."""
         return ((self.old, self.new), *self.also)
 
@@ -81,12 +81,12 @@ def replaced(tree: Any, old: ast.AST, new: New) -> Any:
     return result
 
 
-PLACE = ("lineno", "col_offset", "end_lineno", "end_col_offset")
+POSITION_FIELDS = ("lineno", "col_offset", "end_lineno", "end_col_offset")
 
 
 def locate(tree: ast.AST, like: ast.AST) -> None:
     """Give the tree's new nodes the place of another node. Descend only into nodes without a place."""
-    place = {name: getattr(like, name) for name in PLACE if hasattr(like, name)}
+    place = {name: getattr(like, name) for name in POSITION_FIELDS if hasattr(like, name)}
     todo = [tree]
     while todo:
         node = todo.pop()

@@ -30,7 +30,7 @@ from raytwin.explain.forms import (
 )  # fmt: skip
 
 Found = Iterator[tuple[Any, ...]]
-"""(what was wrong, how far-fetched, what stands there instead)."""
+"""(what was wrong, weight, what stands there instead)."""
 MODULES = {"math", "cv2", "scipy", "optimize", "linalg", "itertools", "functools"}
 SIMPLE = ast.Assign | ast.AugAssign | ast.Expr
 SHARED = "an array is changed in place"
@@ -41,18 +41,18 @@ OVER_AN_AXIS = {
 }  # fmt: skip
 TYPED = {"zeros_like", "ones_like", "empty_like", "full", "full_like", "array", "asarray", "arange"}
 """Functions that make whole numbers of whole numbers."""
-BESIDE = ("term", "A + B"), ("term", "A - B"), ("term", "B - A"), ("factor", "A * B"), ("divisor", "A / B")
+MISSING_BESIDE = ("term", "A + B"), ("term", "A - B"), ("term", "B - A"), ("factor", "A * B"), ("divisor", "A / B")
 """What may be missing beside a value A, and what it is then."""
 MOST_DIMENSIONS = 4
-"""Whole numbers up to this one count axes, powers and factors; larger ones are steps or sizes."""
+"""Largest whole number that may count axes, powers or factors; larger ones are steps or sizes."""
 BETWEEN_CALLS = "results are kept between calls"
 TOO_MANY = "this line is too many"
-MOST_NAMES = 6
-"""Names of an expression, up to which two of them are swapped."""
-SECOND = 0.05
-"""Weight of a second place that changes: what one change does needs no two."""
-MOST_LINES = 6
-"""Lines that may be copied together."""
+MAX_NAMES = 6
+"""Most names of an expression of which two are swapped."""
+SECOND_PLACE_WEIGHT = 0.05
+"""Weight added to a change of several places: one of a single place is preferred."""
+MAX_LINES_COPIED = 6
+"""Most lines that are compared as one copied block."""
 
 
 @dataclass(frozen=True)
@@ -70,17 +70,17 @@ class File:
     """All words of the text."""
 
 
-ALONE = File()
+NO_FILE = File()
 """Nothing is known of the file."""
 
 
 def edits(
     statement: ast.stmt,
-    file: File = ALONE,
+    file: File = NO_FILE,
     rare: bool = False,
     runs: Callable[[ast.stmt], bool] = lambda one: True,
 ) -> list[Edit]:
-    """Single slips of a top-level statement, the least far-fetched first: those that are FAR, if `rare`, or the rest.
+    """Return single slips of a top-level statement, the lightest first: with `rare` those above RARE, else the others.
 
     `runs(statement)`: whether it is one that matters. Names in scope are those of a function, or of a class's method.
     """
@@ -219,7 +219,7 @@ def _around(node: ast.expr, scope: Scope) -> Found:
         if text != ast.unparse(node) and (alone or text in scope.donors):
             unread = alone and text in scope.unread
             weight = COPIED if unread else RARE if alone and whole and text in scope.names else FAR
-            for word, one in BESIDE if alone else BESIDE[:3]:
+            for word, one in MISSING_BESIDE if alone else MISSING_BESIDE[:3]:
                 yield f"the {word} `{text}` is missing", weight, filled(one, A=node, B=template(text))
 
 
@@ -363,7 +363,7 @@ def _name(n: ast.Name, scope: Scope) -> Found:
 
 
 def _apart(a: str, b: str) -> float:
-    """How far-fetched it is that one name stands for the other: least of p1 and p2, x and y, then of x and xd."""
+    """Return the weight of one name for the other: least for p1 and p2 or x and y, then for x and xd."""
     letters = {frozenset((x, y)) for x, y in zip(a, b, strict=False) if x != y}
     alike = len(a) == len(b) and len(letters) == 1
     if frozenset((a, b)) in COUNTERPARTS or (alike and letters <= COUNTERPARTS):
@@ -379,7 +379,10 @@ def _hiding(n: ast.For | ast.ListComp | ast.GeneratorExp, scope: Scope) -> Found
     for name in sorted(names_in(target) & elsewhere):
         places = [one for one in own if one.id == name]
         read = [one for one in places if isinstance(one.ctx, ast.Load)]
-        for kept in [*([None] if isinstance(n, ast.For) else []), *(read if 1 < len(read) <= MOST_NAMES else [])]:
+        for kept in [
+            *([None] if isinstance(n, ast.For) else []),
+            *(read if 1 < len(read) <= MAX_NAMES else []),
+        ]:
             made = copy.deepcopy(n)
             for one, like in zip(places, [one for one in all_names(made) if one.id == name], strict=True):
                 like.id = name if one is kept else f"{name}_"
@@ -399,7 +402,7 @@ def _assign(n: ast.Assign, scope: Scope) -> Found:
     for text, divisor in scope.divisors.items():
         yield f"the divisor `{text}` is missing", RARE, changed(n, value=filled("A / B", A=value, B=divisor))
     used = sorted(names_in(value).intersection(scope.names))
-    for one, two in itertools.combinations(used, 2) if len(used) <= MOST_NAMES else ():
+    for one, two in itertools.combinations(used, 2) if len(used) <= MAX_NAMES else ():
         yield f"`{one}` and `{two}` are swapped", RARE, changed(n, value=renamed(value, {one: two, two: one}))
     if isinstance(target, ast.Subscript) and ast.unparse(target.slice) in (":", "..."):
         yield SHARED, COPIED, _assigned(target.value, value)
@@ -573,7 +576,7 @@ def _parallel(lists: Iterable[Sequence[ast.AST]]) -> Iterator[tuple[list[ast.AST
     """Lines, or entries of a tuple, that have the form of those before them: two runs beside each other."""
     for items in lists:
         forms = [form(one) for one in items]
-        for size in range(1, 1 + min(MOST_LINES, len(items) // 2)):
+        for size in range(1, 1 + min(MAX_LINES_COPIED, len(items) // 2)):
             for k in range(len(items) - 2 * size + 1):
                 first, second = slice(k, k + size), slice(k + size, k + 2 * size)
                 if forms[first] == forms[second]:
@@ -660,7 +663,7 @@ def _at_all(nodes: Sequence[ast.AST], by_node: Mapping[int, list[Edit]]) -> Iter
     for name, edit in reversed(first.items()):
         if all(name in some for some in others):
             also = tuple((some[name].old, some[name].new) for some in others)
-            yield Edit(edit.operator, edit.weight + SECOND, edit.old, edit.new, also)
+            yield Edit(edit.operator, edit.weight + SECOND_PLACE_WEIGHT, edit.old, edit.new, also)
 
 
 # ------------------------------------------------------------------------------------------ a statement's parts

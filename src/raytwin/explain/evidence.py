@@ -6,13 +6,13 @@ from typing import NamedTuple
 import numpy as np
 
 from raytwin.explain.pixel_sample import PixelSample
-from raytwin.explain.predict import RIGHT, Array, Pipeline
+from raytwin.explain.predict import NO_MISTAKE, Array, Pipeline
 
 NOTHING_LEFT = 0.995
 """Share of the squared error that is explained by what leaves nothing."""
-ROUNDED = 3e-5
+ROUNDED_WITHIN = 3e-5
 """Share of the scale that single precision may round off."""
-LOOSE = 0.01
+MAX_SHARE_LOOSE = 0.01
 """Share of the pixels that may be off by more."""
 SIGNIFICANT = 4.0
 """Standard errors by which a cause has to bring noisy pixels nearer."""
@@ -51,30 +51,30 @@ def fit_of(samples: Sequence[PixelSample], steps: Pipeline) -> Fit:
     before, after, off = (np.zeros(len(samples)) for _ in range(3))
     for k, s in enumerate(samples):
         e = s.errors(steps)
-        hit = (e <= 4 * s.tau) & (~s.wrong | (e <= s.errors(RIGHT) / 2))
+        hit = (e <= 4 * s.tau) & (~s.wrong | (e <= s.errors(NO_MISTAKE) / 2))
         np.add.at(shares, (s.wrong.astype(int), hit.astype(int)), s.weight)
-        before[k], after[k] = (s.squared(s.predict(way)) for way in (RIGHT, steps))
-        off[k] = (s.weight * (e > ROUNDED * s.scale)).sum()
+        before[k], after[k] = (s.squared(s.predict(way)) for way in (NO_MISTAKE, steps))
+        off[k] = (s.weight * (e > ROUNDED_WITHIN * s.scale)).sum()
     kept, hit_share = (float(many / (none + many)) if none + many > 0 else 1.0 for none, many in shares)
     all_before = max(before.sum(), 1e-300)
     spoiled = (before <= 1e-6 * all_before) & (after > 1e-6 * all_before)
     wrong = before > 1e-6 * all_before
     each = np.where(spoiled, 0.0, 1 - after / np.maximum(before, 1e-300))[spoiled | wrong]
     explained = float(1 - after.sum() / all_before) if before.sum() > 0 else 0.0
-    return Fit(hit_share, kept, explained, float(each.min(initial=1.0)), bool(off.max() < LOOSE))
+    return Fit(hit_share, kept, explained, float(each.min(initial=1.0)), bool(off.max() < MAX_SHARE_LOOSE))
 
 
 def shows(samples: Sequence[PixelSample], steps: Pipeline) -> bool:
     """Whether the change exceeds the tolerance anywhere."""
     with np.errstate(invalid="ignore"):
-        return any((~(np.abs(s.predict(steps) - s.predict(RIGHT)) <= s.tau)).any() for s in samples)
+        return any((~(np.abs(s.predict(steps) - s.predict(NO_MISTAKE)) <= s.tau)).any() for s in samples)
 
 
 def is_firm(samples: Sequence[PixelSample]) -> bool:
     """Whether most of the wrong pixels are wrong beyond all noise."""
     wrong, firm = 0.0, 0.0
     for s in samples:
-        off = np.abs(s.shown - s.predict(RIGHT)) - 2 * s.slack > s.tau
+        off = np.abs(s.shown - s.predict(NO_MISTAKE)) - 2 * s.slack > s.tau
         wrong += float((s.weight * s.wrong).sum())
         firm += float((s.weight * (s.wrong & off.any(axis=-1))).sum())
     return firm > wrong / 2
@@ -91,7 +91,7 @@ def is_likelier(samples: Sequence[PixelSample], steps: Pipeline) -> bool:
         with np.errstate(invalid="ignore", over="ignore"):
             before, after = (
                 np.minimum(np.square((s.shown - made) / sigma), MAX_SQUARED_SIGMAS)
-                for made in (s.predict(RIGHT), s.predict(steps))
+                for made in (s.predict(NO_MISTAKE), s.predict(steps))
             )
         gains.append(s.weight * np.nan_to_num(before - after).sum(axis=-1))
     gain = np.concatenate(gains)

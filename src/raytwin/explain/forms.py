@@ -13,7 +13,7 @@ from functools import cache
 from typing import Any
 
 COPIED, USUAL, RARE, FAR = 0.85, 1.1, 1.6, 2.2
-"""How far-fetched a change is. COPIED: the text itself shows it, by a line beside it or by what nothing reads."""
+"""Weights: larger is less likely. COPIED: the text itself shows the slip, by a line beside it or a name never read."""
 
 FORMS: Mapping[float, str] = {
     COPIED: """
@@ -194,7 +194,7 @@ Row = tuple[str, float, Any, tuple[str, ...]]
 
 @cache
 def rows_for(kind: Any) -> list[Row]:
-    """(words, how far-fetched, form, what may be correct) of the forms of this kind of node; None: of all values."""
+    """(words, weight, form, what may be correct) of the forms of this kind of node; None: of all values."""
     return [row for row in _rows() if (None if isinstance(row[2], ast.Name) else type(row[2])) is kind]
 
 
@@ -261,7 +261,7 @@ def matches(form: Any, node: Any, parts: dict[str, Any]) -> bool:
 
 
 def rewritten(node: ast.expr, numpy: ast.expr) -> Iterator[tuple[str, float, Any]]:
-    """What may be correct in place of an expression of one of the forms: (what was wrong, how far-fetched, that)."""
+    """What may be correct in place of an expression of one of the forms: (what was wrong, weight, that)."""
     kind: Any = type(node)
     for words, weight, form, others in rows_for(kind):
         parts: dict[str, Any] = {"NP": numpy}

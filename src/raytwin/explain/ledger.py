@@ -20,14 +20,14 @@ from raytwin.images.image import Image
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
 
-LEFT_OUT = {
+LIGHT_LEFT_OUT = {
     "sun's shadow": "shadow", "sky's occlusion": "occlusion", "bounce 1": "bounce 1", "bounce 2": "bounce 2",
     "bounces 3 and more": "bounce 3+",
 }  # fmt: skip
 """Name of an error part -> name of the missing light part."""
 OWN_ERROR, SAMPLE_NOISE = "the subject's own error", "its own samples"
 """Names of the parts that are the subject's: what it does wrong, and the noise of its samples."""
-ROUNDING = 1e-5
+ROUNDING_SHARE = 1e-5
 """Share of the image's 99 % quantile: a larger error of a subject that fails is not rounding."""
 
 
@@ -70,7 +70,7 @@ def split_error(light: WholeLight, shown: Image, rung: str, faulty: bool = False
             Part(
                 name,
                 rmse=math.sqrt(max(float((one * other).mean(dtype=float)), 0.0)),
-                seconds=light.seconds(LEFT_OUT[name]) if name in LEFT_OUT else None,
+                seconds=light.seconds(LIGHT_LEFT_OUT[name]) if name in LIGHT_LEFT_OUT else None,
                 share_of_light=float(picture.mean(dtype=float)) / whole if whole else None,
                 share_of_error=along / squared if squared > 0 else None,
                 noise=float(np.sqrt(np.square(one - other, dtype=float).mean())) / 2 if sampled else None,
@@ -93,9 +93,9 @@ def _split(
         own = {"numerics": seen - exact, "pixel sampling": exact - over_area}
         if faulty:
             scale = float(np.quantile(exact, 0.99)) or 1.0
-            far = np.abs(own["numerics"]).max(axis=-1, keepdims=True) > ROUNDING * scale
+            far = np.abs(own["numerics"]).max(axis=-1, keepdims=True) > ROUNDING_SHARE * scale
             own = {OWN_ERROR: np.where(far, own["numerics"], 0)} | own | {"numerics": np.where(far, 0, own["numerics"])}
-    return own | {name: -light[part] for name, part in LEFT_OUT.items() if lacks(part)}
+    return own | {name: -light[part] for name, part in LIGHT_LEFT_OUT.items() if lacks(part)}
 
 
 def _sum(pictures: Iterable[np.ndarray], like: np.ndarray) -> np.ndarray:

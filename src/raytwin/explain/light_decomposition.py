@@ -17,29 +17,29 @@ from raytwin.explain.parametric_faults import bright
 from raytwin.explain.pixel_sample import PixelSample
 from raytwin.explain.predict import Array, Predictor
 
-NAMES = {
+PART_NAMES = {
     "sun": "the sun's part", "shadow": "what shadows take away", "sky": "the sky's part",
     "occlusion": "what hides the sky", "bounce 1": "the first bounce", "bounce 2": "the second bounce",
     "bounce 3+": "what later bounces bring", "bounce 2 on": "what all bounces but the first bring",
     "bounce 1 on": "what all bounces bring",
 }  # fmt: skip
-TAKEN = "shadow", "occlusion"
+PARTS_TAKEN_AWAY = "shadow", "occlusion"
 """Parts that light is lost by."""
 CORRECT_WITHIN = 0.01
 """A factor that is off by less is correct."""
-FIRM = 4.0
+FACTOR_SIGMAS = 4.0
 """Standard errors: a factor off by less is correct."""
 MAX_FACTORS = 4
 """Factors, at most so many of which are told."""
 LEAST_PIXELS = 10
 """Pixels of objects below which nothing is fitted."""
-EXPLAINED = 0.9
-"""Share of the error: factors that leave more of it are not reported."""
+TOLD_FROM_SHARE = 0.9
+"""FittedFactor of the error: factors that leave more of it are not reported."""
 Halves = tuple[Array, Array]
 
 
 @dataclass(frozen=True)
-class Share:
+class FittedFactor:
     """On `where` (an object's name; empty: on all) the `part` has this `factor`, 1 if correct; `error`: standard."""
 
     where: str
@@ -49,10 +49,10 @@ class Share:
 
     @property
     def words(self) -> str:
-        name = NAMES[self.part]
+        name = PART_NAMES[self.part]
         if abs(self.factor) <= CORRECT_WITHIN + 3 * self.error:
             text = f"{name} is missing"
-        elif self.part in TAKEN:
+        elif self.part in PARTS_TAKEN_AWAY:
             text = f"{name} is {self.factor:.4g} times what it should be"
         else:
             text = f"{name} is {bright(self.factor)}"
@@ -63,14 +63,14 @@ class Share:
 class Split:
     """`shares`: of the parts that are wrong; `explained`: share of the squared error on objects that they explain."""
 
-    shares: tuple[Share, ...] = ()
+    shares: tuple[FittedFactor, ...] = ()
     explained: float = 0.0
 
     @property
     def words(self) -> str:
         """What is wrong, if that explains the image; else nothing."""
-        wrong = [s.words for s in self.shares if abs(s.factor - 1) > max(CORRECT_WITHIN, FIRM * s.error)]
-        return " and ".join(wrong) if self.explained >= EXPLAINED else ""
+        wrong = [s.words for s in self.shares if abs(s.factor - 1) > max(CORRECT_WITHIN, FACTOR_SIGMAS * s.error)]
+        return " and ".join(wrong) if self.explained >= TOLD_FROM_SHARE else ""
 
 
 def split(sample: PixelSample, given: Mapping[str, Halves] | None = None) -> Split:
@@ -118,11 +118,11 @@ def _fewest(sample: PixelSample, parts: dict[str, Halves], ids: Array, where: Ma
     while len(chosen) < MAX_FACTORS and left - noise > CORRECT_WITHIN * (before - noise):
         fits = [(*_fit(w, d, e, [columns[k] for k in (*chosen, new)]), new) for new in columns if new not in chosen]
         least, g, errors, best = min(fits, key=lambda fit: fit[0], default=(left, d, d, None))
-        if best is None or not least < left or abs(g[-1]) < max(CORRECT_WITHIN, FIRM * errors[-1]):
+        if best is None or not least < left or abs(g[-1]) < max(CORRECT_WITHIN, FACTOR_SIGMAS * errors[-1]):
             break
         left = least
         chosen.append(best)
-        shares = (Share(*key, float(a + 1), float(b)) for key, a, b in zip(chosen, g, errors, strict=True))
+        shares = (FittedFactor(*key, float(a + 1), float(b)) for key, a, b in zip(chosen, g, errors, strict=True))
         found = Split(tuple(shares), 1 - max(left - noise, 0.0) / max(before - noise, 1e-300))
     return found
 

@@ -13,11 +13,11 @@ from raytwin.scene import Scene
 
 PIXELS, PIXELS_NUMPY, SAMPLES = 1 << 16, 1 << 13, 4
 """Of a larger frame every k-th pixel of every k-th row is used. Samples per pixel of each half."""
-OBJECTS, FEWEST_PIXELS = 64, 1 << 12
+FEW_OBJECTS, MIN_PIXELS = 64, 1 << 12
 """From so many objects on, pixels get fewer as objects get more, down to so many: the time stays the same."""
 SEEDS = 0xA11CE, 0xB0B
 """Seeds that no user's render has, so that no image is compared with its own samples."""
-SHALLOW = 0.7
+DEPTH_2_TIME = 0.7
 """Time at depth 2 over that at full depth, in scenes with balls on a floor."""
 REMOVED_BY = {"shadow": ("shadow", 0), "occlusion": ("sky", 2), "bounce 1": ("path", 3), "bounce 2": ("path", 4)}
 """A part of the light -> the cheapest rung that has it, and to what depth; `path` to the whole depth for the others."""
@@ -34,7 +34,10 @@ class WholeLight:
         self.scene, self.engine, self.depth = scene, engine, depth
         w, h = scene.camera.image_size
         pixels = PIXELS_NUMPY if ENGINES[engine].is_numpy else PIXELS
-        pixels = max(FEWEST_PIXELS, pixels * OBJECTS // max(OBJECTS, len(scene.objects)))
+        pixels = max(
+            MIN_PIXELS,
+            pixels * FEW_OBJECTS // max(FEW_OBJECTS, len(scene.objects)),
+        )
         self.step = math.ceil(math.sqrt(w * h / pixels))
         self.thin = scene.with_camera(scene.camera.every(self.step))
         self.shape = (self.thin.camera.height, self.thin.camera.width, 3)
@@ -46,14 +49,14 @@ class WholeLight:
             self.halves.append({name: image.mean for name, image in half.items()})
 
     def seconds(self, part: str) -> float:
-        """An estimate of a frame's seconds on the cheapest rung that has the part, with the samples of both halves.
+        """Estimate the seconds of a frame on the cheapest rung that has the part, with the samples of both halves.
 
-        A walk's cost is that of the walks done here, SHALLOW of it at depth 2 and linear in depth. One formula's frame
-        is timed in its second call.
+        Sampled rungs cost what the walks here did: DEPTH_2_TIME of it at depth 2, and linearly more with depth. The
+        others are timed in their second call.
         """
         rung, depth = REMOVED_BY.get(part, ("path", self.depth))
         if depth:
-            return self.walked * (SHALLOW + (1 - SHALLOW) * (depth - 2) / max(self.depth - 2, 1))
+            return self.walked * (DEPTH_2_TIME + (1 - DEPTH_2_TIME) * (depth - 2) / max(self.depth - 2, 1))
         began = 0.0
         for _ in range(2):
             began = time.perf_counter()

@@ -43,7 +43,7 @@ def whereabouts(samples: Sequence[PixelSample], errors: Sequence[Array]) -> str:
 
 def points_of_misses(samples: Sequence[PixelSample]) -> str:
     """A point of a ray that meets nothing, where all such points and no others are wrong: in words; else empty."""
-    spoilt = [(s, np.isnan(s.right).any(axis=-1)) for s in samples if s.wrong.any()]
+    spoilt = [(s, np.isnan(s.correct).any(axis=-1)) for s in samples if s.wrong.any()]
     if not all(s.view.points and np.array_equal(s.wrong, missed) for s, missed in spoilt):
         return ""
     s, missed = spoilt[0]

@@ -14,9 +14,9 @@ from raytwin.explain.parametric_faults import bright
 
 BLOCK = 8
 """Pixels across."""
-FIRM = 8.0
+FIRM_SIGMAS = 8.0
 """Standard deviations of the mean square, by which a cause has to lower it."""
-LEFT = 0.1
+LEFT_SHARE = 0.1
 """Share of what exceeds 1 that a cause may leave."""
 LEAST_CHANGE = 1e-3
 """A fitted number that changes the image by less than this is ignored."""
@@ -41,13 +41,13 @@ def noisy_cause(shown: Array, right: Array, variance: Array, reference_variance:
     if not (_blocks(v + rv) > 0).all():
         return ""
     before, doubt = _misfit(s, r, v + rv), np.sqrt(2 / _blocks(s).size)
-    if before - 1 < FIRM * doubt:
+    if before - 1 < FIRM_SIGMAS * doubt:
         return ""
     after, words = min(
         (_misfit(s, trial.mean, v + trial.variance) + trial.numbers * 2 * doubt**2, trial.words)
         for trial in _trials(s, r, v, rv)
     )
-    return words if after - 1 < LEFT * (before - 1) + 4 * doubt and before - after > FIRM * doubt else ""
+    return words if after - 1 < LEFT_SHARE * (before - 1) + 4 * doubt and before - after > FIRM_SIGMAS * doubt else ""
 
 
 def _trials(s: Array, r: Array, v: Array, rv: Array) -> Iterator[Trial]:

@@ -11,26 +11,26 @@ import msgspec
 import numpy as np
 from scipy import ndimage
 
-from raytwin.explain.predict import RIGHT, Array, Pipeline, Predictor, UnknownScene, output, steps_of
+from raytwin.explain.predict import NO_MISTAKE, Array, Pipeline, Predictor, UnknownScene, output, steps_of
 from raytwin.images.image import Image
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
 from raytwin.scene.lens import without_ray
 from raytwin.tracer import RADIANCE, trace
 
-WRONG, CORRECT, EDGES = 700, 500, 250
-"""Pixels that are looked at: of those that are wrong, those that are correct, and those of them beside an outline."""
-MET = 500_000
-"""Most pixels times objects; a scene with more objects is sampled at fewer pixels."""
-CLOSE = 3e-4
+MAX_WRONG, MAX_CORRECT, MAX_OUTLINE = 700, 500, 250
+"""Pixels sampled per picture: wrong ones, correct ones, and correct ones beside an outline."""
+PIXELS_BY_OBJECTS = 500_000
+"""Upper limit of pixels times objects: scenes with more objects are sampled at fewer pixels."""
+MATCH_WITHIN = 3e-4
 """Share of the scale: the largest error of a prediction that counts as a match."""
-GRID = 100_000
+MAX_PIXELS_UNTHINNED = 100_000
 """Pixels: of larger pictures, only every k-th pixel of every k-th row is sampled."""
-SPOT = 4
+SPECKLE_PIXELS = 4
 """Pixels of the largest spot that counts as a speckle."""
-DIGITS = 3e-6
+FLOAT32_DIGITS = 3e-6
 """Share of the scale that float32 rounds off."""
-BESIDE = (np.arange(5) == 2) | (np.arange(5) == 2)[:, None]
+NEAR_OUTLINE = (np.arange(5) == 2) | (np.arange(5) == 2)[:, None]
 """Pixels within two of another, along rows and columns: an outline lies beside it where they show several objects."""
 
 Sampled = Callable[[int], Mapping[str, tuple[Array, Array]]]
@@ -39,18 +39,18 @@ Sampled = Callable[[int], Mapping[str, tuple[Array, Array]]]
 
 @dataclass(frozen=True, eq=False)
 class SubmittedImage:
-    """A submission's picture of one scene; of None, where nobody knows which.
+    """A submission's picture of one scene, None where the scene is not known.
 
-    `shown` (H, W, 3): linear radiance, or with `points` where each pixel's ray first meets a sphere, NaN for none.
-    `right`: what it should be; the tracer's own picture where none is given. `half` (H, W, 3): what its format may have
-    rounded off; `clipped`: it holds nothing above 1. `bounds`: between which two pictures what is stored as `right` may
-    lie. `sampled`: of the scene's light what chance finds. `composed`: made of the submission's functions, where the
-    camera's pose and the order along a ray are ours.
+    `shown` (H, W, 3): linear radiance. With `points`: where each pixel's ray first meets a sphere, NaN for a miss.
+    `correct` (H, W, 3): what it should be, by default the tracer's own picture. `half` (H, W, 3): the largest error by
+    the file's format. `clipped`: the format holds nothing above 1. `bounds`: the darkest and the brightest picture that
+    are stored as `correct`. `sampled`: parts of the light that are estimated by random walks. `composed`: a picture by
+    our tracer with the submission's functions in it, so that the camera's pose and the depth order are ours.
     """
 
     scene: Scene | None
     shown: Array
-    right: Array | None = None
+    correct: Array | None = None
     rung: str = "shadow"
     points: bool = False
     half: Array | None = None
@@ -66,15 +66,16 @@ class SubmittedImage:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A view at every `step`-th pixel, in float64. (H, W): `edge`, beside an outline; `wrong`; `rays`, that have one.
+    """A view at every `step`-th pixel, in float64.
 
-    `right`, `slack` (H, W, 3): the correct picture, and what rounding may do; `scale`: of the values; `tau`: an error
-    of this size is one.
+    `correct`, `slack` (H, W, 3): the correct picture, and the largest error by rounding. (H, W): `edge`, pixels beside
+    an outline; `rays`, pixels that the lens gives a ray; `wrong`. `scale`: the size of the values. `tau`: errors from
+    this size on count.
     """
 
     view: SubmittedImage
     step: int
-    right: Array
+    correct: Array
     slack: Array
     edge: Array
     rays: Array
@@ -85,10 +86,10 @@ class Frame:
 
 @dataclass(eq=False)
 class PixelSample:
-    """A frame at N chosen pixels, weighted so that they stand for all.
+    """A frame at N chosen pixels, with weights by which they stand for all.
 
-    `more`: the correct picture has light that sun, shadow and open sky do not make. `moved`: that light, by where rays
-    go; `made`: the last predictions.
+    `more`: the correct picture has light beyond sun, shadow and open sky, such as bounces. `moved`: that light, by how
+    the rays are changed. `made`: the latest predictions.
     """
 
     frame: Frame
@@ -101,14 +102,14 @@ class PixelSample:
     def __post_init__(self) -> None:
         frame = self.frame
         self.view, self.scale, self.tau, self.step = frame.view, frame.scale, frame.tau, frame.step
-        self.shown, self.right, self.slack = (self.at(x) for x in (self.view.shown, frame.right, frame.slack))
+        self.shown, self.correct, self.slack = (self.at(x) for x in (self.view.shown, frame.correct, frame.slack))
         self.wrong, self.edge = self.at(frame.wrong), self.at(frame.edge)
         v, u = (self.step * x.astype(float) for x in np.divmod(self.index, frame.edge.shape[1]))
-        brightest = 1.0 if self.view.points else float(np.nanmax(frame.right, initial=0.0))
+        brightest = 1.0 if self.view.points else float(np.nanmax(frame.correct, initial=0.0))
         self.bench: Predictor | UnknownScene
         if self.view.scene is None:
             low_and_high = (np.asarray(x, float) for x in self.view.bounds)
-            self.bench = UnknownScene((frame.right, *low_and_high), u, v, brightest)
+            self.bench = UnknownScene((frame.correct, *low_and_high), u, v, brightest)
         else:
             shadows = self.view.points or RUNGS[self.view.rung].shadows
             self.bench = Predictor(self.view.scene, u, v, shadows, brightest)
@@ -157,7 +158,7 @@ class PixelSample:
         if places not in self.moved:
             height, width = self.frame.edge.shape
             u, v = (np.rint(x / self.step).astype(int) for x in bench.place(places))
-            there = self.frame.right[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)]
+            there = self.frame.correct[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)]
             self.moved[places] = there - bench.radiance(places)
         return self.moved[places]
 
@@ -209,14 +210,14 @@ def _error(shown: Array, made: Array, slack: Array, points: bool) -> Array:
 
 
 def mixed(wrong: Array) -> float:
-    """Of the pixels (H, W) beside one of the other sort, wrong or correct, the share in spots of at most SPOT pixels.
+    """Return how speckled a mask (H, W) of wrong pixels is: about 0.2 if chance decides, near 0 for whole regions.
 
-    About .2 where chance decides, whether few pixels are wrong or most, and near 0 for regions, however large.
+    Of the pixels at a border between wrong and correct, it is the share in spots of at most SPECKLE_PIXELS.
     """
     spots, beside = np.zeros(wrong.shape, bool), np.zeros(wrong.shape, bool)
     for one in (wrong, ~wrong):
         labels = ndimage.label(one)[0]
-        spots |= one & (np.bincount(labels.ravel()) <= SPOT)[labels]
+        spots |= one & (np.bincount(labels.ravel()) <= SPECKLE_PIXELS)[labels]
         beside |= one & ndimage.binary_dilation(~one)
     return float((spots & beside).sum() / max(beside.sum(), 1))
 
@@ -232,54 +233,58 @@ def _frame(view: SubmittedImage) -> Frame:
     shown, none = np.asarray(view.shown, float), np.zeros(view.shown.shape[:2], bool)
     slack = np.zeros(shown.shape) if view.half is None else view.half
     if view.scene is None:
-        assert view.right is not None
-        return Frame(replace(view, shown=shown), 1, np.asarray(view.right, float), slack, none, ~none, 1.0)
+        assert view.correct is not None
+        return Frame(replace(view, shown=shown), 1, np.asarray(view.correct, float), slack, none, ~none, 1.0)
     camera, scene = view.scene.camera, view.scene
     if view.points:
         scene = msgspec.structs.replace(scene, planes=())
-    step = math.ceil(math.sqrt(camera.width * camera.height / GRID))
+    step = math.ceil(math.sqrt(camera.width * camera.height / MAX_PIXELS_UNTHINNED))
     cut = slice(None, None, step), slice(None, None, step)
     thin = scene.with_camera(camera.every(step))
     traced = traced_once(thin, view.rung if view.rung in RADIANCE and RUNGS[view.rung].lit else "lambert")
     assert traced.surface is not None
     ids = traced.surface.ids
-    if view.right is not None:
-        right = np.asarray(view.right, float)[cut]
+    if view.correct is not None:
+        correct = np.asarray(view.correct, float)[cut]
     elif view.points:
         v, u = np.indices(ids.shape, float).reshape(2, -1)
-        right = Predictor(thin, u, v).points(RIGHT).reshape(*ids.shape, 3)
+        correct = Predictor(thin, u, v).points(NO_MISTAKE).reshape(*ids.shape, 3)
     else:
-        right = traced.mean.astype(float)
+        correct = traced.mean.astype(float)
     most, least = ndimage.maximum_filter, ndimage.minimum_filter
-    edge = most(ids, footprint=BESIDE, mode="nearest") != least(ids, footprint=BESIDE, mode="nearest")
+    edge = most(ids, footprint=NEAR_OUTLINE, mode="nearest") != least(ids, footprint=NEAR_OUTLINE, mode="nearest")
     lost = without_ray(camera)
     rays = ~none[cut] if lost is None else ~lost[cut]
     made = replace(view, scene=scene, shown=shown[cut])
-    return Frame(made, step, view.stored(right), slack[cut], edge, rays, 1.0)
+    return Frame(made, step, view.stored(correct), slack[cut], edge, rays, 1.0)
 
 
 def sample_pixels(view: SubmittedImage, seed: int = 0) -> PixelSample:
     """Choose pixels: all kinds of wrong ones, and correct ones that a wrong cause would spoil."""
     frame = _frame(view)
     view, scale = frame.view, _scale(frame)
-    low, high = map(view.stored, view.bounds or (frame.right, frame.right))
+    low, high = map(view.stored, view.bounds or (frame.correct, frame.correct))
     with np.errstate(invalid="ignore"):
-        correct = np.clip(view.shown, low, high)
-    e = _error(view.shown, correct, frame.slack, view.points) * frame.rays
-    tau = CLOSE * scale
+        nearest = np.clip(view.shown, low, high)
+    e = _error(view.shown, nearest, frame.slack, view.points) * frame.rays
+    tau = MATCH_WITHIN * scale
     large = e[e > tau]
     if large.size < 1e-4 * e.size:  # errors are small ones: look closer
-        large = e[e > DIGITS * scale]
+        large = e[e > FLOAT32_DIGITS * scale]
     typical = float(np.median(large)) if large.size else 0.0
-    tau = float(np.clip(0.03 * typical, DIGITS * scale, tau))
+    tau = float(np.clip(0.03 * typical, FLOAT32_DIGITS * scale, tau))
     if view.scene is not None and RUNGS[view.rung].noisy:
         tau = max(tau, 0.3 * typical)
     wrong, edge, rays = e > tau, frame.edge, frame.rays
     rng = np.random.default_rng(seed)
     objects = len(view.scene.objects) if view.scene else 0
-    fewer = max(1, (WRONG + CORRECT + EDGES) * objects // MET)
+    fewer = max(1, (MAX_WRONG + MAX_CORRECT + MAX_OUTLINE) * objects // PIXELS_BY_OBJECTS)
     chosen, weights = [], []
-    for mask, most in ((wrong, WRONG), (~wrong & ~edge & rays, CORRECT), (~wrong & edge & rays, EDGES)):
+    for mask, most in (
+        (wrong, MAX_WRONG),
+        (~wrong & ~edge & rays, MAX_CORRECT),
+        (~wrong & edge & rays, MAX_OUTLINE),
+    ):
         there = np.flatnonzero(mask)
         if there.size:
             n = min(max(most // fewer, 1), there.size)
@@ -298,16 +303,16 @@ def _has_more(sample: PixelSample) -> bool:
     view = sample.view
     if view.points or not isinstance(sample.bench, Predictor):
         return False
-    beyond = np.abs(view.stored(sample.bench.radiance()) - sample.right).max(axis=-1) > 0.01 * sample.scale
+    beyond = np.abs(view.stored(sample.bench.radiance()) - sample.correct).max(axis=-1) > 0.01 * sample.scale
     return RUNGS[view.rung].noisy or float((sample.weight * beyond).sum()) > 0.02
 
 
 def _scale(frame: Frame) -> float:
     """The size of the values: of radiance nearly the largest, of points the distance from the eye."""
-    right = frame.right
+    correct = frame.correct
     if frame.view.points:
         assert frame.view.scene is not None
-        found = np.linalg.norm(right - np.array(frame.view.scene.camera.eye), axis=-1)
+        found = np.linalg.norm(correct - np.array(frame.view.scene.camera.eye), axis=-1)
         return float(np.nanmedian(found)) if np.isfinite(found).any() else 1.0
-    positive = frame.view.stored(right[np.isfinite(right) & (right > 0)])
+    positive = frame.view.stored(correct[np.isfinite(correct) & (correct > 0)])
     return float(np.quantile(positive, 0.99)) if positive.size else 1.0

@@ -20,7 +20,7 @@ from raytwin.scene import Camera, Scene
 Array = np.ndarray
 Pipeline = tuple[tuple[str, Any], ...]
 SceneDict = dict[str, Any]
-RIGHT: Pipeline = ()
+NO_MISTAKE: Pipeline = ()
 """The tracer as it should be."""
 SPREAD = "spread"
 """A step beside the textbook's functions: the rays of a pixel. Any other name defines a function or number that slips
@@ -62,7 +62,7 @@ def touches(pipeline: Pipeline, *names: str) -> bool:
 def steps_of(pipeline: Pipeline, *names: str) -> Pipeline:
     """Its steps of these names, with the numbers that their text may have; empty where it has none of them."""
     if not touches(pipeline, *names):
-        return RIGHT
+        return NO_MISTAKE
     return tuple(step for step in pipeline if step[0] in names or step[0] not in (*FUNCTIONS, SPREAD))
 
 
@@ -163,7 +163,7 @@ class Predictor:
             del self.memory[old]
         return made
 
-    def place(self, pipeline: Pipeline = RIGHT) -> tuple[Array, Array]:
+    def place(self, pipeline: Pipeline = NO_MISTAKE) -> tuple[Array, Array]:
         """Where in the image its rays go."""
         u, v = written(pipeline)["pixel"](self.u, self.v, *self.camera.image_size)
         return np.broadcast_to(u, self.u.shape), np.broadcast_to(v, self.u.shape)
@@ -175,7 +175,7 @@ class Predictor:
         return space["met"](rays, scene, scene["things"])
 
     @QUIET
-    def seen(self, pipeline: Pipeline = RIGHT) -> Seen:
+    def seen(self, pipeline: Pipeline = NO_MISTAKE) -> Seen:
         """What the eye's rays meet first, and how the sun falls on it."""
         scene, space = self.described(pipeline), self.functions(pipeline)
         eye, which, points = self._met(scene, space)
@@ -190,7 +190,7 @@ class Predictor:
         return Seen(which, np.where(hit[:, None], points, 0), albedo, normals @ to_light, visible)
 
     @QUIET
-    def radiance(self, pipeline: Pipeline = RIGHT) -> Array:
+    def radiance(self, pipeline: Pipeline = NO_MISTAKE) -> Array:
         """(N, 3), before output: the mean over all rays of a pixel."""
         if touches(pipeline, SPREAD):
             one = tuple(step for step in pipeline if step[0] != SPREAD)
@@ -202,12 +202,12 @@ class Predictor:
         return np.asarray(space["radiance"](scene, scene["things"], eye, which, points), float)
 
     @QUIET
-    def picture(self, pipeline: Pipeline = RIGHT) -> Array:
+    def picture(self, pipeline: Pipeline = NO_MISTAKE) -> Array:
         """(N, 3), the values that are handed in."""
         return output(pipeline, self.radiance(pipeline), self.brightest)
 
     @QUIET
-    def points(self, pipeline: Pipeline = RIGHT) -> Array:
+    def points(self, pipeline: Pipeline = NO_MISTAKE) -> Array:
         """(N, 3) where each ray first meets an object, NaN for none."""
         _, which, points = self._met(self.described(pipeline), self.functions(pipeline))
         return np.where((which >= 0)[:, None], points, np.nan)
@@ -233,7 +233,7 @@ def predictor(scene: Scene, shadows: bool = True, every: int = 1) -> Predictor:
 
 def planted(scene: Scene, *mistakes: Pipeline, shadows: bool = True) -> Array:
     """The picture (H, W, 3) of a tracer with these mistakes."""
-    made = predictor(scene, shadows).picture(sum(mistakes, RIGHT))
+    made = predictor(scene, shadows).picture(sum(mistakes, NO_MISTAKE))
     return made.reshape(scene.camera.height, scene.camera.width, 3)
 
 
@@ -249,7 +249,7 @@ class UnknownScene:
     v: Array
     brightest: float = 1.0
 
-    def radiances(self, pipeline: Pipeline = RIGHT) -> list[Array]:
+    def radiances(self, pipeline: Pipeline = NO_MISTAKE) -> list[Array]:
         """(N, 3) of each, before output; NaN beyond the picture."""
         h, w = self.pictures[0].shape[:2]
         u, v = (np.rint(x).astype(int) for x in written(pipeline)["pixel"](self.u, self.v, w, h))

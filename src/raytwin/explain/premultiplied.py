@@ -5,9 +5,9 @@ import numpy as np
 from raytwin.images.image import Image
 from raytwin.images.stored_precision import Rounding
 
-EXACT = 1e-4
+EXACT_WITHIN = 1e-4
 """Share of the reference's largest value by which a prediction may be off."""
-FEWEST, SHARE = 6, 0.99
+FEWEST_WRONG_PIXELS, PREDICTED_FROM_SHARE = 6, 0.99
 """Wrong pixels with a partial alpha, and the share of all covered pixels that has to be predicted."""
 
 
@@ -18,9 +18,9 @@ def alpha_cause(test: Image, reference: Image, rounding: Rounding, of_reference:
     if alpha is None or alpha.shape != test.shape[:2]:
         return ""
     half, reference_half = (0.0 if r.half is None else r.half for r in (rounding, of_reference))
-    slack = EXACT * float(np.max(reference.mean)) + half
+    slack = EXACT_WITHIN * float(np.max(reference.mean)) + half
     wrong = (np.abs(test.mean - reference.mean) > slack).any(axis=-1)
-    if (wrong & (alpha > 0) & (alpha < 1)).sum() < FEWEST:
+    if (wrong & (alpha > 0) & (alpha < 1)).sum() < FEWEST_WRONG_PIXELS:
         return ""
     share = np.where(alpha > 0, alpha, 1)[..., None].astype(float)
     step = 0.5 / 255 * coarse
@@ -33,6 +33,6 @@ def alpha_cause(test: Image, reference: Image, rounding: Rounding, of_reference:
         if rounding.clipped or of_reference.clipped:
             made = np.clip(made, 0, 1)
         near = np.abs(test.mean - made) <= slack + factor * reference_half + np.abs(factor - least) * reference.mean
-        if near.all(axis=-1)[alpha > 0].mean() > SHARE:
+        if near.all(axis=-1)[alpha > 0].mean() > PREDICTED_FROM_SHARE:
             return f"the colours are {words}"
     return ""

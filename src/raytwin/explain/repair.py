@@ -25,12 +25,12 @@ from raytwin.explain.function_text import Cells, file_of, names_bound, statement
 Answers = list[tuple[np.ndarray, ...] | None]
 Lines = Set[tuple[str, int]]
 """(name of the outermost function or class, line) of lines that run."""
-CLEARED = 0.6
-"""Weight added to a change of a line that runs in functions that are correct, too."""
-SHARE = 0.3
-"""Weight added per factor of ten in the number of changes of one kind: they share the kind's chance."""
+CLEARED_WEIGHT = 0.6
+"""Weight added to a change of a line that correct functions run, too."""
+WEIGHT_PER_TENFOLD = 0.3
+"""Weight added per factor of ten in the number of changes of one kind, which share the kind's probability."""
 RIVALS_WITHIN = 0.3
-"""Weight by which another change may exceed the first that fits, and still leave open which of them is meant."""
+"""Weight by which a rival may exceed the first change that fits and still leave open which one is meant."""
 TRIED_FOR_RIVALS = 300
 """Changes that are tried after the first that fits."""
 AT_ONCE = 48
@@ -48,14 +48,6 @@ class Work:
     """What a search may still do, in lines of Python that run: about a microsecond each, five for a line of NumPy."""
 
     left: float
-    in_time: Callable[[], bool] = lambda: True
-    """The safety net, far beyond what the work takes."""
-    stopped: bool = False
-    """Whether the search ended by it."""
-
-    def goes_on(self) -> bool:
-        self.stopped |= not self.in_time()
-        return self.left > 0 and not self.stopped
 
 
 @dataclass(frozen=True)
@@ -144,18 +136,18 @@ def repair(
     helps: Callable[[Candidate], bool] = lambda candidate: True,
     words: Set[str] | None = None,
 ) -> Repair | None:  # fmt: skip
-    """The least far-fetched change of one place after which `function` is correct in all cases; None: none is found.
+    """Return the lightest change of one place after which `function` is correct in all cases; None if none is found.
 
     `cases` have `args`; the first is one that is wrong. `is_right(case, arrays)`. `innocent`: functions that are
     correct by their own tests. `known`: what has made other functions correct is tried first. Where one fits, others
-    are looked for that are hardly more far-fetched: a change of another line that does as well leaves open which of
+    are looked for that weigh hardly more: a change of another line that does as well leaves open which of
     them is meant. `further()`: cases that a change must make correct as well before it counts as proved: by chance it
     may fit `cases`. `keeps(candidate)`: whether what is correct beside the function stays so. `helps(candidate)`:
     whether other functions that fail and run the changed place become correct in a case; a change that does not may
     fit by chance, and others are tried before it. `words`: those of the function's correct form. A change that brings
     in others than these and the text's own keeps no meaning, and is none. None: any.
     """
-    search = _Search(cells, function, innocent, runner, cases[0], words)
+    search = _ChangeSearch(cells, function, innocent, runner, cases[0], words)
 
     def passing(left: list[Candidate], some: Sequence[Any]) -> list[Candidate]:
         for case in some:
@@ -170,7 +162,7 @@ def repair(
     unsure: Repair | None = None
     for chunks in ([list(known)], search.candidates(rare=False), search.candidates(rare=True)):
         for chunk in chunks:
-            if not runner.work.goes_on() or fits.are_all(chunk, tried):
+            if runner.work.left <= 0 or fits.are_all(chunk, tried):
                 return fits.best() or unsure
             tried += len(chunk)
             left = passing(chunk, cases)
@@ -185,7 +177,7 @@ def repair(
 
 
 class _Fits:
-    """The changes that make everything correct: the least far-fetched one, and those that are hardly more so."""
+    """The changes that make everything correct: the lightest, and those that weigh hardly more."""
 
     def __init__(self, weight: Callable[[Candidate], float]) -> None:
         self.weight = weight
@@ -198,7 +190,7 @@ class _Fits:
         self.some += [c for c in some if self.weight(c) <= self.limit]
 
     def are_all(self, following: Sequence[Candidate], tried: int) -> bool:
-        """Whether what follows is more far-fetched, or enough was tried since."""
+        """Whether what follows weighs more, or enough was tried since."""
         farther = bool(following) and self.weight(following[0]) > self.limit
         return bool(self.some) and (farther or tried > self.tried + TRIED_FOR_RIVALS)
 
@@ -271,13 +263,13 @@ def kind_of(operator: str) -> str:
 
 
 def candidates(cells: Cells, function: str, innocent: Sequence[str] = ()) -> Iterator[Candidate]:
-    """All changes of what `function` is made of, the least far-fetched first."""
+    """Yield all changes of what `function` is made of, the lightest first."""
     nothing = Runner(lambda some, *_: [None] * len(some), lambda arguments: None)
-    search = _Search(cells, function, innocent, nothing, None, None)
+    search = _ChangeSearch(cells, function, innocent, nothing, None, None)
     yield from itertools.chain.from_iterable([*search.candidates(rare=False), *search.candidates(rare=True)])
 
 
-class _Search:
+class _ChangeSearch:
     """All changes of the statements that a function is made of. `wrong`: a case that it has wrong."""
 
     def __init__(
@@ -294,7 +286,7 @@ class _Search:
         """Kind -> changes among those that are tried now."""
 
     def candidates(self, rare: bool) -> Iterator[list[Candidate]]:
-        """The usual ones, or the rare, AT_ONCE at a time, the least far-fetched first: those that are Python."""
+        """Yield the usual changes or the rare ones, the lightest first, AT_ONCE at a time: those that compile."""
         found = [Candidate(cell, s, edit) for cell, s in self.reached
                  for edit in edits(s, self.file, rare, partial(self._runs, s))]  # fmt: skip
         self.many = Counter(kind_of(c.edit.operator) for c in found)
@@ -303,10 +295,10 @@ class _Search:
             yield [c for c in found[k : k + AT_ONCE] if self._keeps_meaning(c.edit) and c.code]
 
     def weight(self, c: Candidate) -> float:
-        """How far-fetched it is."""
-        shared = SHARE * math.log10(max(1, self.many[kind_of(c.edit.operator)]))
+        """Larger for less likely changes."""
+        shared = WEIGHT_PER_TENFOLD * math.log10(max(1, self.many[kind_of(c.edit.operator)]))
         cleared = bool(self.cleared) and c.runs_in(self.cleared)
-        return c.edit.weight + shared + CLEARED * cleared
+        return c.edit.weight + shared + CLEARED_WEIGHT * cleared
 
     def _runs(self, outermost: ast.stmt, one: ast.stmt) -> bool:
         return self.running is None or _runs(outermost, one, self.running.keys())

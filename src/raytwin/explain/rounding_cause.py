@@ -4,14 +4,14 @@ import numpy as np
 
 from raytwin.compare.finding import Finding
 from raytwin.errors import MachineError
-from raytwin.explain.pixel_sample import GRID
+from raytwin.explain.pixel_sample import MAX_PIXELS_UNTHINNED
 from raytwin.fast import trace
 from raytwin.images.image import Image
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
 from raytwin.tracer import RADIANCE
 
-EXPLAINED = 0.9
+SHARE_BY_ROUNDING = 0.9
 """Share of the squared error that the same rounding has to explain."""
 HOW = {
     ("numpy32", "robust"): "single precision (float32)",
@@ -29,7 +29,7 @@ def rounding_cause(test: Image, reference: Image, scene: Scene, rung: str) -> tu
         return ()
     if test.mean.shape != reference.mean.shape or not np.isfinite(test.mean).all():
         return ()
-    step = int(np.ceil(np.sqrt(scene.camera.width * scene.camera.height / GRID)))
+    step = int(np.ceil(np.sqrt(scene.camera.width * scene.camera.height / MAX_PIXELS_UNTHINNED)))
     thin = scene.with_camera(scene.camera.every(step))
     off = (test.mean[::step, ::step] - reference.mean[::step, ::step]).astype(float)
     before = float(np.square(off).sum())
@@ -41,6 +41,6 @@ def rounding_cause(test: Image, reference: Image, scene: Scene, rung: str) -> tu
             rounded = trace(thin, rung, engine, solver).mean
         except MachineError:
             continue
-        if np.square(off - (rounded.astype(float) - exact)).sum() < (1 - EXPLAINED) * before:
+        if np.square(off - (rounded.astype(float) - exact)).sum() < (1 - SHARE_BY_ROUNDING) * before:
             return (Finding("rounding", f"rounding: {how}; float64 and the robust solver keep the digits"),)
     return ()

@@ -1,11 +1,10 @@
 """Trying mistakes on the pixels of a submission: few pixels first, then all of them for what costs least.
 
 The cost of errors e is Σ log(1 + (e/τ)²), minus the log likelihood of values that are either hit closely or missed by
-any amount, so that a few odd pixels decide nothing. How much is tried depends on the pictures alone: a search ends
-early only after STOPPED seconds, many times what it takes.
+any amount, so that a few odd pixels decide nothing. How much is tried depends on the pictures alone, never on the
+clock.
 """
 
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -17,38 +16,32 @@ from raytwin.explain.evidence import fit_of, shows, total
 from raytwin.explain.explanation import Cause
 from raytwin.explain.parametric_faults import ParametricFault, nearer
 from raytwin.explain.pixel_sample import PixelSample
-from raytwin.explain.predict import RIGHT, Pipeline
+from raytwin.explain.predict import NO_MISTAKE, Pipeline
 
-STOPPED = 600.0
-"""Wall-clock seconds, a safety net: a hundred times what a search takes, and 20 times that of the largest scenes."""
-CROWD = 64
-"""Objects, beyond which no numbers are fitted and no other forms are tried: that takes nine predictions of ten."""
-SCREEN = 4
-"""Every fault is tried on one in so many of the pixels first."""
+MANY_OBJECTS = 64
+"""Number of objects above which no numbers are fitted and no other forms are tried: both take 90 % of the time."""
+SCREEN_STRIDE = 4
+"""Every fault is tried on every so many-th of the sampled pixels first."""
 COARSE_STRIDE = 3
-"""Where faults are many, they are tried on one in so many of these pixels before."""
+"""Many faults are tried on every so many-th of those pixels before."""
 FINALISTS = 24
-"""Hypotheses that are compared on all pixels, those of least cost: more cost time."""
-CLEAR = 0.05
-"""Share of the cost: where a fault leaves less, one that leaves more than RIVAL_COST_SHARE is dropped."""
+"""Hypotheses of least cost that are compared on all sampled pixels."""
+CLEAR_COST_SHARE = 0.05
+"""Where a fault leaves less than this share of the cost, those that leave more than RIVAL_COST_SHARE are dropped."""
 RIVAL_COST_SHARE = 0.5
-"""Share of the cost above which a fault is dropped beside a CLEAR one."""
-CLOSE = 4
+"""Share of the cost above which a fault is dropped beside a clear one."""
+TRIED_ON_ALL_WITHIN = 4
 """Multiple of the best cost on few pixels above which a fault is not tried on all."""
-TEMPTING = 16
-"""Faults that are tried with every equivalent form."""
-EVEN = 5e-4
-"""Share of the cost without any cause: causes that differ by less are equally good."""
-TIED = 0.01
-"""Costs of one view that tell nothing apart."""
-VIEWS_FITTED = 3
-"""Views, the most wrong ones, on which it is seen which numbers are worth fitting."""
-FITS = 5
-"""Families whose numbers are fitted to the end, of those whose first step explains most."""
-
-
-class StoppedEarly(Exception):
-    """The net has caught a search."""
+MAX_FAULTS_IN_OTHER_FORMS = 16
+"""Best faults that are tried in every equivalent form of the tracer."""
+EQUAL_COST = 5e-4
+"""Share of the unexplained cost by which causes may differ and still count as equally good."""
+TIED_COST = 0.01
+"""Difference of two costs of one view that tells nothing."""
+MAX_VIEWS_FITTED = 3
+"""Most wrong views on which the first step of every fit is tried."""
+MAX_FAMILIES_FITTED = 5
+"""Families that are fitted to the end: those whose first step explains most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +56,7 @@ class Hypothesis:
 
 @dataclass(eq=False)
 class Search:
-    """The samples of all views, and one in SCREEN of their pixels (`few`), the most wrong view first.
+    """The samples of all views, and one in SCREEN_STRIDE of their pixels (`few`), the most wrong view first.
 
     `unexplained`: the cost without any cause.
     """
@@ -71,14 +64,14 @@ class Search:
     samples: list[PixelSample]
     few: list[PixelSample] = field(init=False)
     unexplained: float = field(init=False)
-    began: float = field(init=False)
 
     def __post_init__(self) -> None:
-        few = sorted((s.only(slice(None, None, SCREEN)) for s in self.samples), key=lambda s: -total([s], RIGHT))
+        few = sorted(
+            (s.only(slice(None, None, SCREEN_STRIDE)) for s in self.samples), key=lambda s: -total([s], NO_MISTAKE)
+        )
         other = next((s for s in few if s.view.rung != few[0].view.rung), few[0])
         self.few = sorted(few, key=lambda s: (s is not few[0], s is not other))
-        self.unexplained = total(self.samples, RIGHT)
-        self.began = time.monotonic()
+        self.unexplained = total(self.samples, NO_MISTAKE)
 
     def causes(self, faults: Sequence[Fault], families: Sequence[ParametricFault] = ()) -> list[Hypothesis]:
         """The causes that cost least, the best first; of families where no fault leaves nothing."""
@@ -89,29 +82,22 @@ class Search:
         tried = self._screened(ways)
         objects = max(len(s.view.scene.objects) if s.view.scene else 0 for s in self.samples)
         forms = [replace(g, steps=form) for g in self._tempting(tried) for form in equivalent_forms(g.steps)]
-        tried += self._screened(forms if objects <= CROWD else [])
+        tried += self._screened(forms if objects <= MANY_OBJECTS else [])
         tried = sorted(tried, key=lambda g: g.cost)[:FINALISTS]
-        near = [g for g in tried if g.cost < CLOSE * tried[0].cost + 1e-2 * self.unexplained]
-        found = ranked([self._weighed(g) for g in near], faults, EVEN * self.unexplained)
-        if families and objects <= CROWD and not (found and fit_of(self.samples, found[0].steps).is_good):
+        near = [g for g in tried if g.cost < TRIED_ON_ALL_WITHIN * tried[0].cost + 1e-2 * self.unexplained]
+        found = ranked(
+            [replace(g, cost=total(self.samples, g.steps)) for g in near], faults, EQUAL_COST * self.unexplained
+        )
+        if families and objects <= MANY_OBJECTS and not (found and fit_of(self.samples, found[0].steps).is_good):
             found = sorted((*found, *self._fitted(families)), key=lambda g: g.cost)
         return found
-
-    def _in_time(self) -> None:
-        if time.monotonic() - self.began > STOPPED:
-            raise StoppedEarly
-
-    def _weighed(self, guess: Hypothesis) -> Hypothesis:
-        """With its cost on all pixels."""
-        self._in_time()
-        return replace(guess, cost=total(self.samples, guess.steps))
 
     def _tempting(self, tried: Sequence[Hypothesis]) -> list[Hypothesis]:
         """The best way of each fault that may be meant; another camera meets surfaces correctly."""
         best = {guess.cause.name: guess for guess in reversed(tried)}
-        some = sorted(best.values(), key=lambda g: g.cost)[:TEMPTING]
-        if some and some[0].cost < CLEAR * self.unexplained:
-            some = [g for g in some if EVEN * self.unexplained < g.cost < RIVAL_COST_SHARE * self.unexplained]
+        some = sorted(best.values(), key=lambda g: g.cost)[:MAX_FAULTS_IN_OTHER_FORMS]
+        if some and some[0].cost < CLEAR_COST_SHARE * self.unexplained:
+            some = [g for g in some if EQUAL_COST * self.unexplained < g.cost < RIVAL_COST_SHARE * self.unexplained]
         return [g for g in some if g.cause.stage != CAMERA]
 
     def _screened(self, guesses: list[Hypothesis]) -> list[Hypothesis]:
@@ -123,30 +109,23 @@ class Search:
         if len(guesses) > 2 * FINALISTS:
             views = [views[0].only(slice(None, None, COARSE_STRIDE)), *views]
         for sample in views:
-            sums = sums + list(self._costs(sample, guesses))
-            wrong += total([sample], RIGHT)
+            sums = sums + [sample.cost(sample.errors(guess.steps)) for guess in guesses]
+            wrong += total([sample], NO_MISTAKE)
             few = max(FINALISTS, sums.size // 4)
-            limit = float(np.sort(sums)[few - 1]) + TIED if few < sums.size else np.inf
-            if sums.size and sums.min() < CLEAR * wrong:  # where one explains all, the others have to
+            limit = float(np.sort(sums)[few - 1]) + TIED_COST if few < sums.size else np.inf
+            if sums.size and sums.min() < CLEAR_COST_SHARE * wrong:  # where one explains all, the others have to
                 limit = min(limit, RIVAL_COST_SHARE * wrong)
             chosen = [int(k) for k in np.argsort(sums, kind="stable") if sums[k] <= limit]
             guesses, sums = [guesses[k] for k in chosen], sums[chosen]
         return [replace(g, cost=cost / len(views)) for g, cost in zip(guesses, sums.tolist(), strict=True)]
 
-    def _costs(self, sample: PixelSample, guesses: Sequence[Hypothesis]) -> Iterator[float]:
-        for guess in guesses:
-            self._in_time()
-            yield sample.cost(sample.errors(guess.steps))
-
     def _fitted(self, families: Sequence[ParametricFault]) -> Iterator[Hypothesis]:
         """The numbers that explain most, of the families that are worth fitting."""
         begun = []
         for family in families:
-            self._in_time()
-            steps = (nearer(family, self.few[:VIEWS_FITTED], p, 1) for p in (family.start, *family.tries))
+            steps = (nearer(family, self.few[:MAX_VIEWS_FITTED], p, 1) for p in (family.start, *family.tries))
             begun.append((*min(steps, key=lambda x: x[1]), family))
-        for p, _, family in sorted(begun, key=lambda x: x[1])[:FITS]:
-            self._in_time()
+        for p, _, family in sorted(begun, key=lambda x: x[1])[:MAX_FAMILIES_FITTED]:
             p, _ = nearer(family, self.few, p)
             if total(self.few, family.make(p)) > 0.9 * self.unexplained:
                 continue

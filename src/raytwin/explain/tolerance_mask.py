@@ -10,25 +10,25 @@ import numpy as np
 
 from raytwin.explain.catalogue import SHADOW_TESTS
 from raytwin.explain.changes import moved, offset_by
-from raytwin.explain.predict import RIGHT, Array, Pipeline, Predictor
+from raytwin.explain.predict import NO_MISTAKE, Array, Pipeline, Predictor
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
 
 MAX_SHARE_OFF = 0.02
 """Share of the pixels: if more are off, such differences do not explain it."""
-ASIDE = 1e-3
+ASIDE_PIXELS = 1e-3
 """Pixels: by which rays miss the centre in single precision."""
 VISIBLE = 1e-6
 """Share of the largest radiance that is visible."""
 
 
-SEEN = 1e-3
+SAME_WITHIN = 1e-3
 """Share of the scale: values that differ by less are the same."""
 
 
 STARTS = tuple(offset_by(eps, way) for eps in (1e-3, 3e-4, 1e-4, 1e-5) for way in (False, True))
 """Where shadow rays may start."""
-ASIDES = tuple(moved(x, y) for x in (-ASIDE, ASIDE) for y in (-ASIDE, ASIDE))
+ASIDES = tuple(moved(x, y) for x in (-ASIDE_PIXELS, ASIDE_PIXELS) for y in (-ASIDE_PIXELS, ASIDE_PIXELS))
 
 
 def varied(pipeline: Pipeline) -> tuple[Pipeline, ...]:
@@ -39,7 +39,7 @@ def varied(pipeline: Pipeline) -> tuple[Pipeline, ...]:
     return (*((*rest, *start) for start in starts), *((*pipeline, *aside) for aside in ASIDES))
 
 
-def doubtful(predict: Callable[[Pipeline], Array], scale: float, steps: Pipeline = RIGHT) -> Array:
+def doubtful(predict: Callable[[Pipeline], Array], scale: float, steps: Pipeline = NO_MISTAKE) -> Array:
     """(N,) bool: whether tracers that have these steps, and are correct otherwise, differ in a pixel.
 
     `predict`: steps -> (N, 3), NaN for nothing.
@@ -48,7 +48,7 @@ def doubtful(predict: Callable[[Pipeline], Array], scale: float, steps: Pipeline
     found = np.zeros(len(made), bool)
     for other in map(predict, varied(steps)):
         with np.errstate(invalid="ignore"):
-            same = (np.abs(other - made) <= SEEN * scale) | (np.isnan(other) & np.isnan(made))
+            same = (np.abs(other - made) <= SAME_WITHIN * scale) | (np.isnan(other) & np.isnan(made))
         found |= ~same.all(axis=-1)
     return found
 
@@ -62,7 +62,7 @@ def forgiven(got: Array, right: Array, scene: Scene, rung: str) -> Array:
         return got
     v, u = where.T.astype(float)
     bench = Predictor(scene, u, v, RUNGS[rung].shadows)
-    scale = max(float(bench.radiance(RIGHT).max(initial=0.0)), 1e-300)
+    scale = max(float(bench.radiance(NO_MISTAKE).max(initial=0.0)), 1e-300)
     rows, columns = where[doubtful(bench.radiance, scale)].T
     made = got.copy()
     made[rows, columns] = right[rows, columns]

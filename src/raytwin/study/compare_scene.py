@@ -12,7 +12,7 @@ import numpy as np
 from raytwin import twin
 from raytwin.compare import Comparison, Report
 from raytwin.compare.finding import Finding, notes
-from raytwin.explain.ledger import LEFT_OUT, Ledger, make_ledger
+from raytwin.explain.ledger import LIGHT_LEFT_OUT, Ledger, make_ledger
 from raytwin.explain.light_parts import sampled_parts
 from raytwin.images.image import Image
 from raytwin.images.photo_files import read_photo
@@ -304,7 +304,7 @@ HIDDEN = {"sun's shadow": "what hides the sun", "sky's occlusion": "what hides t
 
 def _left_out(ledger: Ledger | None) -> tuple[str, ...]:
     """What the rung leaves out, in words, the largest part first."""
-    rows = [row for row in ledger.parts if row.part in LEFT_OUT and row.share_of_light] if ledger else []
+    rows = [row for row in ledger.parts if row.part in LIGHT_LEFT_OUT and row.share_of_light] if ledger else []
     shares = {HIDDEN.get(row.part, row.part): 100 * (row.share_of_light or 0) for row in rows}
     return tuple(
         f"ignoring {part} makes it {abs(share):.2g} % too {'bright' if share > 0 else 'dark'}"

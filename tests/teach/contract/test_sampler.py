@@ -49,35 +49,25 @@ def _apart(one, other):
 
 
 def test_what_no_mistake_predicts_has_its_numbers_instead_of_a_name():
-    def skewed(u):
-        return PLAIN["sample_cosine"](u ** [1.1, 1.0])
+    draw, stage = PLAIN["sample_cosine"], LESSONS["sample_cosine"]
 
     def too_large(u):
-        directions, pdf, weight = PLAIN["sample_cosine"](u)
+        directions, pdf, weight = draw(u)
         return directions, 1.1 * pdf, weight
 
     for wrong, said in (
-        (skewed, "chi-square p "), (too_large, "the pdf integrates to 1.1"),
-        (lambda u: PLAIN["sample_cosine"](u[:, [0, 0]]), "no single common mistake fits"),
-        (lambda u: (-PLAIN["sample_cosine"](u)[0], u[:, 0], u[:, 1]), "the pdf integrates to nan"),
-        (lambda u: tuple(np.nan * a for a in PLAIN["sample_cosine"](u)), "no single common mistake fits"),
-        (lambda u: PLAIN["sample_cosine"](u)[0], "it returned an array"),
+        (lambda u: draw(u ** [1.1, 1.0]), "chi-square p "), (too_large, "the pdf integrates to 1.1"),
+        (lambda u: draw(u[:, [0, 0]]), "no single common mistake fits"),
+        (lambda u: (-draw(u)[0], u[:, 0], u[:, 1]), "the pdf integrates to nan"),
+        (lambda u: tuple(np.nan * a for a in draw(u)), "no single common mistake fits"),
+        (lambda u: draw(u)[0], "it returned an array"),
     ):  # fmt: skip
-        found = judge_function(LESSONS["sample_cosine"], wrong)
-        assert not found.passed
-        assert (found.causes, said in found.sentence) == ((), True), found.sentence
-    assert (
-        "not unit" in judge_function(LESSONS["sample_cosine"], lambda u: (2 * u[:, [0, 0, 1]], u[:, 0], u[:, 1])).causes
-    )
-
-
-def test_a_pdf_is_named_whichever_pdf_the_weight_is_of():
-    def flat(u):
-        directions, _, weight = PLAIN["sample_cosine"](u)
-        return directions, np.full(len(u), 1 / np.pi), weight
-
-    found = judge_function(LESSONS["sample_cosine"], flat)
-    assert (found.causes, found.sureness) == (("cosine missing in the pdf",), "proved")
+        found = judge_function(stage, wrong)
+        assert (found.passed, found.causes, said in found.sentence) == (False, (), True), found.sentence
+    assert "not unit" in judge_function(stage, lambda u: (2 * u[:, [0, 0, 1]], u[:, 0], u[:, 1])).causes
+    # A pdf is named whichever pdf the weight is of.
+    flat = judge_function(stage, lambda u: (draw(u)[0], np.full(len(u), 1 / np.pi), draw(u)[2]))
+    assert (flat.causes, flat.sureness) == (("cosine missing in the pdf",), "proved")
 
 
 def test_the_numbers_that_are_told_are_the_known_ones():

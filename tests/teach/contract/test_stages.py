@@ -8,14 +8,11 @@ import shape_checks
 from starter_submissions import FOOT
 
 import raytwin
-from raytwin import tracer
 from raytwin.errors import InputError
 from raytwin.explain.catalogue import FAULTS
 from raytwin.explain.textbook import tracer_with
-from raytwin.renderers.scene_exchange import as_arrays
-from raytwin.scene.scene_files import read_scene
 from raytwin.teach.contract import check_function as judging
-from raytwin.teach.contract.check_function import judge, judge_function
+from raytwin.teach.contract.check_function import judge_function
 from raytwin.teach.contract.composed_tracer import compose
 from raytwin.teach.contract.stage_result import MEND, CaseResult, StageResult
 from raytwin.teach.contract.stage_table import CONTRACT, LESSONS
@@ -23,19 +20,6 @@ from raytwin.teach.contract.stage_table import CONTRACT, LESSONS
 BY_HAND: dict = {}
 """A student's functions, by other formulas than the references'."""
 exec(FOOT, BY_HAND)
-
-SIGNATURES = {
-    "back_project(K, dist, width, height)",
-    "estimate_pose(K, dist, object_points, image_points)",
-    "intersect_sphere(origins, directions, center, radius)",
-    "shade(points, normals, albedo, to_light, irradiance, sky)",
-    "hit_points(scene)",
-    "render(scene)",
-}
-
-
-def test_the_contract_is_what_courses_were_told():
-    assert {stage.signature for stage in CONTRACT.values()} == SIGNATURES
 
 
 def test_the_reference_passes_its_own_test():
@@ -89,21 +73,19 @@ def test_a_slip_in_the_textbook_is_the_cause_that_its_picture_names():
 
 
 def test_misses_that_are_marked_by_another_number_are_named_with_it():
-    def found(*args, marks=(-1.0,)):
-        origins, directions, center, radius = args
-        t = BY_HAND["intersect_sphere"](origins, directions, center, radius)
+    def marked(*args, marks):
+        origins, directions, center, _ = args
+        t = BY_HAND["intersect_sphere"](*args)
         behind = ((center - origins) * directions).sum(axis=-1) < 0
         return np.where(np.isinf(t), np.where(behind, marks[-1], marks[0]), t)
 
+    stage = CONTRACT["intersect_sphere"]
     for marks, named in (((1e10,), "1e+10"), ((np.nan,), "nan"), ((-np.inf,), "-inf"), ((np.nan, -1.0), "-1 or nan")):
-        said = judge_function(CONTRACT["intersect_sphere"], lambda o, d, c, r, m=marks: found(o, d, c, r, marks=m))
+        said = judge_function(stage, lambda *args, m=marks: marked(*args, marks=m))
         assert said.causes == ("misses-not-infinite",), marks
         assert f"np.inf, not {named}:" in said.sentence
-
-    def far_root(o, d, c, r):
-        return np.where(np.isinf(t := found(o, d, c, r)), t, 1.01 * t)
-
-    assert "misses-not-infinite" not in judge_function(CONTRACT["intersect_sphere"], far_root).causes
+    both = judge_function(stage, lambda *args: np.where((t := marked(*args, marks=(-1.0,))) < 0, t, 1.01 * t))
+    assert "misses-not-infinite" not in both.causes
 
 
 OUTSIDE = 'own = own & (np.linalg.norm(eye - thing["center"]) > thing["radius"])', "pass"
@@ -121,7 +103,8 @@ def test_a_wall_that_is_lit_from_inside_its_sphere_is_seen_once_all_else_is_righ
     assert "from inside a sphere its own wall is lit" in found.sentence
 
 
-def test_what_nothing_explains_is_told_by_where_it_is():
+def test_what_nothing_explains_is_told_by_where_it_is_and_what_is_hardly_wrong_is_blamed_on_nothing():
+    """Least on what shows nowhere, and is as near to the answer as the reference is."""
     stage = CONTRACT["intersect_sphere"]
 
     def drifting(origins, directions, center, radius):
@@ -129,21 +112,14 @@ def test_what_nothing_explains_is_told_by_where_it_is():
         return t * np.where(np.linalg.norm(origins - center, axis=1) < radius, 1 + 0.1 * np.sin(origins[:, 0]), 1)
 
     found = judge_function(stage, drifting)
-    assert found.causes == ()
     assert "Fails: rays that start inside" in found.sentence
     assert "Passes: rays that meet it from outside" in found.sentence
-
-
-def test_what_is_hardly_wrong_is_blamed_on_nothing():
-    """Least on what shows nowhere, and is as near to the answer as the reference is."""
-    for name in ("intersect_sphere", "shade"):
-        stage = CONTRACT[name]
-        found = judge_function(stage, lambda *args, s=stage: s.reference(*args) * (1 + 20 * s.tolerance))
-        assert not found.passed
-        assert found.causes == ()
-
-
-# ------------------------------------------------------------------------------------------ what is no answer
+    slightly = (
+        judge_function(stage, lambda *args, s=stage: s.reference(*args) * (1 + 20 * s.tolerance))
+        for stage in (stage, CONTRACT["shade"])
+    )
+    for one in (found, *slightly):
+        assert (one.passed, one.causes) == (False, ())
 
 
 def test_what_is_no_answer_is_told_in_a_sentence():
@@ -168,23 +144,18 @@ def test_a_mistake_in_some_cases_is_told_by_the_case():
         return CONTRACT["shade"].reference(points, normals, albedo.reshape(len(points), 3), to_light, irradiance, sky)
 
     found = judge_function(CONTRACT["shade"], one_albedo)
-    assert found.sentence.startswith("it raised ValueError: cannot reshape")
-    assert found.sentence.endswith("(one albedo for all)")
+    assert re.fullmatch(r"it raised ValueError: cannot reshape.*\(one albedo for all\)", found.sentence)
 
 
 def test_a_function_that_writes_into_its_arguments_fails_one_case_that_says_so():
-    for written in (("normals",), ("normals", "sky"), ()):
+    def greedy(points, normals, albedo, to_light, irradiance, sky):
+        made = CONTRACT["shade"].reference(points, normals, albedo, to_light, irradiance, sky)
+        normals[...] = sky[...] = 7
+        return made
 
-        def greedy(points, normals, albedo, to_light, irradiance, sky, written=written):
-            right = CONTRACT["shade"].reference(points, normals, albedo, to_light, irradiance, sky)
-            for name in written:
-                {"normals": normals, "sky": sky}[name][...] = 7
-            return right
-
-        found = judge_function(CONTRACT["shade"], lambda *args, f=greedy: f(*args))
-        assert [case.passed for case in found.cases].count(False) == bool(written)
-        assert all(f"`{name}`" in found.sentence and "in place" in found.sentence for name in written)
-        assert found.passed == (not written)
+    found = judge_function(CONTRACT["shade"], greedy)
+    assert [case.passed for case in found.cases].count(False) == 1
+    assert "it changes `normals`, `sky` in place" in found.sentence
 
 
 def test_a_function_that_keeps_its_rays_by_the_size_of_the_picture_fails_the_case_of_another_camera():
@@ -195,36 +166,6 @@ def test_a_function_that_keeps_its_rays_by_the_size_of_the_picture_fails_the_cas
 
     found = judge_function(CONTRACT["back_project"], lazy)
     assert [case.shows for case in found.cases if not case.passed] == ["another camera of the same size"]
-
-
-def test_answers_can_be_judged_without_the_function():
-    """As a grader does that runs it in another process."""
-    stage = CONTRACT["shade"]
-    cases = stage.cases(1)
-    assert judge(stage, cases, [case.expected for case in cases]).passed
-    found = judge(stage, cases, ["it took longer than 5 s", *(case.expected for case in cases[1:])])
-    assert (found.passed, found.sentence) == (False, f"it took longer than 5 s ({cases[0].shows})")
-
-
-# ------------------------------------------------------------------------------------------ against the tracer
-
-
-def test_the_tracer_made_of_stages_is_the_tracer(scenes):
-    for name, rung in (("overlap", "shadow"), ("distorted", "lambert")):
-        scene = read_scene(scenes / name)
-        scene = scene.with_camera(scene.camera.resized(80, 60))
-        right = tracer.trace(scene, rung).mean
-        off = np.abs(compose({}).render(as_arrays(scene, rung)) - right).max(axis=-1)
-        assert (off > 1e-5).mean() < 1e-3, name  # a pixel on an outline may go either way
-
-
-# ------------------------------------------------------------------------------------------ raytwin.check
-
-
-def test_check_prints_its_sentence_and_returns_the_numbers(capsys):
-    found = raytwin.check("shade", BY_HAND["shade"])
-    assert capsys.readouterr().out == f"{found}\n"
-    assert str(found).startswith("PASS  shade: correct in all 7 cases, to ")
 
 
 @pytest.mark.parametrize(
@@ -256,8 +197,10 @@ def test_check_names_in_a_picture_what_no_variant_has_with_its_number():
     assert "explains" not in found.sentence
 
 
-def test_check_raises_when_told_to_and_only_where_it_fails():
-    raytwin.check("shade", BY_HAND["shade"], raises=True)
+def test_check_prints_its_sentence_returns_the_numbers_and_raises_when_told_to(capsys):
+    found = raytwin.check("shade", BY_HAND["shade"], raises=True)
+    assert capsys.readouterr().out == f"{found}\n"
+    assert str(found).startswith("PASS  shade: correct in all 7 cases, to ")
     with pytest.raises(
         AssertionError, match=r"^shade: it returned an array \(24,\), where radiance \(24, 3\) is wanted"
     ):

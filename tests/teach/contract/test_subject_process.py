@@ -4,7 +4,6 @@ import os
 import shlex
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,8 +16,6 @@ from raytwin.teach.contract.subject_process import SubjectProcess
 TRACER = """
 import os
 import numpy as np
-
-calls = []
 
 def back_project(K, dist, width, height):
     raise IndexError("too far")
@@ -49,21 +46,11 @@ def test_a_subject_that_ends_the_process_fails_the_comparison(scenes, tmp_path):
 
 
 @pytest.mark.nightly
-def test_what_ends_while_it_is_loaded_is_said_too(tmp_path):
-    (tmp_path / "mine.py").write_text("import os\nos._exit(0)\n")
-    with pytest.raises(SubjectEnded, match="ended with exit code 0"):
-        find_subject(str(tmp_path / "mine.py"), "shadow")
-
-
-@pytest.mark.nightly
-def test_the_folder_the_output_and_what_is_left_behind_are_the_subjects_own(scenes, tmp_path, capfd):
+def test_the_folder_the_output_and_what_is_left_behind_are_the_subjects_own(scenes, tmp_path):
     body = "os.chdir('/'); print('Comparison(pass)', flush=True); os.fork() or __import__('time').sleep(60)"
+    asked = "--size", "24x18", "--subject", subject(tmp_path, body, ""), "-o", "here"
     began = time.monotonic()
-    run = raytwin(
-        "compare", scenes / "single", "--size", "24x18", "--subject", subject(tmp_path, body, ""), "-o", "here",
-        cwd=tmp_path,
-    )  # fmt: skip
-    assert run.returncode == 1
+    assert raytwin("compare", scenes / "single", *asked, cwd=tmp_path).returncode == 1
     assert (tmp_path / "here" / "report.html").is_file()
     assert time.monotonic() - began < 50  # not until the child that was left behind ends
 
@@ -88,13 +75,21 @@ def test_a_program_whose_command_has_no_seed_is_called_once(tmp_path):
 
 
 @pytest.mark.nightly
-def test_a_process_that_ended_is_started_again_at_the_next_call(tmp_path):
+def test_a_process_that_ended_is_started_again_at_the_next_call_and_none_is_left(tmp_path):
     process = SubjectProcess(subject(tmp_path, "os._exit(0) if seed else None"))
     scene = {"height": 2, "width": 3}
-    assert process.call("render", (scene,), {}).shape == (2, 3, 3)
-    with pytest.raises(SubjectEnded):
-        process.call("render", (scene,), {"seed": 1})
-    assert process.call("render", (scene,), {}).shape == (2, 3, 3)
+    for _ in range(2):
+        assert process.call("render", (scene,), {}).shape == (2, 3, 3)
+        pid = process._process.pid
+        with pytest.raises(SubjectEnded, match="ended with exit code 0"):
+            process.call("render", (scene,), {"seed": 1})
+    process.describe()
+    process.close()
+    with pytest.raises(ProcessLookupError):
+        os.killpg(pid, 0)
+    (tmp_path / "mine.py").write_text("import os\nos._exit(0)\n")
+    with pytest.raises(SubjectEnded, match="ended with exit code 0"):
+        find_subject(str(tmp_path / "mine.py"), "shadow")
 
 
 def test_what_a_function_raises_takes_and_is_called_is_as_if_it_were_here(tmp_path, single):
@@ -106,15 +101,4 @@ def test_what_a_function_raises_takes_and_is_called_is_as_if_it_were_here(tmp_pa
         found.stages["back_project"](np.eye(3), np.zeros(5), 4, 3)
     assert type(raised.value).__name__ == "IndexError"
     with pytest.raises(InputError, match=r"an image .*got ZeroDivisionError"):
-        find_subject(subject(tmp_path, "1 / seed"), "shadow")(single, 0)
-
-
-@pytest.mark.nightly
-def test_no_process_is_left_when_raytwin_ends(tmp_path):
-    process = SubjectProcess(subject(tmp_path, "pass"))
-    process.describe()
-    pid = process._process.pid
-    process.close()
-    with pytest.raises(ProcessLookupError):
-        os.killpg(pid, 0)
-    assert not Path(f"/proc/{pid}").exists()
+        found(single, 0)

@@ -9,31 +9,15 @@ title = "Six < seven"
 seed = 5
 follow_through = 1.0
 hints = 0
-[[exercises]]
-stage = "intersect_sphere"
-points = 10
-[[exercises]]
-stage = "shade"
-points = 10
-visibility = "hidden"
-[[exercises]]
-name = "image"
-stage = "render"
-scenes = ["single"]
-drawn = 1
-points = 20
-credit = [[1e-1, 0.5], [10.0, 0.25]]
-[speed]
-of = "image"
-bonus = 2
-fast = 100.0
-slow = 1000.0
-[limits]
-folder_mb = 3
-seconds = 3600
-seconds_a_call = 3600
+speed = { of = "image", bonus = 2, fast = 100.0, slow = 1000.0 }
+limits = { folder_mb = 3, seconds = 3600, seconds_a_call = 3600 }
+exercises = [
+  { stage = "intersect_sphere", points = 10 },
+  { stage = "shade", points = 10, visibility = "hidden" },
+  { name = "image", stage = "render", scenes = ["single"], drawn = 1, points = 20, credit = [[0.1, 0.5], [10, 0.25]] },
+]
 """
-HASTY = RUBRIC.replace("seconds = 3600\nseconds_a_call = 3600", "seconds = 60\nseconds_a_call = 1")
+HASTY = RUBRIC.replace("seconds = 3600, seconds_a_call = 3600", "seconds = 60, seconds_a_call = 1")
 """For the one who hangs: on a busy machine the others may take long."""
 
 

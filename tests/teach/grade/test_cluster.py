@@ -2,7 +2,6 @@
 
 import os
 import signal
-import threading
 import time
 from pathlib import Path
 
@@ -20,20 +19,6 @@ pytestmark = [
     pytest.mark.nightly,
     pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning", "ignore::UserWarning"),
 ]
-
-TESTS = str(Path(__file__).parents[2])
-
-RUBRIC = """
-title = "t"
-[[exercises]]
-stage = "intersect_sphere"
-points = 10
-[[exercises]]
-stage = "shade"
-points = 5
-[limits]
-seconds = 30
-"""
 
 
 def slow_square(x: int) -> int:
@@ -59,39 +44,25 @@ def test_no_scheduler_at_the_address_is_said(monkeypatch):
         list(map_parallel(slow_square, [1], Workers(dask="tcp://127.0.0.1:1")))
 
 
-# ------------------------------------------------------------------------------------------ with a cluster
-
-
-@pytest.fixture(scope="module")
-def cluster(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPATH", os.pathsep.join([TESTS, os.environ.get("PYTHONPATH", "")]))
-        made = distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1",
-            local_directory=str(tmp_path_factory.mktemp("dask")), silence_logs=50,
-        )  # fmt: skip
-        with made:
-            yield made
-
-
-def test_a_cluster_grades_a_class(cluster, tmp_path):
-    (tmp_path / "rubric.toml").write_text(RUBRIC)
+def test_a_cluster_grades_a_class_and_a_worker_that_is_killed_costs_nothing(tmp_path, monkeypatch):
+    monkeypatch.setenv(
+        "PYTHONPATH", os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])
+    )
+    (tmp_path / "rubric.toml").write_text('title = "t"\n[[exercises]]\nstage = "shade"\npoints = 5\n')
     (tmp_path / "in").mkdir()
     for name in ("", "pi"):
         (tmp_path / "in" / f"{name or 'right'}.py").write_text(tracers.tracer(name))
     jobs = jobs_of(tmp_path / "in", tmp_path / "rubric.toml")
-    found = {r.student: r for r in run(jobs, tmp_path / "out", Workers(dask=cluster.scheduler_address))}
-    assert found["right"].points == 15
-    assert (found["pi"].points < 15, found["pi"].exercises[1].causes) == (True, ("pi-missing",))
-    assert sorted(p.name for p in (tmp_path / "out" / "results").iterdir()) == sorted(f"{j.key}.json" for j in jobs)
-
-
-def test_a_worker_that_is_killed_in_the_middle_costs_nothing(cluster):
-    things, done = list(range(12)), []
-    pids = [worker.process.pid for worker in cluster.workers.values()]
-    for found in map_parallel(slow_square, things, Workers(dask=cluster.scheduler_address)):
-        done.append(found)
-        if len(done) == 3:
-            os.kill(pids[0], signal.SIGKILL)
-    assert sorted((d.thing, d.result) for d in done) == [(x, x * x) for x in things]
-    assert threading.active_count() < 100
+    options = {"threads_per_worker": 1, "dashboard_address": None, "host": "127.0.0.1", "silence_logs": 50}
+    with distributed.LocalCluster(n_workers=2, local_directory=str(tmp_path / "dask"), **options) as cluster:
+        workers = Workers(dask=cluster.scheduler_address)
+        found = {r.student: r for r in run(jobs, tmp_path / "out", workers)}
+        assert (found["right"].points, found["pi"].exercises[0].causes) == (5, ("pi-missing",))
+        stored = sorted(p.name for p in (tmp_path / "out" / "results").iterdir())
+        assert stored == sorted(f"{j.key}.json" for j in jobs)
+        pid, done = next(iter(cluster.workers.values())).process.pid, []
+        for one in map_parallel(slow_square, list(range(12)), workers):
+            done.append((one.thing, one.result))
+            if len(done) == 3:
+                os.kill(pid, signal.SIGKILL)
+        assert sorted(done) == [(x, x * x) for x in range(12)]

@@ -61,33 +61,32 @@ def test_an_unknown_mistake_is_named_once_and_said_to_all_who_make_it_without_gr
 
 
 def test_mistakes_that_differ_have_other_fingerprints_and_rounding_changes_none():
-    stage = LESSONS["shade"]
+    stage, rng, made = LESSONS["shade"], np.random.default_rng(0), []
     cases = stage.cases(PROBE_SEED)[:3]
-    right = [a for case in cases for a in case.expected]
-    rng = np.random.default_rng(0)
-    made = []
+    expected = [a for case in cases for a in case.expected]
     for variant in stage.variants:
         got = call_stage(stage, variant.change(stage.reference), cases)
-        if any(isinstance(one, str) for one in got):
-            continue
-        arrays = [a for one in got for a in one]
-        if text := fingerprint(right, arrays):
+        arrays = [a for one in got if not isinstance(one, str) for a in one]
+        if text := fingerprint(expected, arrays):
             made.append((text, arrays))
             rounded = [a * (1 + 1e-7 * rng.standard_normal(a.shape)) for a in arrays]
-            assert same(text, fingerprint(right, rounded)), variant.name
+            assert same(text, fingerprint(expected, rounded)), variant.name
     assert len(made) > 20
     for (x, a), (y, b) in itertools.combinations(made, 2):
-        alike = all(
+        near = [
             np.allclose(p, q, rtol=0, atol=1e-2 * np.abs(p).max(), equal_nan=True) for p, q in zip(a, b, strict=True)
-        )
-        assert alike or not same(x, y)
+        ]
+        assert all(near) or not same(x, y)
 
 
-def test_infinities_in_the_wrong_place_are_errors_and_the_right_ones_none():
-    inf = np.inf
-    assert fingerprint([np.array([1, inf])], [np.array([1, inf])]) == ""
-    found = {fingerprint([np.array([1, inf])], [np.array(got)]) for got in ([inf, inf], [1, 1], [2, inf])}
-    assert len(found) == 3
+def test_infinities_in_the_wrong_place_are_errors_and_the_correct_ones_and_rounding_are_none():
+    """Where a finite value is expected, infinity counts as half of the largest error, on either side."""
+    expected = [np.array([1, np.inf])]
+    assert fingerprint(expected, [np.array([1 + 0.9e-9, np.inf])]) == ""
+    assert fingerprint(expected, [np.array([1 + 1.5e-9, np.inf])])
+    found = [fingerprint(expected, [np.array(got)]) for got in ([np.inf, np.inf], [6, np.inf], [1, 1], [2, np.inf])]
+    assert found[0] == found[1] != found[2]
+    assert len(set(found)) == 3
     assert fingerprint([np.zeros(2)], [np.zeros(3)]) == ""
 
 

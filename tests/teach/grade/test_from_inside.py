@@ -12,20 +12,11 @@ RUBRIC = """
 title = "t"
 hints = 0
 follow_through = 1.0
-[[exercises]]
-stage = "shade"
-points = 4
-[[exercises]]
-name = "shadows"
-stage = "render"
-drawn = 2
-points = 8
-[[exercises]]
-name = "inside"
-stage = "render"
-drawn = 2
-inside = true
-points = 2
+exercises = [
+  { stage = "shade", points = 4 },
+  { name = "shadows", stage = "render", drawn = 2, points = 8 },
+  { name = "inside", stage = "render", drawn = 2, inside = true, points = 2 },
+]
 """
 LEFT_OUT = PLAIN.replace('s["center"], s["radius"]))\n', 's["center"], s["radius"])) & (skip != k)\n')
 GAMMA = "return out.reshape", "out = np.clip(out, 0, 1) ** (1 / 2.2)\n    return out.reshape"
@@ -56,7 +47,7 @@ def test_each_mistake_is_paid_for_where_it_shows(tmp_path, text, points, cause):
 
 
 def test_only_drawn_pictures_are_seen_from_inside(tmp_path):
-    named = RUBRIC.replace("drawn = 2\ninside", 'scenes = ["single"]\ninside')
+    named = RUBRIC.replace("drawn = 2, inside", 'scenes = ["single"], inside')
     (tmp_path / "r.toml").write_text(named)
     with pytest.raises(InputError, match=r"exercises\[2\]\.inside: expected an exercise of render with drawn scenes"):
         read_rubric(tmp_path / "r.toml")

@@ -1,13 +1,14 @@
 """Whatever fails in the grader: it costs one student's result or page, which says so and is made again."""
 
 import csv
+import re
 
 import pytest
 import submitted_tracers as tracers
 from typer.testing import CliRunner
 
 from raytwin.cli import app
-from raytwin.errors import InputError, MachineError
+from raytwin.errors import MachineError
 from raytwin.show import class_page as pages
 from raytwin.show import student_page
 from raytwin.teach.grade import class_run
@@ -54,13 +55,11 @@ def test_an_error_of_the_graders_own_costs_one_result_which_is_named_and_graded_
     monkeypatch.setattr(class_run, "grade_submission", fails_for_some)
     done = grade(folder)
     assert done.exit_code == 1
-    assert "failed on" in done.output
-    assert "unlucky" in done.output
+    assert re.search("failed on.*unlucky", done.output)
     assert "\x1b" not in done.output
     assert len(list((folder / "out" / "students").iterdir())) == 3
     assert rows()["right"]["points"] == "10"
-    for name in ("unlucky", "\\x1b[31m"):
-        assert rows()[name]["problem"].startswith("the grader's own fault")
+    assert all(rows()[name]["problem"].startswith("the grader's own fault") for name in ("unlucky", "\\x1b[31m"))
     assert "the grader&#39;s own fault" in (folder / "out" / "index.html").read_text()
     monkeypatch.setattr(class_run, "grade_submission", own)
     assert grade(folder).exit_code == 0
@@ -77,9 +76,9 @@ def test_a_page_that_cannot_be_made_costs_no_other_page(graded, monkeypatch, tmp
 
     monkeypatch.setattr(student_page, "_ordered", fails_for_one)
     assert pages.write_class(some, graded.rubric, tmp_path) == ["empty"]
-    made = {result.student: (tmp_path / "students" / pages.page_name(result)).read_text() for result in some}
-    assert "RuntimeError: &lt;ours&gt;" in made["empty"]
-    assert "✓ image" in made["right"]
+    correct, failed = ((tmp_path / "students" / pages.page_name(result)).read_text() for result in some)
+    assert "RuntimeError: &lt;ours&gt;" in failed
+    assert "✓ image" in correct
 
 
 def test_a_rubrics_fault_ends_the_run_before_anyone_is_graded(folder):
@@ -89,13 +88,7 @@ def test_a_rubrics_fault_ends_the_run_before_anyone_is_graded(folder):
     assert not (folder / "out" / "results").exists()
 
 
-def test_a_folder_that_is_not_there_is_named(folder):
-    with pytest.raises(InputError, match=r"nowhere: expected submissions.*got no such folder"):
-        class_run.jobs_of(folder / "nowhere", folder / "r.toml")
-
-
-def test_a_result_without_exercises_has_a_page_and_a_row(tmp_path):
-    (tmp_path / "r.toml").write_text(RUBRIC)
+def test_a_result_without_exercises_has_a_page_and_a_row(folder):
     result = Result("a", "k", "", (), problem="the grader's own fault: x", grader_fault=True)
-    assert pages.write_class([result], read_rubric(tmp_path / "r.toml"), tmp_path / "out") == []
-    assert "✗" in (tmp_path / "out" / "students" / pages.page_name(result)).read_text()
+    assert pages.write_class([result], read_rubric(folder / "r.toml"), folder / "out") == []
+    assert "✗" in (folder / "out" / "students" / pages.page_name(result)).read_text()

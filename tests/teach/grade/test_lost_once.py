@@ -2,14 +2,10 @@
 
 import msgspec
 import pytest
-from class_handed_in import HANDED_IN, RUBRIC
-from submitted_tracers import tracer
 
-from raytwin.parallel import Workers
-from raytwin.teach.grade.class_run import RESULTS, jobs_of, run
 from raytwin.teach.grade.points import marked_by, with_points
-from raytwin.teach.grade.result import Again, Marked, Part, Result
-from raytwin.teach.grade.rubric import Exercise, Rubric, Speed, read_rubric
+from raytwin.teach.grade.result import Again, Marked, MarkedPart, Result
+from raytwin.teach.grade.rubric import Exercise, Rubric, Speed
 
 CREDIT = ((0.1, 0.5), (1.0, 0.5))
 EXERCISES = (
@@ -27,7 +23,7 @@ def rubric(**more) -> Rubric:
 def wrong(name: str, *mistakes: str, parts: str = "x", again: Again | None = None) -> Marked:
     """An exercise whose parts are wrong (x) or not (o), by these mistakes."""
     stage = next(e.stage for e in EXERCISES if e.name == name)
-    some = tuple(Part("", p == "o", error=0.0 if p == "o" else 0.5, wrong=0.5, seconds=1.0,
+    some = tuple(MarkedPart("", p == "o", error=0.0 if p == "o" else 0.5, wrong=0.5, seconds=1.0,
                       again=None if p == "o" else again) for p in parts)  # fmt: skip
     return Marked(name, stage, "fail" if "x" in parts else "pass", parts=some, mistakes=mistakes)
 
@@ -99,33 +95,3 @@ def test_marking_twice_is_marking_once_and_a_result_of_other_exercises_stays():
     assert marked_by(marked_by(found, rubric(follow_through=0.2)), rubric()) == once
     broken = Result("a", "k", "", (), problem="the grader's own fault", grader_fault=True)
     assert marked_by(broken, rubric()) == broken
-
-
-OTHER = (
-    RUBRIC.replace("Six < seven", "Ten").replace("points = 10", "points = 3.5").replace('name = "image"', 'name = "i"')
-    .replace('of = "image"\nbonus = 2', 'of = "i"\nbonus = 7').replace("[10.0, 0.25]", "[20.0, 0.125]")
-    .replace('visibility = "hidden"', 'name = "light"').replace("follow_through = 1.0", "follow_through = 0.25")
-)  # fmt: skip
-
-
-@pytest.mark.nightly
-def test_a_class_is_marked_by_a_changed_rubric_without_grading_anyone(graded, tmp_path, monkeypatch):
-    """The points are those of a class that is graded by the changed rubric from the start."""
-    (tmp_path / "r.toml").write_text(OTHER)
-    some = {name: HANDED_IN[f"{name}.py"] for name in ("pi", "beside", "no shadows")} | {"right": tracer()}
-    for name, text in some.items():
-        (tmp_path / f"{name}.py").write_text(text)
-    jobs = [jobs_of(tmp_path / f"{name}.py", tmp_path / "r.toml")[0] for name in some]
-    assert {j.key for j in jobs} <= {j.key for j in graded.jobs}
-    fresh = run(jobs, tmp_path / "out", Workers())
-    monkeypatch.setattr("raytwin.teach.grade.class_run.grade_submission", None)
-    again = run(jobs, graded.out, Workers())
-    read = read_rubric(tmp_path / "r.toml")
-    for one, other in zip(again, fresh, strict=True):
-        assert [(e.name, e.of, e.visibility) for e in one.exercises] == [(e.name, e.points, e.visibility) for e in
-                                                                         read.exercises]  # fmt: skip
-        assert points(one) == pytest.approx(points(other), abs=1e-3)
-        assert [p.exercise for p in one.pictures] == [p.exercise for p in other.pictures]
-        assert (one.title, one.bonus) == (other.title, pytest.approx(other.bonus, abs=0.1))
-    assert again[-1].points == 7 + 20 + 7
-    assert (tmp_path / "out" / RESULTS).is_dir()

@@ -24,13 +24,22 @@ LONG = SOURCE + "# " + "x" * 100_000 + "\n"
 """Too long to be read for a line."""
 
 
+SPHERES = '[[exercises]]\nname = "spheres"\nstage = "intersect_sphere"\npoints = 20\n'
+RAYS = '[[exercises]]\nname = "rays"\nstage = "back_project"\npoints = 20\n'
+POINTS = '[[exercises]]\nname = "points"\nstage = "hit_points"\ndrawn = 1\npoints = 20\n'
+
+
+def graded(folder, rubric, text):
+    (folder / "r.toml").write_text(f'title = "t"\nhints = 3\n{rubric}')
+    (folder / "a.py").write_text(text)
+    (result,) = run(jobs_of(folder / "a.py", folder / "r.toml"), folder / "out", Workers())
+    return result
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize(("text", "told"), [(SOURCE, True), (SOURCE + LIAR, False), (LONG, False)])
 def test_the_line_of_a_slip_is_told_where_the_submission_lets_it_be_found(tmp_path, text, told):
-    (tmp_path / "r.toml").write_text('title = "t"\nhints = 3\n[[exercises]]\nstage = "intersect_sphere"\npoints = 20\n')
-    (tmp_path / "a.py").write_text(text)
-    (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
-    exercise = result.exercises[0]
+    (exercise,) = graded(tmp_path, SPHERES, text).exercises
     assert exercise.status == "fail"
     fix = "in place of `c = (oc * oc).sum() - radius ** 2` makes everything correct"
     for said in ("line 39", fix):
@@ -40,18 +49,12 @@ def test_the_line_of_a_slip_is_told_where_the_submission_lets_it_be_found(tmp_pa
 @pytest.mark.nightly
 def test_a_function_that_changes_its_arguments_loses_one_case_and_is_told_the_line(tmp_path):
     text = PLAIN.replace("    oc = origins - center\n", "    origins -= center\n    oc = origins\n")
-    (tmp_path / "r.toml").write_text(f'title = "t"\nhints = 3\n{SPHERES}')
-    (tmp_path / "a.py").write_text(text)
-    (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
-    (exercise,) = result.exercises
+    (exercise,) = graded(tmp_path, SPHERES, text).exercises
     assert [part.passed for part in exercise.parts].count(False) == 1
     assert any("`origins` in place" in said for said in exercise.sentences), exercise.sentences
     assert any("`origins = origins - center` in place of `origins -= center`" in said for said in exercise.sentences)
 
 
-SPHERES = '[[exercises]]\nname = "spheres"\nstage = "intersect_sphere"\npoints = 20\n'
-RAYS = '[[exercises]]\nname = "rays"\nstage = "back_project"\npoints = 20\n'
-POINTS = '[[exercises]]\nname = "points"\nstage = "hit_points"\ndrawn = 1\npoints = 20\n'
 OWN_RAYS = PLAIN.replace("def back_project", "def own_rays").partition("def own_rays")[2].partition("def estimate")[0]
 COPIED = PLAIN.replace("tx = 2*p1*x*y", "tx = 2*p2*x*y").replace("rays = back_project", "rays = own_rays")
 COPIED += "\n\ndef own_rays" + OWN_RAYS
@@ -66,9 +69,7 @@ COPIED += "\n\ndef own_rays" + OWN_RAYS
 def test_a_change_that_makes_a_function_right_explains_the_pictures(tmp_path, monkeypatch, text, of, line, told):
     """No cause of the pictures is looked for; the function is its own again after pictures with a correct one."""
     monkeypatch.setattr("raytwin.teach.grade.marks.diagnose", lambda *_, **__: pytest.fail("looked at"))
-    (tmp_path / "r.toml").write_text(f'title = "t"\nhints = 3\n{of}{POINTS}')
-    (tmp_path / "a.py").write_text(text)
-    (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
+    result = graded(tmp_path, of + POINTS, text)
     function, points = result.exercises
     assert (result.problem, function.sureness) == ("", "proved")
     assert any(line in sentence for sentence in function.sentences), function.sentences
@@ -76,12 +77,8 @@ def test_a_change_that_makes_a_function_right_explains_the_pictures(tmp_path, mo
 
 
 def wrong_image(*faults):
-    said = {
-        "sentences": ("the cause", "where"),
-        "faults": tuple((f, "the cause") for f in faults),
-        "sureness": "proved",
-    }
-    return Marked("image", "render", "fail", 0, 1, "visible", "", 1e-3, **said)
+    named = tuple((fault, "the cause") for fault in faults)
+    return Marked("image", "render", "fail", 0, 1, sentences=("the cause", "where"), faults=named, sureness="proved")
 
 
 def test_whether_the_line_or_the_cause_comes_first_and_how_sure_it_is():
@@ -89,14 +86,13 @@ def test_whether_the_line_or_the_cause_comes_first_and_how_sure_it_is():
     for faults, place in ((("nothing-met",), 0), (("no-planes",), 0), (("endless-planes",), 1)):  # two say what is seen
         made = _with_hint(wrong_image(*faults), line, 2, "")
         assert [k for k, sentence in enumerate(made.sentences) if "line 7" in sentence] == [place], faults
-    unnamed = msgspec.structs.replace(wrong_image(), sureness="")
-    for sure, said in ((True, "proved"), (False, "likely")):  # likely: it helps nothing else
-        assert _with_hint(unnamed, replace(line, sure=sure), 2, "").sureness == said
-    for fault, said in (("shadow-offset", "likely"), ("nothing-met", "proved")):
-        likely = msgspec.structs.replace(wrong_image(fault), sureness="likely")
-        made = _with_hint(likely, line, 2, "")
-        assert "line 7" in made.sentences[0]
-        assert made.sureness == said
+    for faults, sure, said in (
+        ((), True, "proved"), ((), False, "likely"), (("shadow-offset",), True, "likely"),
+        (("nothing-met",), True, "proved"),
+    ):  # fmt: skip
+        image = msgspec.structs.replace(wrong_image(*faults), sureness="likely" if faults else "")
+        made = _with_hint(image, replace(line, sure=sure), 2, "")
+        assert ("line 7" in made.sentences[0], made.sureness) == (True, said), faults
 
 
 def test_a_picture_is_repaired_for_sure_where_no_other_picture_stays_wrong(monkeypatch):
@@ -131,7 +127,5 @@ def test_a_text_that_is_nested_too_deeply_is_graded(tmp_path):
     """As deep as Python's own reader allows."""
     deep = "    return albedo * (n * irradiance + sky * 1.3)" + " + 0 * n" * 800
     head = "def shade(points, normals, albedo, to_light, irradiance, sky):\n    n = abs(normals @ to_light)[:, None]\n"
-    (tmp_path / "r.toml").write_text('title = "t"\n[[exercises]]\nstage = "shade"\npoints = 20\n')
-    (tmp_path / "a.py").write_text(head + deep)
-    (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
+    result = graded(tmp_path, '[[exercises]]\nstage = "shade"\npoints = 20\n', head + deep)
     assert (result.problem, result.exercises[0].status) == ("", "fail")

@@ -44,13 +44,6 @@ def test_a_rubric_is_read_with_names_that_tell_its_rows(read):
     assert (rubric.points, rubric.stages) == (30, ("intersect_sphere", "render"))
 
 
-def test_speed_is_that_of_drawn_scenes_since_pictures_of_named_ones_may_be_stored(read):
-    speed = '[speed]\nof = "i"\n'
-    assert read(GOOD.replace("drawn = 2", 'drawn = 2\nname = "i"') + speed).speed.of == "i"
-    with pytest.raises(InputError, match=r"speed\.of: expected an exercise with drawn scenes, got 'i'"):
-        read(GOOD.replace("drawn = 2", 'name = "i"') + speed)
-
-
 def test_what_is_wrong_with_a_rubric_is_said_with_its_field(read):
     for old, new, said in (
         ('"intersect_sphere"', '"intersect_spere"', "did you mean intersect_sphere?"),
@@ -66,6 +59,8 @@ def test_what_is_wrong_with_a_rubric_is_said_with_its_field(read):
     ):
         with pytest.raises(InputError, match=re.escape(said)):
             read(GOOD.replace(old, new))
+    with pytest.raises(InputError, match=r"speed\.of: expected an exercise with drawn scenes, got 'i'"):
+        read(GOOD.replace("drawn = 2", 'name = "i"') + '[speed]\nof = "i"\n')
 
 
 def test_partial_credit_falls_with_the_logarithm_of_the_error():
@@ -85,14 +80,7 @@ def test_a_bonus_for_speed_is_whole_at_fast_and_gone_at_slow():
 
 def test_a_seed_belongs_to_the_submission_and_the_rubric(read):
     one, other = read(GOOD), read("seed = 1\n" + GOOD)
-    assert one.seed_of(b"a") == one.seed_of(b"a")
-    assert len({one.seed_of(b"a"), one.seed_of(b"b"), other.seed_of(b"a")}) == 3
-
-
-def test_the_ready_rubric_has_every_stage_and_a_hundred_points():
-    ready = read_rubric(READY)
-    assert set(ready.stages) == set(CONTRACT)
-    assert ready.points == 100
+    assert one.seed_of(b"a") == one.seed_of(b"a") not in (one.seed_of(b"b"), other.seed_of(b"a"))
 
 
 def test_a_walks_lessons_are_stages_too_and_the_starter_has_those_that_are_asked_for(read, tmp_path):
@@ -106,11 +94,13 @@ def test_a_walks_lessons_are_stages_too_and_the_starter_has_those_that_are_asked
     assert "scene[" not in written
 
 
-def test_the_starter_writes_it_and_nothing_over_it(tmp_path, monkeypatch):
+def test_the_ready_rubric_has_every_stage_and_the_starter_writes_it_over_nothing(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run = CliRunner().invoke
     assert "change it" in run(app, ["grade", "starter", "--rubric"]).output
-    assert read_rubric(tmp_path / "rubric.toml").exercises == read_rubric(READY).exercises
+    ready = read_rubric(READY)
+    assert read_rubric(tmp_path / "rubric.toml").exercises == ready.exercises
+    assert (set(ready.stages), ready.points) == (set(CONTRACT), 100)
     assert isinstance(run(app, ["grade", "starter", "--rubric"]).exception, InputError)
 
 

@@ -1,8 +1,5 @@
 """Samplers in a rubric, and pictures at sampled light levels: by the sequential verdict, until it is certain."""
 
-import inspect
-
-import correct_samplers
 import numpy as np
 
 from raytwin.images.image import Image
@@ -10,101 +7,12 @@ from raytwin.parallel import Workers
 from raytwin.show.student_page import student_page
 from raytwin.teach.grade.class_run import jobs_of, run
 from raytwin.teach.grade.rubric import read_rubric
-from raytwin.teach.grade.sampled_picture import MOST_RENDERS, SAME_NUMBERS, render_until_certain
+from raytwin.teach.grade.sampled_picture import MAX_RENDERS, SAME_NUMBERS, render_until_certain
 from raytwin.teach.sandbox.sandbox import Answer
 
-RUBRIC = """
-title = "t"
-[[exercises]]
-stage = "render"
-scenes = ["wedge"]
-rung = "{rung}"
-points = 10
-credit = [[1e-3, 0.9], [1e-1, 0.4]]
-"""
-
-WEDGE = """
-import numpy as np
-
-
-def render(scene):
-    # Half of the directions from either plane meet the other: the walk of light in scenes/wedge, which is exact.
-    shape = scene["height"], scene["width"], 1
-    light, weight = np.zeros(shape), np.ones(shape)
-    for surface in range({"sky": 1, "path": 7}[scene["rung"]]):
-        weight = weight * 0.5
-        sky = np.random.uniform(size=shape) < 0.5
-        light += np.where(sky, weight, 0)
-        weight = np.where(sky, 0, weight)
-    return np.repeat(light, 3, axis=2)
-"""
-
-
-def graded(folder, text, rung):
-    (folder / "r.toml").write_text(RUBRIC.replace("{rung}", rung))
-    (folder / "a.py").write_text(text)
-    (result,) = run(jobs_of(folder / "a.py", folder / "r.toml"), folder / "out", Workers(), again=True)
-    return result.exercises[0]
-
-
-def test_a_correct_path_tracer_has_all_points_and_one_that_drops_a_bounce_has_fewer(tmp_path):
-    """False alarms: one in 100 000 of each correct picture. The sandbox's seed is the submission's own."""
-    for rung in ("sky", "path"):
-        found = graded(tmp_path, WEDGE, rung)
-        assert (found.status, found.points) == ("pass", 10), found.sentences
-    found = graded(tmp_path, WEDGE.replace('"path": 7', '"path": 2'), "path")
-    assert (found.status, found.parts[0].passed) == ("fail", False)
-    assert found.points == 0  # 5/16 for 1/3: 6 %, for which a picture without noise has credit
-    assert "too dark" in found.sentences[0]
-    assert (found.causes, found.fingerprint) == ((), "")
-
-
-def test_a_fixed_seed_is_undecided_and_a_crash_is_what_it_is(tmp_path):
-    fixed = graded(tmp_path, WEDGE.replace("    shape =", "    np.random.seed(1)\n    shape ="), "path")
-    assert (fixed.status, fixed.points) == ("fail", 0)
-    assert fixed.sentences[0] == f"undecided: {SAME_NUMBERS}"
-    crashed = graded(tmp_path, WEDGE.replace("    shape =", "    shape = undefined\n    shape ="), "path")
-    assert crashed.status == "error"
-    assert "NameError" in crashed.sentences[0]
-
-
-def test_calls_end_when_the_verdict_is_certain_and_at_the_latest_after_a_stated_number():
-    rng = np.random.default_rng(1)
-    reference = Image(np.full((24, 32, 3), 0.5, np.float32))
-
-    def calls(picture):
-        made = []
-
-        def call():
-            made.append(picture())
-            return Answer((made[-1],), 0.1)
-
-        answer, verdict = render_until_certain(call, reference)
-        return len(made), answer, verdict
-
-    count, answer, verdict = calls(lambda: rng.normal(0.5, 0.05, (24, 32, 3)))
-    assert (verdict.verdict, round(answer.seconds, 6)) == ("pass", round(0.1 * count, 6))
-    assert 8 <= count < MOST_RENDERS
-    assert abs(answer.arrays[0].mean() - 0.5) < 0.005
-    count, _, verdict = calls(lambda: rng.normal(0.6, 0.05, (24, 32, 3)))
-    assert (count, verdict.verdict) == (4, "fail")
-    count, _, verdict = calls(lambda: rng.normal(0.5, 40.0, (24, 32, 3)))
-    assert (count, verdict.verdict) == (MOST_RENDERS, "undecided")
-    assert calls(lambda: np.zeros((2, 2, 3)))[2] is None
-
-
-def test_a_sampler_is_graded_by_what_it_draws(tmp_path):
-    (tmp_path / "r.toml").write_text(
-        'title = "t"\nhints = 0\n[[exercises]]\nstage = "sample_cosine"\npoints = 4\n'
-        '[[exercises]]\nstage = "sample_hemisphere"\npoints = 6\n'
-    )
-    alias = "\nsample_cosine = concentric\nsample_hemisphere = concentric\n"
-    (tmp_path / "a.py").write_text(inspect.getsource(correct_samplers) + alias)
-    (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers())
-    assert [e.points for e in result.exercises] == [4, 0]
-    assert result.exercises[1].causes == ("Lambert's density",)
-    assert "chi-square p" in result.exercises[1].got
-
+PICTURE = '{ stage = "render", scenes = ["wedge"], rung = "RUNG", points = 10, credit = [[1e-3, 0.9], [1e-1, 0.4]] }'
+PATH = PICTURE.replace("RUNG", "path")
+SAMPLER = '{ stage = "sample_cosine", points = 5 }'
 
 SAMPLING = """
 import numpy as np
@@ -131,15 +39,64 @@ def render(scene):
 """The wedge's walk of light, whose other half is where the directions' x is positive."""
 
 
+def graded(folder, text, *exercises):
+    (folder / "r.toml").write_text(f'title = "t"\nhints = 0\nfollow_through = 1\nexercises = [{", ".join(exercises)}]')
+    (folder / "a.py").write_text(text)
+    (result,) = run(jobs_of(folder / "a.py", folder / "r.toml"), folder / "out", Workers(), again=True)
+    return result
+
+
+def test_a_correct_path_tracer_has_all_points_and_one_that_drops_a_bounce_has_fewer(tmp_path):
+    """False alarms: one in 100 000 of each correct picture. The sandbox's seed is the submission's own."""
+    for rung in ("sky", "path"):
+        found = graded(tmp_path, SAMPLING, PICTURE.replace("RUNG", rung)).exercises[0]
+        assert (found.status, found.points) == ("pass", 10), found.sentences
+    found = graded(tmp_path, SAMPLING.replace("range(7 if", "range(2 if"), PATH).exercises[0]
+    assert (found.status, found.parts[0].passed) == ("fail", False)
+    assert found.points == 0  # 5/16 for 1/3: 6 %, for which a picture without noise has credit
+    assert "too dark" in found.sentences[0]
+    assert (found.causes, found.fingerprint) == ((), "")
+
+
+def test_a_fixed_seed_is_undecided_and_a_crash_is_what_it_is(tmp_path):
+    fixed = graded(tmp_path, SAMPLING.replace("    height,", "    np.random.seed(1)\n    height,"), PATH).exercises[0]
+    assert (fixed.status, fixed.points) == ("fail", 0)
+    assert fixed.sentences[0] == f"undecided: {SAME_NUMBERS}"
+    crashed = graded(tmp_path, SAMPLING.replace("    height,", "    undefined\n    height,"), PATH).exercises[0]
+    assert crashed.status == "error"
+    assert "NameError" in crashed.sentences[0]
+
+
+def test_calls_end_when_the_verdict_is_certain_and_at_the_latest_after_a_stated_number():
+    rng = np.random.default_rng(1)
+    reference = Image(np.full((24, 32, 3), 0.5, np.float32))
+
+    def calls(picture):
+        made = []
+
+        def call():
+            made.append(picture())
+            return Answer((made[-1],), 0.1)
+
+        answer, verdict = render_until_certain(call, reference)
+        return len(made), answer, verdict
+
+    count, answer, verdict = calls(lambda: rng.normal(0.5, 0.05, (24, 32, 3)))
+    assert (verdict.verdict, round(answer.seconds, 6)) == ("pass", round(0.1 * count, 6))
+    assert 8 <= count < MAX_RENDERS
+    assert abs(answer.arrays[0].mean() - 0.5) < 0.005
+    count, _, verdict = calls(lambda: rng.normal(0.6, 0.05, (24, 32, 3)))
+    assert (count, verdict.verdict) == (4, "fail")
+    count, _, verdict = calls(lambda: rng.normal(0.5, 40.0, (24, 32, 3)))
+    assert (count, verdict.verdict) == (MAX_RENDERS, "undecided")
+    assert calls(lambda: np.zeros((2, 2, 3)))[2] is None
+
+
 def test_a_wrong_sampler_costs_its_own_points_and_no_picture(tmp_path):
     """The submission's own samplers are replaced before a sampled picture is judged again."""
-    rubric = '[[exercises]]\nstage = "sample_cosine"\npoints = 5\n' + RUBRIC.split("\n", 2)[2].replace("{rung}", "path")
-    (tmp_path / "r.toml").write_text(f'title = "t"\nhints = 0\nfollow_through = 1\n{rubric}')
-    short = SAMPLING.replace("range(7 if", "range(2 if")
     wrong = SAMPLING.replace("np.ones(len(u))", "np.full(len(u), 0.5)")
-    for text, points in ((SAMPLING, [5, 10]), (short, [5, 0]), (wrong, [0, 10])):
-        (tmp_path / "a.py").write_text(text)
-        (result,) = run(jobs_of(tmp_path / "a.py", tmp_path / "r.toml"), tmp_path / "out", Workers(), again=True)
+    for text, points in ((SAMPLING, [5, 10]), (wrong, [0, 10])):
+        result = graded(tmp_path, text, SAMPLER, PATH)
         assert [e.points for e in result.exercises] == points, [e.said for e in result.exercises]
         assert [e.fingerprint for e in result.exercises] == ["", ""]
         page = student_page(result, read_rubric(tmp_path / "r.toml"))

@@ -1,13 +1,25 @@
 """Hostile submissions: what each tries, and the verdict that it must get.
 
-ATTACKS: functions of one submission; each gives 1.0 where it has worked, 0.0 (or an error) where not. ENDINGS:
+ATTACKS: functions of one submission; each gives 1.0 where it has worked, 0.0 (or an error) where not. What the filter
+of system calls refuses is tried in test_filter.py; here are some of each kind, which show that it is in force. ENDINGS:
 submissions whose process does not live to tell; the sort of verdict, and a word of it.
 """
 
+import time
+from pathlib import Path
 from typing import NamedTuple
 
+
+def goes(folder: Path) -> bool:
+    """Whether the folder is removed within a minute: a slow disk takes seconds for many nested ones."""
+    until = time.monotonic() + 60
+    while folder.exists() and time.monotonic() < until:
+        time.sleep(0.02)
+    return not folder.exists()
+
+
 ATTACKS = '''
-import ctypes, errno, fcntl, mmap, os, resource, signal, socket, struct, subprocess, sys
+import ctypes, errno, os, resource, socket, subprocess, sys
 import numpy as np
 
 libc = ctypes.CDLL(None, use_errno=True)
@@ -34,21 +46,13 @@ def has_the_graders_descriptors(told):
 @tried
 def reads_the_references(told): return opens(told["reference"])
 @tried
-def reads_the_rubric(told): return opens(told["rubric"])
-@tried
 def lists_the_graders_folder(told): return bool(os.listdir(told["folder"]))
 @tried
 def writes_the_results(told): return opens(told["results"], "w")
 @tried
-def appends_to_run_autograder(told): return opens(told["run_autograder"], "a")
-@tried
 def reads_the_parents_environment(told): return opens(f"/proc/{PARENT}/environ")
 @tried
-def opens_the_parents_memory(told): return opens(f"/proc/{PARENT}/mem", "r")
-@tried
 def writes_to_tmp(told): return opens(f"/tmp/{told['name']}", "w")
-@tried
-def writes_to_shared_memory(told): return opens(f"/dev/shm/{told['name']}", "w")
 @tried
 def writes_beside_its_folder(told): return opens(os.path.join(HOME, "..", "submission", "hacked"), "w")
 @tried
@@ -66,10 +70,6 @@ def connects_by_tcp(told):
         s.connect(("127.0.0.1", told["port"]))
         return True
 @tried
-def sends_by_udp(told):
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as s:
-        return s.sendto(b"secret", ("127.0.0.1", told["port"])) > 0
-@tried
 def connects_by_unix(told):
     with socket.socket(socket.AF_UNIX) as s:
         s.connect("\\0" + told["name"])
@@ -77,19 +77,6 @@ def connects_by_unix(told):
 @tried
 def kills_the_parent(told):
     os.kill(PARENT, 0)
-    return True
-@tried
-def kills_all(told):
-    os.kill(-1, 0)
-    return True
-@tried
-def kills_the_parent_by_a_files_owner(told):
-    a, b = os.pipe()
-    fcntl.fcntl(a, fcntl.F_SETOWN, PARENT)
-    return True
-@tried
-def limits_the_parent(told):
-    resource.prlimit(PARENT, resource.RLIMIT_CPU, (1000, 1000))
     return True
 @tried
 def traces_the_parent(told):
@@ -101,23 +88,9 @@ def reads_the_parents_memory(told):
     done = libc.process_vm_readv(PARENT, ctypes.byref(vector), 1, ctypes.byref(vector), 1, 0)
     return done >= 0 or ctypes.get_errno() != errno.EPERM
 @tried
-def clones_into_a_namespace(told): return libc.syscall(56, 0x10000000 | 17, 0, 0, 0, 0) >= 0
-@tried
-def calls_by_x32(told):
-    return libc.syscall(0x40000000 | 41, 2, 1, 0) >= 0
-@tried
 def leaves_its_session(told):
     os.setsid()
     return True
-@tried
-def leaves_its_group(told):
-    if (pid := os.fork()) == 0:
-        try:
-            os.setpgid(0, 0)
-            os._exit(1)
-        except OSError:
-            os._exit(0)
-    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 1
 @tried
 def raises_its_limits(told):
     hard = resource.getrlimit(resource.RLIMIT_AS)[1]
@@ -144,10 +117,6 @@ def closes_a_neighbours_file(told):
     os.chmod(told["results"], 0)
     return True
 @tried
-def lists_the_temporary_folder(told): return bool(os.listdir(os.path.dirname(os.path.dirname(HOME))))
-@tried
-def makes_a_large_pipe(told): return fcntl.fcntl(os.pipe()[0], 1031, 1 << 20) > 0
-@tried
 def opens_many_files(told):
     there = []
     try:
@@ -155,25 +124,6 @@ def opens_many_files(told):
     finally:
         for file in there: file.close()
     return True
-@tried
-def ignores_its_children(told):
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
-    return True
-@tried
-def hands_its_orphans_to_another(told): return libc.prctl(36, 0, 0, 0, 0) == 0
-@tried
-def outlives_the_grader(told): return libc.prctl(1, 0, 0, 0, 0) == 0
-@tried
-def shares_memory_that_is_nobodys(told): return bool(mmap.mmap(-1, 4096))
-@tried
-def leases_a_file_of_pythons(told):
-    fcntl.fcntl(os.open(np.__file__, os.O_RDONLY), fcntl.F_SETLEASE, fcntl.F_WRLCK)
-    return True
-@tried
-def makes_a_child_of_the_graders(told):
-    pid = libc.syscall(56, 0x8000 | 17, 0, 0, 0, 0)
-    if pid == 0: os._exit(0)
-    return pid > 0
 @tried
 def finds_the_graders_folders_in_a_frame(told):
     frame = sys._getframe()
@@ -190,8 +140,6 @@ def imports_a_renderer(told):
     return True
 @tried
 def empties_the_results(told): os.truncate(told["results"], 0); return True
-@tried
-def empties_the_results_as_it_opens_them(told): return os.open(told["results"], os.O_RDONLY | os.O_TRUNC) >= 0
 @tried
 def offers_the_parent_to_the_killer_of_memory(told): return opens(f"/proc/{PARENT}/oom_score_adj", "w")
 @tried
@@ -258,7 +206,6 @@ class Ending(NamedTuple):
 ENDINGS = {
     "an endless loop": Ending("def f():\n while True: pass", "limit", "computing"),
     "a sleep": Ending("import time\ndef f(): time.sleep(600)", "limit", "clock"),
-    "a stop": Ending("import os, signal\ndef f(): os.kill(os.getpid(), signal.SIGSTOP)", "limit", "clock"),
     "a print without end": Ending("def f():\n while True: print('x' * 100_000)", "limit", "printed more than"),
     "a fork bomb": Ending(
         "import os, time\ndef f():\n"
@@ -276,28 +223,17 @@ ENDINGS = {
         "import os\ndef f():\n for fd in range(3, 20):\n  try: os.write(fd, b'\\xff' * 64)\n  except OSError: pass",
         "broken", "pipe",
     ),
-    "a forged answer": Ending(
-        "import json, os\ndef f():\n"
-        " head = json.dumps({'value': {'table': {'call': 1, 'arrays': 'x'}}, 'arrays': []}).encode()\n"
-        " text = (8 + len(head)).to_bytes(8, 'little') + len(head).to_bytes(8, 'little') + head\n"
-        " for fd in range(3, 20):\n  try: os.write(fd, text)\n  except OSError: pass",
-        "broken", "pipe",
-    ),
-    "two answers": Ending("import os\ndef f():\n os.fork()\n return 1.0", "broken none", ""),  # whose comes first?
     "an import that is not there": Ending("import torch_of_mine", "error", "ModuleNotFoundError"),
     "an end while it is loaded": Ending("import sys\nsys.exit(3)", "error", "SystemExit"),
-    "an array that never comes": Ending(
-        "class A:\n def __array__(self, *a, **k):\n  while True: pass\ndef f(): return A()", "limit", "not done"
-    ),
 }  # fmt: skip
 
-FORGED = {
+ENDINGS |= {
     f"a forged {which} message: {text[:40]}": Ending(
         f"import os\nhead = {text!r}.encode()\n"
         "text = (8 + len(head)).to_bytes(8, 'little') + len(head).to_bytes(8, 'little') + head\n"
         "def forge():\n for fd in range(3, 20):\n  try: os.write(fd, text)\n  except OSError: pass\n"
         + ("forge()\ndef f(): return 1.0" if which == "second" else "def f(): forge(); return 1.0"),
-        "broken", "pipe",
+        "broken", "grader's pipe",
     )
     for which, texts in {
         "second": ('{"value": {"table": {"functions": 5, "notes": []}}, "arrays": []}', '{}'),

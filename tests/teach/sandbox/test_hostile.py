@@ -13,7 +13,7 @@ import attacks
 import numpy as np
 import pytest
 
-from raytwin.teach.sandbox.lock import HOLDS, NEIGHBOURS, _without
+from raytwin.teach.sandbox.lock import HOLDS, SUBMISSIONS_AT_ONCE, _without
 from raytwin.teach.sandbox.sandbox import Code, Limits, Sandbox, probe
 
 NAMES = re.findall(r"@tried\ndef (\w+)", attacks.ATTACKS)
@@ -71,15 +71,6 @@ def states_of(group: int) -> list[str]:
     return [line.split()[1][0] for line in told.splitlines() if line.split()[0] == str(group)]
 
 
-def goes(folder: Path) -> bool:
-    """Whether it is removed; a slow disk takes seconds for many nested folders, and nobody waits for it."""
-    for _ in range(3000):
-        if not folder.exists():
-            return True
-        time.sleep(0.02)
-    return False
-
-
 def test_no_attack_works(outcome, locks):
     if not {"seccomp", "Landlock"} <= {n for n, held in locks.items() if held == HOLDS}:
         pytest.skip(f"this machine lacks locks: {locks}")
@@ -87,19 +78,17 @@ def test_no_attack_works(outcome, locks):
     assert [name for name in NAMES if outcome[name].sort == "" and outcome[name].arrays[0] != 0.0] == []
 
 
-def test_the_graders_files_are_as_they_were(outcome):
+def test_nothing_of_the_graders_is_changed_and_no_process_and_no_folder_is_left_behind(outcome):
     assert {p.read_text() for p in outcome["folder"].iterdir()} == {"secret"}
     assert not Path(f"/tmp/raytwin-{os.getpid()}").exists()
-
-
-def test_no_process_and_no_folder_is_left_behind(outcome):
-    assert outcome["leaves_a_child_behind"].problem == ""
-    assert outcome["digs_deep"].problem == ""
+    assert outcome["leaves_a_child_behind"].problem == outcome["digs_deep"].problem == ""
     assert outcome["left"] == 0
-    assert goes(outcome["base"])
+    assert attacks.goes(outcome["base"])
 
 
-def test_what_is_no_array_of_numbers_is_said(outcome):
+def test_arrays_come_as_they_are_and_what_is_no_array_of_numbers_is_said(outcome):
+    np.testing.assert_array_equal(outcome["breaks_numpy"].arrays[0], [np.nan, np.inf])
+    assert outcome["returns_another_shape"].arrays[0].shape == (3, 0, 5)
     for name, word in (
         ("returns_a_pickle_bomb", "not numbers"),
         ("returns_objects", "not numbers"),
@@ -111,12 +100,6 @@ def test_what_is_no_array_of_numbers_is_said(outcome):
     ):
         assert outcome[name].sort == "error", name
         assert word in outcome[name].problem
-
-
-def test_arrays_come_as_they_are_whatever_became_of_numpy_in_the_child(outcome):
-    np.testing.assert_array_equal(outcome["breaks_numpy"].arrays[0], [np.nan, np.inf])
-    assert outcome["returns_another_shape"].arrays[0].shape == (3, 0, 5)
-    assert not np.allclose(1, 2)
 
 
 def test_python_stays_readable_in_a_hidden_folder_and_what_is_hidden_in_it_does_not(tmp_path):
@@ -138,7 +121,7 @@ FIRST = (
 @pytest.mark.parametrize(
     "name", [*FIRST, *(pytest.param(n, marks=pytest.mark.nightly) for n in attacks.ENDINGS if n not in FIRST)]
 )
-def test_an_ending_has_its_reason_and_leaves_nothing(name):
+def test_an_ending_has_its_reason_and_leaves_nothing(name, capfd):
     ending = attacks.ENDINGS[name]
     limits = Limits(seconds=2) if name == "an endless loop" else SHORT  # of computing: a busy machine takes far longer
     with Sandbox(Code(source=ending.source, asked=("f",)), limits) as child:
@@ -148,17 +131,7 @@ def test_an_ending_has_its_reason_and_leaves_nothing(name):
     assert (answer.sort or "none") in ending.sort.split(), answer
     assert not ending.word or any(word in answer.problem for word in (ending.word, *ending.word.split(" ")[:2])), answer
     assert left_of(child._process.pid) == 0
-    assert goes(child._base)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("name", attacks.FORGED)
-def test_a_forged_message_ends_the_process_with_that_reason_and_no_thread_dies(name, capfd):
-    with Sandbox(Code(source=attacks.FORGED[name].source, asked=("f",)), SHORT) as child:
-        answer = child.call("f")
-        if not answer.problem:
-            answer = child.call("f")
-    assert (answer.sort, answer.problem) == ("broken", "it wrote into the grader's pipe")
+    assert attacks.goes(child._base)
     assert "Traceback" not in capfd.readouterr().err
 
 
@@ -174,7 +147,7 @@ def test_no_more_processes_are_started_than_the_limit_says(locks):
     with Sandbox(Code(source=source, asked=("f",)), SHORT) as child:
         answer = child.call("f")
         alone = locks["other uid"] == HOLDS
-        assert 0 < answer.arrays[0] <= SHORT.processes * (1 if alone else NEIGHBOURS)
+        assert 0 < answer.arrays[0] <= SHORT.processes * (1 if alone else SUBMISSIONS_AT_ONCE)
     assert left_of(child._process.pid) == 0
 
 
@@ -247,26 +220,24 @@ def test_the_next_submission_is_unharmed_and_what_it_prints_is_kept():
 
 LEARNER = """
 import raytwin
+from raytwin import tracer
 import no_such_plots
 import numpy as np
 get_ipython().run_line_magic("matplotlib", "inline")
 def shade(points):
     return np.full(3, len(points))
 raytwin.check("shade", shade).show()
+tracer.lights.made()
+def hit_points(scene): return tracer.render(scene)
 """
 
 
 def test_a_submission_that_checks_itself_and_imports_what_is_missing_keeps_its_functions():
     for code in ({"source": LEARNER}, {"source": "", "cells": (("cell 1", LEARNER), ("cell 2", "x = unknown"))}):
-        with Sandbox(Code(**code, asked=("shade", "render"))) as child:
+        with Sandbox(Code(**code, asked=("shade", "hit_points", "render"))) as child:
             assert child.call("shade", np.zeros(2)).arrays[0].tolist() == [2, 2, 2]
+            assert "object" in child.call("hit_points", 0).problem  # what stands for raytwin has no answers
             missing = child.call("render", 0)
         assert missing.sort == "missing"
         assert "this failed first" in missing.problem
         assert "No module named 'no_such_plots'" in missing.problem
-
-
-def test_the_stand_in_for_raytwin_has_no_answers():
-    text = "from raytwin import tracer\ntracer.lights.made()\ndef render(scene): return tracer.render(scene)"
-    with Sandbox(Code(source=text, asked=("render",))) as child:
-        assert "object" in child.call("render", 0).problem

@@ -97,7 +97,7 @@ def homography_turn(points: np.ndarray, pixels: np.ndarray) -> np.ndarray | None
     H = H / math.sqrt(np.linalg.norm(H[:, 0]) * np.linalg.norm(H[:, 1]))
     r1, r2, _ = H.T * np.sign(H[2] @ [*points[:, :2].mean(axis=0), 1.0])  # the board is in front of the camera
     U, _, Vt = np.linalg.svd(np.stack([r1, r2, np.cross(r1, r2)], axis=1))
-    return U @ Vt
+    return np.asarray(U @ Vt)
 
 
 def errors(photo: BoardPhoto, rng: np.random.Generator, n: int) -> dict[str, Error]:

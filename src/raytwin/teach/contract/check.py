@@ -13,7 +13,7 @@ from raytwin.teach.contract.check_function import judge_function, repair_functio
 from raytwin.teach.contract.stage_result import StageResult
 from raytwin.teach.contract.stage_table import LESSONS
 
-HINTS = 2
+DEFAULT_HINTS = 2
 """What a repair shows unless told otherwise: the line, and what is wrong there."""
 
 
@@ -31,7 +31,7 @@ def check(
     *,
     raises: bool = False,
     seed: int = 0,
-    hints: int = HINTS,
+    hints: int = DEFAULT_HINTS,
     page: str | Path | None = None,
 ) -> StageResult:
     """Test `function` as the named stage of a tracer, and say in a sentence what is wrong.

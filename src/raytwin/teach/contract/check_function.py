@@ -20,7 +20,14 @@ from raytwin.explain.explanation import Explanation
 from raytwin.explain.repair import Repair
 from raytwin.teach.contract.composed_tracer import NEEDED
 from raytwin.teach.contract.loading import arrays_of
-from raytwin.teach.contract.repair_function import PROOF, further_probes, probes, repair_here, right_ones, words_of
+from raytwin.teach.contract.repair_function import (
+    REPAIRED_OFF,
+    further_probes,
+    probes,
+    repair_here,
+    right_ones,
+    words_of,
+)
 from raytwin.teach.contract.stage import Arrays, Case, Function, Stage, Variant
 from raytwin.teach.contract.stage_result import CaseResult, StageResult
 
@@ -58,7 +65,7 @@ def is_right(stage: Stage, case: Case, got: Outcome) -> bool:
 
 def is_repaired(stage: Stage, case: Case, got: Outcome) -> bool:
     """Whether these arrays pass the case, hardly a value being off: an accident may spoil as few as may be off."""
-    return _passes(dataclasses.replace(stage, outliers=min(stage.outliers, PROOF)), case, got)
+    return _passes(dataclasses.replace(stage, outliers=min(stage.outliers, REPAIRED_OFF)), case, got)
 
 
 # ------------------------------------------------------------------------------------------ calling
@@ -114,11 +121,8 @@ def _error_text(error: Exception) -> str:
     if isinstance(error, NotImplementedError):
         return "it is not written yet"
     text = " ".join(str(error).split())[:120]
-    own = [
-        f
-        for f in traceback.extract_tb(error.__traceback__)
-        if f.filename != __file__ and "site-packages" not in f.filename
-    ]
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [f for f in frames if f.filename != __file__ and "site-packages" not in f.filename]
     where = f" (line {own[-1].lineno}{f': {own[-1].line[:60]}' if own[-1].line else ''})" if own else ""
     return f"it raised {type(error).__name__}{': ' + text if text else ''}{where}"
 
@@ -165,16 +169,11 @@ def _diagnosed(base: StageResult, stage: Stage, cases: Sequence[Case], got: Sequ
     from raytwin.explain.pixel_sample import SubmittedImage
     from raytwin.renderers.scene_exchange import as_scene
 
-    views = [
-        SubmittedImage(
-            as_scene(case.args[0] | {"name": case.shows}),
-            picture,
-            case.expected[0],
-            case.args[0]["rung"],
-            stage.name == "hit_points",
-        )
-        for case, (picture,) in zip(cases, got, strict=True)
-    ]
+    views = []
+    for case, (picture,) in zip(cases, got, strict=True):
+        scene, points = case.args[0], stage.name == "hit_points"
+        made = as_scene(scene | {"name": case.shows})
+        views.append(SubmittedImage(made, picture, case.expected[0], scene["rung"], points))
     found = diagnose(views)
     faults = ((found.cause.name, found.cause.sentence),) if found.cause else ()
     said, causes = "; ".join(student_words(found)), tuple(name for name, _ in faults)
@@ -272,20 +271,15 @@ def _distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def _blame(causes: list[Variant]) -> str:
     """The sentence; of several that explain it equally, all."""
     sentences = list(dict.fromkeys(v.sentence for v in causes))
-    return (
-        sentences[0]
-        if len(sentences) == 1
-        else "one of these, which these cases cannot tell apart: " + "; or: ".join(sentences)
-    )
+    if len(sentences) == 1:
+        return sentences[0]
+    return "one of these, which these cases cannot tell apart: " + "; or: ".join(sentences)
 
 
 def _where(results: Sequence[CaseResult]) -> str:
     """Return in words which cases fail, and which pass."""
-    bad = [
-        f"{r.shows}{f' ({100 * r.wrong:.0f} % of the values)' if r.wrong < 0.995 else ''}"
-        for r in results
-        if not r.passed
-    ]
+    failed = [r for r in results if not r.passed]
+    bad = [f"{r.shows}{f' ({100 * r.wrong:.0f} % of the values)' if r.wrong < 0.995 else ''}" for r in failed]
     good = [r.shows for r in results if r.passed]
     return f"Fails: {'; '.join(bad)}." + (f" Passes: {'; '.join(good)}." if good else "")
 

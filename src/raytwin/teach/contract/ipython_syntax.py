@@ -9,7 +9,7 @@ OTHER_LANGUAGES = frozenset({
     "ruby", "R", "cython", "writefile", "file",
 })  # fmt: skip
 """Cell magics (`%%bash`) whose cells are not Python. Under any other, such as `%%time`, the cell is."""
-MOST_LINES = 40
+MAX_LINES_TAKEN_OUT = 40
 """Lines taken out of a cell: each costs a parse of the whole cell."""
 _FORMS = (
     (re.compile(r"(\s*)%time\s+(?=\S)(.*)"), r"\1\2"),  # runs a statement, whose names stay
@@ -28,7 +28,7 @@ def as_python(cell: str) -> str:
     first = next((line for line in lines if line.strip()), "")
     if first.startswith("%%") and first[2:].split()[:1] and first[2:].split()[0] in OTHER_LANGUAGES:
         return ""
-    for _ in range(MOST_LINES):
+    for _ in range(MAX_LINES_TAKEN_OUT):
         if (number := _stops_at("\n".join(lines))) is None or number >= len(lines):
             break
         line = lines[number]

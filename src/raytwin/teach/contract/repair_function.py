@@ -21,9 +21,9 @@ from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.teach.contract.loading import arrays_of
 from raytwin.teach.contract.stage import PARTS_OF, Case, Function, Stage
 
-WORK = 3e6
+WORK_LINES = 3e6
 """What is done for one function, in lines that run."""
-MEMORY = 1 << 29
+MEMORY_BYTES = 1 << 29
 """Bytes that a change may take."""
 _REPAIRING = ContextVar("_REPAIRING", default=False)
 """Whether a change is being tried: a text that checks itself, as a decorator does, must not be repaired within it."""
@@ -67,7 +67,7 @@ def repair_here(
 
     token = _REPAIRING.set(True)
     try:
-        runner = Runner(run, lines, correct_lines, Work(WORK))
+        runner = Runner(run, lines, correct_lines, Work(WORK_LINES))
         return repair(cells, name, cases, is_right, runner, further=further, words=words)
     finally:
         _REPAIRING.reset(token)
@@ -75,13 +75,13 @@ def repair_here(
 
 @contextlib.contextmanager
 def _bounded_memory() -> Iterator[None]:
-    """A change may ask for arrays without end: more than MEMORY beyond what is there is refused, where that can be."""
+    """Let a change allocate MEMORY_BYTES at most, on systems that can limit it."""
     try:
         import resource
 
         pages = int(Path("/proc/self/statm").read_text().split()[0])
         soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-        most = pages * resource.getpagesize() + MEMORY
+        most = pages * resource.getpagesize() + MEMORY_BYTES
         resource.setrlimit(resource.RLIMIT_AS, (most if soft == resource.RLIM_INFINITY else min(soft, most), hard))
     except (ImportError, OSError, ValueError):  # another system
         yield
@@ -150,18 +150,21 @@ def further_probes(stage: Stage, seed: int) -> list[Case]:
     Pictures of scenes in which every mistake shows; other cases, pictures thinned.
     """
     if stage.name in ("hit_points", "render"):
-        scenes = (draw_scene(seed + 1000 * k, SIZE, scale=LARGER if k % 2 else 1.0) for k in range(1, DRAWN + 1))
+        scenes = (
+            draw_scene(seed + 1000 * k, PROBE_SIZE, scale=LARGER if k % 2 else 1.0)
+            for k in range(1, FURTHER_SCENES + 1)
+        )
         each = (as_arrays(scene, "lambert" if k % 3 == 2 else "shadow") for k, scene in enumerate(scenes))
         return [_case(stage, Case("", (scene,), ()), (scene,)) for scene in each]
-    cases = [case for k in range(1, FURTHER + 1) for case in stage.cases(seed + 1000 * k)]
+    cases = [case for k in range(1, FURTHER_SEEDS + 1) for case in stage.cases(seed + 1000 * k)]
     return [smaller(stage, case, STRIDES[-1]) or case for case in cases]
 
 
-FURTHER, DRAWN = 2, 6
+FURTHER_SEEDS, FURTHER_SCENES = 2, 6
 """Seeds whose cases a repair has to pass beyond the test's own; or scenes."""
-SIZE = 20, 15
+PROBE_SIZE = 20, 15
 """Pixels of such a scene."""
-PROOF = 0.004
+REPAIRED_OFF = 0.004
 """Share of the values that may be off after a repair: one pixel of such a scene, at a shadow's edge."""
 
 

@@ -35,7 +35,7 @@ LESSONS: dict[str, Stage] = CONTRACT | {
         intrinsics.STAGE,
         sun_visible.STAGE,
         sky_visible.STAGE,
-        *samplers.STAGES,
+        *samplers.SAMPLER_STAGES,
     )
 }
 """Those, and the further ones that a learner's walk has: what `raytwin.check` knows, and no submission need define."""

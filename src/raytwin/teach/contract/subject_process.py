@@ -167,12 +167,12 @@ def _loaded(text: str, functions: dict[str, Callable[..., Any]]) -> dict[str, An
 
 
 def _hint(name: str, functions: dict[str, Callable[..., Any]]) -> str:
-    from raytwin.teach.contract.check import HINTS
+    from raytwin.teach.contract.check import DEFAULT_HINTS
     from raytwin.teach.contract.check_function import repair_function
     from raytwin.teach.contract.stage_table import CONTRACT
 
     found = repair_function(CONTRACT[name], functions[name])
-    return found.hint(HINTS) if found else ""
+    return found.hint(DEFAULT_HINTS) if found else ""
 
 
 def _plain(made: Any) -> Any:

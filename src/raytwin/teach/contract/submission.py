@@ -190,9 +190,8 @@ class Program:
             except OSError as error:
                 raise MachineError(f"The program {words[0]}", f"cannot be started: {error.strerror}.") from None
             except subprocess.TimeoutExpired:
-                raise MachineError(
-                    f"The program {words[0]}", f"was ended after {SECONDS} s without an image."
-                ) from None
+                said = f"was ended after {SECONDS} s without an image."
+                raise MachineError(f"The program {words[0]}", said) from None
             except RuntimeError as error:
                 raise InputError(self.command, "an image at {out}", error) from None
 

@@ -14,7 +14,7 @@ from raytwin.images.image_formats import kind_of
 from raytwin.images.stored_precision import rounding_of
 from raytwin.scene import Tolerance
 from raytwin.teach.grade.questions import Question
-from raytwin.teach.grade.result import Part
+from raytwin.teach.grade.result import MarkedPart
 from raytwin.teach.sandbox.sandbox import Answer
 
 
@@ -22,7 +22,7 @@ from raytwin.teach.sandbox.sandbox import Answer
 class CheckedPicture:
     """A picture beside what it should be. `got`: if it is wrong and can be shown; `scale`: of its values."""
 
-    part: Part
+    part: MarkedPart
     view: SubmittedImage | None
     got: np.ndarray | None
     scale: float = 1.0
@@ -33,11 +33,11 @@ def check_picture(asked: Question) -> CheckedPicture:
     exercise, case, answer = asked.exercise, asked.case, asked.answer
     (right,), shows = case.expected, case.shows
     if answer.problem:
-        return CheckedPicture(Part(shows, False, seconds=answer.seconds, problem=answer.problem), None, None)
+        return CheckedPicture(MarkedPart(shows, False, seconds=answer.seconds, problem=answer.problem), None, None)
     got, half, clipped = _radiance_of(answer)
     if got.shape != right.shape:
         problem = f"it returned an array {got.shape}, where {right.shape} is wanted"
-        return CheckedPicture(Part(shows, False, seconds=answer.seconds, problem=problem), None, None)
+        return CheckedPicture(MarkedPart(shows, False, seconds=answer.seconds, problem=problem), None, None)
     if asked.verdict is not None:
         return _by_verdict(asked.verdict, got, shows, answer.seconds, scale_of(Image(right.astype(np.float32))))
     points = exercise.stage == "hit_points"
@@ -49,7 +49,7 @@ def check_picture(asked: Question) -> CheckedPicture:
         passed, error, wrong = _compare_points(right, got, asked.tolerance)
     else:
         passed, error, wrong = _compare_radiance(right, got, asked, half, clipped, scale)
-    part = Part(shows, passed, error=error, wrong=wrong, seconds=answer.seconds)
+    part = MarkedPart(shows, passed, error=error, wrong=wrong, seconds=answer.seconds)
     if not points and (bad := ~np.isfinite(got).all(axis=-1)).any():
         (y, x), count = np.argwhere(bad)[0], int(bad.sum())
         problem = f"{count} pixel{'s are' if count > 1 else ' is'} NaN or infinite, the first at (x={x}, y={y})"
@@ -65,7 +65,7 @@ def _by_verdict(made: Comparison, got: np.ndarray, shows: str, seconds: float, s
     ratio, wrong = made.radiance.mean_ratio, made.statistics.pixel_fail_fraction
     error = None if ratio is None or made.verdict == "undecided" else abs(ratio - 1)
     problem = "" if made.passed else made.reasons[0]
-    part = Part(
+    part = MarkedPart(
         shows, made.passed, error=error, wrong=1.0 if wrong is None else wrong, seconds=seconds, problem=problem
     )
     return CheckedPicture(part, None, None if made.passed else got, scale)

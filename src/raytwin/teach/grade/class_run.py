@@ -26,7 +26,7 @@ from raytwin.teach.grade.rubric import Rubric, read_rubric
 from raytwin.teach.grade.submission_code import CODE
 from raytwin.teach.sandbox.sandbox import plain
 
-RESULTS = "results"
+RESULTS_FOLDER = "results"
 """The folder of what came of each job; it makes a run go on where it stopped."""
 
 
@@ -92,7 +92,7 @@ def run(
     progress("grade", len(done), len(jobs))
     for one in map_parallel(grade_submission, todo, workers):
         result = one.result if one.error is None else _fault(one.thing, one.error)
-        with replacing(out / RESULTS / f"{one.thing.key}.json") as temporary:
+        with replacing(out / RESULTS_FOLDER / f"{one.thing.key}.json") as temporary:
             temporary.write_bytes(msgspec.json.encode(result))
         done[one.thing.key] = result
         if each is not None:
@@ -104,7 +104,7 @@ def run(
 def stored(out: Path, key: str) -> Result | None:
     """The result in `out`/results/KEY.json; None where there is none that can be read."""
     try:
-        return msgspec.json.decode((out / RESULTS / f"{key}.json").read_bytes(), type=Result)
+        return msgspec.json.decode((out / RESULTS_FOLDER / f"{key}.json").read_bytes(), type=Result)
     except (OSError, msgspec.DecodeError):
         return None
 

@@ -9,11 +9,11 @@ from msgspec.structs import replace
 from raytwin.teach.grade.result import CodeLine, Marked, Result
 from raytwin.teach.sandbox.sandbox import Code
 
-NEIGHBOURS = 2
+LINES_AROUND = 2
 """Lines that are shown before and after the one to look at."""
-WIDEST = 160
+MAX_LINE_CHARACTERS = 160
 """Characters of a line that are shown."""
-PLACE = re.compile(r"(?:(cell \d+), |([^\s,]+\.py), )?line (\d+)")
+LINE_REFERENCE = re.compile(r"(?:(cell \d+), |([^\s,]+\.py), )?line (\d+)")
 
 
 def with_own_text(result: Result, code: Code) -> Result:
@@ -28,15 +28,15 @@ def with_own_text(result: Result, code: Code) -> Result:
 
 def _lines(m: Marked, code: Code) -> tuple[CodeLine, ...]:
     """The lines that the hint names, or else the error, with their neighbours."""
-    found = [place for said in (*m.hints[-1:], *m.sentences) for place in PLACE.findall(said)]
+    found = [place for said in (*m.hints[-1:], *m.sentences) for place in LINE_REFERENCE.findall(said)]
     if m.status == "pass" or not found or (found[0][1] and found[0][1] != code.file.rpartition(" ")[2]):
         return ()
     cell = found[0][0]
     named = {int(n) for where, file, n in found if (where, file) == found[0][:2]}
     text = dict(code.cells).get(cell, "") if code.cells else code.source
-    near = {n + k for n in named for k in range(-NEIGHBOURS, NEIGHBOURS + 1)}
+    near = {n + k for n in named for k in range(-LINES_AROUND, LINES_AROUND + 1)}
     every = enumerate(text.splitlines(), start=1)
-    return tuple(CodeLine(n, line[:WIDEST], n in named) for n, line in every if n in near)
+    return tuple(CodeLine(n, line[:MAX_LINE_CHARACTERS], n in named) for n, line in every if n in near)
 
 
 def _cell_in_words(text: str) -> str:

@@ -18,10 +18,10 @@ NUMBERS = 16
 """Projections of the errors that make a fingerprint: more tell more mistakes apart."""
 SAME_MISTAKE_WITHIN = 2e-3
 """Share of the largest number: fingerprints that differ by less everywhere are of the same mistake."""
-FARTHEST = 10.0
+LARGEST_ERROR = 10.0
 """Relative error from which on it makes no difference how wrong a value is; half of it: finite where it should not be,
 or the reverse."""
-ROUNDING = 1e-9
+ROUNDING_ERROR = 1e-9
 """Relative errors up to this are none: what is correct but for rounding would be taken for one mistake of many."""
 
 
@@ -30,7 +30,7 @@ def fingerprint(expected: Sequence[np.ndarray], got: Sequence[np.ndarray]) -> st
     if [a.shape for a in expected] != [a.shape for a in got]:
         return ""
     errors = np.concatenate([_errors(a, b).ravel() for a, b in zip(expected, got, strict=True)])
-    if not (np.abs(errors) > ROUNDING).any():
+    if not (np.abs(errors) > ROUNDING_ERROR).any():
         return ""
     signs = np.random.default_rng(0).integers(0, 2, (NUMBERS, errors.size), dtype=np.int8) * 2 - 1
     return " ".join(f"{x:.4g}" for x in signs @ errors / np.sqrt(errors.size))
@@ -41,9 +41,9 @@ def _errors(expected: np.ndarray, got: np.ndarray) -> np.ndarray:
     there = np.isfinite(expected)
     scale = np.abs(expected[there]).max(initial=0.0) or 1.0
     with np.errstate(all="ignore"):
-        errors = np.clip((got - expected) / scale, -FARTHEST, FARTHEST)
+        errors = np.clip((got - expected) / scale, -LARGEST_ERROR, LARGEST_ERROR)
     seen = np.isfinite(got)
-    errors = np.where(there & ~seen, FARTHEST / 2, np.where(~there & seen, -FARTHEST / 2, errors))
+    errors = np.where(there & ~seen, LARGEST_ERROR / 2, np.where(~there & seen, -LARGEST_ERROR / 2, errors))
     return np.where(there | seen, errors, 0.0)
 
 

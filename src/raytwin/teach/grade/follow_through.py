@@ -24,7 +24,7 @@ from raytwin.teach.grade.sandboxed_calls import ask
 from raytwin.teach.sandbox.sandbox import Code, Sandbox
 
 REPLACE = "raytwin_replace"
-DRIVER = f"""
+REPLACE_DRIVER = f"""
 raytwin_replaced = []
 
 def {REPLACE}(text, names):
@@ -57,12 +57,11 @@ def {REPLACE}(text, names):
 class Rerun:
     """Wrong pictures, asked for once more with the correct functions of these `names` in place of the failed ones.
 
-    `again`: by the question's id, what was asked for and what came of it. `beside`: something else is wrong, too.
+    `again`: by the question's id, what was asked for and what came of it.
     """
 
     names: tuple[str, ...] = ()
     again: Mapping[int, tuple[Question, CheckedPicture]] = field(default_factory=dict)
-    beside: bool = False
 
     def fixed_by(self, question: Question) -> bool:
         """Whether the failed functions alone made this picture wrong."""
@@ -77,7 +76,7 @@ def ask_again(
 
     `child_with(names)`: the submission in a process, with correct functions of these names in place of its own.
     """
-    names = tuple(name for name in (*PARTS, *samplers.NAMES) if name in failed)
+    names = tuple(name for name in (*PARTS, *samplers.SAMPLER_NAMES) if name in failed)
     wrong = [
         q for q in asked if id(q) in checked and not checked[id(q)].part.passed
         and set(_parts_of(q)) & set(names) and q.answer.sort in ("", "error")
@@ -94,7 +93,7 @@ def ask_again(
 
 def _parts_of(question: Question) -> tuple[str, ...]:
     """The functions that its picture may be made of."""
-    return (*NEEDED[question.exercise.stage], *(samplers.NAMES if question.exercise.sampled else ()))
+    return (*NEEDED[question.exercise.stage], *(samplers.SAMPLER_NAMES if question.exercise.sampled else ()))
 
 
 def with_again(marked: Marked, asked: Sequence[Question], helped: Rerun) -> Marked:
@@ -120,12 +119,12 @@ def _again(question: Question, helped: Rerun) -> Again | None:
 def source_of(names: Sequence[str]) -> str:
     """The text of the textbook's functions, with all that they call."""
     found: dict[str, Callable[..., object]] = {}
-    todo = [name for name in names if name not in samplers.NAMES]
+    todo = [name for name in names if name not in samplers.SAMPLER_NAMES]
     while todo:
         function = getattr(textbook, name := todo.pop())
         if name not in found and isinstance(function, FunctionType):
             found[name] = function
             todo += [n for n in function.__code__.co_names if isinstance(vars(textbook).get(n), FunctionType)]
     texts = [textwrap.dedent(inspect.getsource(f)) for f in found.values()]
-    drawn = samplers.source_of([name for name in names if name in samplers.NAMES])
+    drawn = samplers.source_of([name for name in names if name in samplers.SAMPLER_NAMES])
     return "\n\n".join(["from typing import Any\nimport numpy as np", *texts, drawn])

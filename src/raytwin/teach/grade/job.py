@@ -14,21 +14,9 @@ from raytwin.teach.sandbox.sandbox import plain
 from raytwin.teach.sandbox.work_folder import MEGA
 
 GRADING_ROOMS = (
-    "array_types.py",
-    "errors.py",
-    "judging.py",
-    "notebook.py",
-    "rungs.py",
-    "safe_write.py",
-    "scene_folders.py",
-    "compare",
-    "explain",
-    "images",
-    "renderers",
-    "scene",
-    "teach",
-    "tracer",
-)
+    "array_types.py", "errors.py", "judging.py", "notebook.py", "rungs.py", "safe_write.py", "scene_folders.py",
+    "compare", "explain", "images", "renderers", "scene", "teach", "tracer",
+)  # fmt: skip
 """What decides points and sentences. A result of other code is not reused; a change of a page regrades nobody."""
 
 GRADER = tuple(Path(__file__).parents[2] / room for room in GRADING_ROOMS)

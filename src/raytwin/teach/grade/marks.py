@@ -16,17 +16,17 @@ from raytwin.teach.grade.check_picture import CheckedPicture, check_picture
 from raytwin.teach.grade.fingerprint import fingerprint
 from raytwin.teach.grade.follow_through import Rerun, ask_again, with_again
 from raytwin.teach.grade.questions import Question
-from raytwin.teach.grade.result import SUREST, Marked, Part, Picture, Result, Status
+from raytwin.teach.grade.result import SUREST, Marked, MarkedPart, Picture, Result, Status
 from raytwin.teach.grade.rubric import Exercise, Rubric
 from raytwin.teach.grade.sandboxed_repair import SecondLook
 from raytwin.teach.grade.wrong_picture import wrong_picture
 from raytwin.teach.sandbox.sandbox import Code
 
-SEARCHES = 3
+MAX_SEARCHES = 3
 """Searches for the causes of a submission's pictures, at most: of all of them, and of those of single exercises."""
-FURTHER = 1.25
+WORSE_FACTOR = 1.25
 """Multiple of the wrong pixels: if correct functions leave more, they do not fit the submission's own ways."""
-MOST_VIEWS = 3
+MAX_WHOLE_PICTURES = 3
 """Wrong pictures of a submission that can be looked at pixel by pixel; of the others there is a small one."""
 
 
@@ -75,7 +75,7 @@ def _marked(
         first = drawn_ones
     unclear = [m for e in first if not ((m := marks[e.name]).follows or says_why(m.sureness, m.faults))]
     shown = [(a.exercise.stage, a.case) for a in spoilt if a.reference is None]
-    marks |= {m.name: m for m in look.at(unclear, right, helped.names if causes.beside else (), pictures=shown)}
+    marks |= {m.name: m for m in look.at(unclear, right, helped.names if causes.has_second else (), pictures=shown)}
     return msgspec.structs.replace(
         result,
         exercises=tuple(_with_repair(marks[e.name], look, of[e.name]) for e in rubric.exercises),
@@ -99,19 +99,15 @@ def _with_repair(m: Marked, look: SecondLook, asked: Sequence[Question]) -> Mark
     return msgspec.structs.replace(m, hints=hints, mistakes=(*m.mistakes, hints[-1]))
 
 
-def _status(parts: list[Part], asked: list[Question]) -> Status:
+def _status(parts: list[MarkedPart], asked: list[Question]) -> Status:
     """The most telling of what became of the calls."""
     sorts = [a.answer.sort for a in asked]
     for sort in ("limit", "broken", "missing", "error"):
         if sort in sorts:
             return sort
-    return (
-        "pass"
-        if all(p.passed for p in parts)
-        else "error"
-        if all(p.problem and p.wrong is None for p in parts)
-        else "fail"
-    )
+    if all(p.passed for p in parts):
+        return "pass"
+    return "error" if all(p.problem and p.wrong is None for p in parts) else "fail"
 
 
 def _mark_stage(asked: list[Question]) -> Marked:
@@ -122,7 +118,7 @@ def _mark_stage(asked: list[Question]) -> Marked:
     outcomes = [a.answer.problem or tuple(x.astype(float) for x in a.answer.arrays) for a in asked]
     found = judge(stage, [a.case for a in asked], outcomes)
     parts = [
-        Part(
+        MarkedPart(
             c.shows,
             c.passed,
             error=c.error,
@@ -165,13 +161,12 @@ class _Found(NamedTuple):
 
 
 class _Causes:
-    """What made pictures wrong, looked for in all of them at once, since one tracer made them.
+    """The causes of wrong pictures. One tracer made them all, so they are diagnosed together.
 
-    `failed`: functions that fail on their own, and that pictures are made of. `mended`: pictures that a change of the
-    text is known for. In this order:
-    what is correct once they are replaced is `theirs`, unless the pictures name a cause that the functions do not;
-    one diagnosis of the pictures as they were handed in, `together`;
-    and where correct functions leave less wrong, one `beside` them, of the pictures that they made.
+    `failed`: functions that fail alone and that pictures are made of. `mended`: pictures for which a change of the text
+    is known. Tried in this order: pictures that are correct with correct functions are `by_functions`, unless
+    the pictures name a cause that the functions do not; `as_handed_in`, one diagnosis of all other pictures; and where
+    correct functions leave less wrong (`has_second`), `second`, a diagnosis of the pictures made with them.
     """
 
     def __init__(
@@ -180,24 +175,24 @@ class _Causes:
     ) -> None:  # fmt: skip
         self.checked, self.helped, self.failed, self.seed = checked, helped, failed, seed
         self.mended, checked = mended, {k: c for k, c in checked.items() if k not in mended}
-        self.searches, self.functions = SEARCHES, " and ".join(f"`{name}`" for name in helped.names)
+        self.searches, self.functions = MAX_SEARCHES, " and ".join(f"`{name}`" for name in helped.names)
         known = bool(failed) and all(m.faults or m.repair for m in failed)
         left = [k for k, (_, again) in helped.again.items() if not (again.part.passed or k in mended)]
         fixed_by = bool(helped.again) and not left
-        self.beside = any(_is_nearer(checked[k], helped.again[k][1]) for k in left)
-        self.together: Explanation | None = None
-        if not (known and self.beside):
+        self.has_second = any(_is_nearer(checked[k], helped.again[k][1]) for k in left)
+        self.as_handed_in: Explanation | None = None
+        if not (known and self.has_second):
             explained = helped.again if known and fixed_by else {}
-            self.together = self._diagnosed([c for k, c in checked.items() if k not in explained])
-        named = self.together is not None and self.together.cause is not None
-        self.theirs = fixed_by and (known or not named)
-        self.rest: Explanation | None = None
-        if self.beside and not named:
+            self.as_handed_in = self._diagnosed([c for k, c in checked.items() if k not in explained])
+        named = self.as_handed_in is not None and self.as_handed_in.cause is not None
+        self.by_functions = fixed_by and (known or not named)
+        self.second: Explanation | None = None
+        if self.has_second and not named:
             found = self._diagnosed([helped.again[k][1] if k in helped.again else c for k, c in checked.items()])
             if found is not None and found.cause is not None:
-                self.rest = found
+                self.second = found
             else:
-                self.together = self.together or self._diagnosed(list(checked.values()))
+                self.as_handed_in = self.as_handed_in or self._diagnosed(list(checked.values()))
 
     def _diagnosed(self, checked: Sequence[CheckedPicture]) -> Explanation | None:
         """None if nothing is wrong, there are no numbers, or no search is left."""
@@ -211,7 +206,7 @@ class _Causes:
         """Return what is said of one exercise."""
         mine = [self.checked[id(a)] for a in asked]
         wrong = [a for a, c in zip(asked, mine, strict=True) if not c.part.passed]
-        if wrong and all(map(self.helped.fixed_by, wrong)) and self.failed and (self.theirs or self.rest):
+        if wrong and all(map(self.helped.fixed_by, wrong)) and self.failed and (self.by_functions or self.second):
             faults = tuple(dict.fromkeys(fault for m in self.failed for fault in m.faults))
             sureness = max((m.sureness for m in self.failed), key=SUREST.index) if faults else ""
             once = f"{self.functions} is" if len(self.helped.names) == 1 else "these are"
@@ -219,7 +214,7 @@ class _Causes:
             return _Found((caused,), faults, sureness, self.helped.names)
         if not _has_wrong_numbers(mine) or any(id(a) in self.mended for a in asked):
             return _Found()
-        found = self.rest or self.together
+        found = self.second or self.as_handed_in
         others = any(not c.part.passed for c in self.checked.values() if all(c is not one for one in mine))
         if found is not None and found.cause is None and others:
             found = self._diagnosed(mine) or found
@@ -229,9 +224,9 @@ class _Causes:
             return _Found()
         faults = ((found.cause.name, found.cause.sentence),) if found.cause else ()
         makes = "makes" if len(self.helped.names) == 1 else "make"
-        beside = (f"{self.functions} {makes} it wrong, too",) if self.rest is not None else ()
+        beside = (f"{self.functions} {makes} it wrong, too",) if self.second is not None else ()
         said = (*student_words(found), *beside)
-        alone = self.rest is None and says_why(found.certainty, faults)
+        alone = self.second is None and says_why(found.certainty, faults)
         return _Found(said, faults, found.certainty if faults else "", (), tuple(n for n, _ in faults) if alone else ())
 
 
@@ -244,7 +239,7 @@ def _is_nearer(before: CheckedPicture, after: CheckedPicture) -> bool:
     if before.got is None or after.got is None:
         return after.got is not None
     same = before.got.shape == after.got.shape and np.array_equal(before.got, after.got, equal_nan=True)
-    worse = (after.part.wrong or 0.0) > FURTHER * (1.0 if before.part.wrong is None else before.part.wrong)
+    worse = (after.part.wrong or 0.0) > WORSE_FACTOR * (1.0 if before.part.wrong is None else before.part.wrong)
     return not same and not worse
 
 
@@ -278,7 +273,7 @@ def _mark_pictures(
     # Pixel by pixel the worst; the others stay small.
     wrong = [(a, c.got, c) for a, c in zip(asked, checked, strict=True) if c.got is not None]
     wrong.sort(key=lambda w: -(w[2].part.error or 0))
-    pictures = [wrong_picture(a, got, h.scale, whole=i < MOST_VIEWS) for i, (a, got, h) in enumerate(wrong)]
+    pictures = [wrong_picture(a, got, h.scale, whole=i < MAX_WHOLE_PICTURES) for i, (a, got, h) in enumerate(wrong)]
     marked = Marked(
         name=exercise.name,
         stage=exercise.stage,

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from msgspec.structs import replace
 
 from raytwin.teach.grade.feedback import with_feedback
-from raytwin.teach.grade.result import Marked, Part, Result
+from raytwin.teach.grade.result import Marked, MarkedPart, Result
 from raytwin.teach.grade.rubric import PICTURES, Exercise, Rubric
 
 
@@ -53,8 +53,7 @@ def _paid_once(marked: Sequence[Marked], rubric: Rubric) -> list[Marked]:
     rate, made = rubric.follow_through, []
     for m, e in zip(marked, rubric.exercises, strict=True):
         if m.name in payers:
-            kept = [0.0 if p.passed else rate for p in m.parts]
-            made.append(replace(_scored(m, e, kept), same_as=payers[m.name]))
+            made.append(replace(_scored(m, e, [rate] * len(m.parts)), same_as=payers[m.name]))
         else:
             made.append(_scored(m, e, [_share_again(p, e, rate) for p in m.parts]))
     return made
@@ -73,7 +72,7 @@ def _one_mistake_each(marked: Sequence[Marked]) -> list[list[Marked]]:
     return groups
 
 
-def _share_again(p: Part, e: Exercise, rate: float) -> float:
+def _share_again(p: MarkedPart, e: Exercise, rate: float) -> float:
     """What a picture keeps that was asked for again with correct functions in place of the failed ones."""
     if p.again is None:
         return 0.0

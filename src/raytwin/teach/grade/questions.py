@@ -10,7 +10,7 @@ import numpy as np
 
 from raytwin.compare import Comparison
 from raytwin.errors import InputError
-from raytwin.explain.draw_scene import LARGER, SIZE, draw_scene
+from raytwin.explain.draw_scene import DRAWN_SIZE, LARGER, draw_scene
 from raytwin.explain.pixel_sample import traced_once
 from raytwin.images.image import Image
 from raytwin.renderers import references
@@ -54,7 +54,7 @@ def questions_of(rubric: Rubric, seed: int) -> Iterator[Question]:
             yield _reference_question(rubric, exercise, name)
         for i in range(exercise.drawn):
             scale = LARGER if exercise.stage == "render" and i % 2 else 1.0
-            scene = draw_scene(own + i, INSIDE if exercise.inside else SIZE, f"random scene {i + 1}", scale)
+            scene = draw_scene(own + i, INSIDE if exercise.inside else DRAWN_SIZE, f"random scene {i + 1}", scale)
             if exercise.inside:
                 scene = _around_eye(scene)
             right = np.asarray(traced_once(scene, exercise.rung).mean, float)

@@ -22,7 +22,7 @@ class Again(Record, frozen=True):
     own: float = 1.0
 
 
-class Part(Record, frozen=True):
+class MarkedPart(Record, frozen=True):
     """A case or scene: what it `shows`; `error`: in the exercise's unit, None where there is no number; `wrong`: the
     share of values that are off; `share`: of its points; `problem`: in words, where there are no numbers."""
 
@@ -81,7 +81,7 @@ class Marked(Record, frozen=True):
     inputs: str = ""
     expected: str = ""
     got: str = ""
-    parts: tuple[Part, ...] = ()
+    parts: tuple[MarkedPart, ...] = ()
 
     @property
     def error(self) -> float | None:

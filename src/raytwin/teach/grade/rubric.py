@@ -31,12 +31,12 @@ from raytwin.teach.sandbox.sandbox import Limits
 
 PICTURES = tuple(NEEDED)
 """Stages that take a scene: these can be compared on scenes by name, and on drawn ones."""
-ONE_RAY = ("lambert", "shadow")
+NOISELESS_RUNGS = ("lambert", "shadow")
 """Rungs without noise, which drawn scenes are compared on."""
 
 Visibility = Literal["visible", "hidden", "after_due_date"]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
-Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
+Fraction = Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 
 class Exercise(Record, frozen=True):
@@ -58,7 +58,7 @@ class Exercise(Record, frozen=True):
     rung: str = "shadow"
     tolerance: Positive | None = None
     visibility: Visibility = "visible"
-    credit: tuple[tuple[Positive, Share], ...] = ()
+    credit: tuple[tuple[Positive, Fraction], ...] = ()
     measure: Literal["error", "wrong"] = "error"
 
     @property
@@ -140,7 +140,7 @@ class Rubric(Record, frozen=True):
     command: str = ""
     packages: tuple[str, ...] = ()
     hints: Annotated[int, msgspec.Meta(ge=0, le=3)] = 2
-    follow_through: Share = 0.0
+    follow_through: Fraction = 0.0
     feedback: tuple[Feedback, ...] = ()
     folder: str = "."
 
@@ -207,9 +207,9 @@ def read_rubric(path: str | Path) -> Rubric:
 def _check(where: str, e: Exercise) -> None:
     check_one_of(f"{where}.stage", e.stage, LESSONS)
     check_one_of(f"{where}.rung", e.rung, RUNGS)
-    if e.rung not in ONE_RAY and not (RUNGS[e.rung].noisy and e.stage == "render" and e.scenes and not e.drawn):
+    if e.rung not in NOISELESS_RUNGS and not (RUNGS[e.rung].noisy and e.stage == "render" and e.scenes and not e.drawn):
         raise InputError(
-            f"{where}.rung", f"one of {', '.join(ONE_RAY)}, or for render of named scenes sky or path", e.rung
+            f"{where}.rung", f"one of {', '.join(NOISELESS_RUNGS)}, or for render of named scenes sky or path", e.rung
         )
     if e.stage not in PICTURES and (e.scenes or e.drawn):
         raise InputError(f"{where}.scenes", f"none: {e.stage} has cases of its own", e.scenes or e.drawn)

@@ -11,19 +11,19 @@ from raytwin.compare.finding import notes
 from raytwin.images.image import Image
 from raytwin.teach.sandbox.sandbox import Answer
 
-MOST_RENDERS = 64
+MAX_RENDERS = 64
 """Renders of one picture; what is undecided then is not passed."""
-FALSE_ALARMS = 1e-5
+ALARMS_PER_PICTURE = 1e-5
 """Share of the correct pictures that fail by chance."""
 SAME_NUMBERS = "each call of `render` drew the same random numbers: use np.random.default_rng() without a seed"
 
 
 def render_until_certain(call: Callable[[], Answer], reference: Image) -> tuple[Answer, Comparison | None]:
     """The mean of all renders, and the verdict on them; None where a call gave no picture of the reference's shape."""
-    check = SequentialComparison(reference, false_alarm_rate=FALSE_ALARMS)
+    check = SequentialComparison(reference, false_alarm_rate=ALARMS_PER_PICTURE)
     total, seconds, renders = np.zeros(reference.shape), 0.0, 0
     different: set[bytes] = set()
-    while not check.decided and renders < MOST_RENDERS:
+    while not check.decided and renders < MAX_RENDERS:
         answer = call()
         seconds += answer.seconds
         if answer.problem or [a.shape for a in answer.arrays[:1]] != [reference.shape]:

@@ -8,7 +8,6 @@ import contextlib
 import dataclasses
 import inspect
 import itertools
-import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import cache, partial
@@ -39,22 +38,18 @@ from raytwin.teach.contract.stage import Case, Stage
 from raytwin.teach.contract.stage_result import says_why, with_hint
 from raytwin.teach.contract.stage_table import LESSONS
 from raytwin.teach.grade.fingerprint import PROBE_SEED, fingerprint
-from raytwin.teach.grade.follow_through import DRIVER as REPLACER
-from raytwin.teach.grade.follow_through import REPLACE, source_of
+from raytwin.teach.grade.follow_through import REPLACE, REPLACE_DRIVER, source_of
 from raytwin.teach.grade.result import Marked
-from raytwin.teach.grade.rubric import Rubric
+from raytwin.teach.grade.rubric import PICTURES, Rubric
 from raytwin.teach.sandbox.sandbox import Code, Sandbox
 
-WORK, UNNAMED, IN_ALL = 1.2e6, 3e6, 6e6
+WORK_PROVED, WORK_UNNAMED, WORK_IN_ALL = 1.2e6, 3e6, 6e6
 """Lines that run: for one function, for one of which no mistake is proved, and for a submission."""
-MOST_SECONDS = 160.0
-"""Of computing: some twenty times what IN_ALL takes. A search that reaches it says so."""
-LONGEST = 100_000
+MAX_TEXT = 100_000
 """Characters of a text that is repaired: to read one of megabytes takes the grader minutes."""
-STOPPED = "the search for the line stopped early: this machine is too slow, or too busy"
 CALLED, LINES = "raytwin_attempt", "raytwin_lines"
-DRIVER = f"""
-{REPLACER}
+REPAIR_DRIVER = f"""
+{REPLACE_DRIVER}
 
 {inspect.getsource(attempt)}
 
@@ -82,19 +77,17 @@ def {LINES}(function, arguments, seconds):
 
 
 class SecondLook:
-    """Lines to look at in a submission, by work of IN_ALL at most, as far as the rubric's `hints` go.
+    """Lines to look at in a submission, by work of WORK_IN_ALL at most, as far as the rubric's `hints` go.
 
     A text that is nested too deeply to be read is not repaired. `found`: by the name of the function. All that is asked
     for again once a submission was called is asked of one process, since to start one takes as long as many calls.
     """
 
     def __init__(self, rubric: Rubric, code: Code | None) -> None:
-        self.rubric, self.code, self.left = rubric, code if code and code.kind == "python" else None, IN_ALL
-        self.stopped = False
-        """Whether a search was ended by the clock."""
+        self.rubric, self.code, self.left = rubric, code if code and code.kind == "python" else None, WORK_IN_ALL
         self.found: dict[str, Repair] = {}
         self.cells: Cells = code.cells or (("", code.source),) if code else ()
-        self.hints = rubric.hints if self.code and sum(len(text) for _, text in self.cells) <= LONGEST else 0
+        self.hints = rubric.hints if self.code and sum(len(text) for _, text in self.cells) <= MAX_TEXT else 0
         self.trials: _Trials | None = None
         self.replaced: tuple[str, ...] = ()
 
@@ -110,7 +103,7 @@ class SecondLook:
         if self.trials is None or self.trials.child.problem.problem:
             self.close()
             asked = (*self.rubric.functions, CALLED, LINES, REPLACE)
-            own = dataclasses.replace(self.code.followed_by(DRIVER), asked=asked)
+            own = dataclasses.replace(self.code.followed_by(REPAIR_DRIVER), asked=asked)
             child = Sandbox(own, self.rubric.limits, (Path(self.rubric.folder), Path.cwd())).__enter__()
             self.trials, self.replaced = _Trials(child), ()
         if self.replaced != tuple(names):
@@ -158,25 +151,20 @@ class SecondLook:
                 prints = {stage: _fingerprint(child, stage) for stage in unnamed}
             if CALLED in child.functions and self.trials is not None:
                 self._repair(tried, right, replaced, beside, pictures, self.trials)
-        hinted = [
+        return [
             _with_hint(e, self.found.get(e.stage), self.hints, e.fingerprint or prints.get(e.stage, ""))
             if e in wrong else e for e in exercises
         ]  # fmt: skip
-        if not self.stopped:
-            return hinted
-        return [msgspec.structs.replace(e, sentences=(*e.sentences, STOPPED)) if e.stage not in self.found
-                and e.stage in {one.stage for one in tried} else e for e in hinted]  # fmt: skip
 
     def _repair(
         self, tried: Sequence[Marked], right: Sequence[str], replaced: Sequence[str], beside: Sequence[str],
         pictures: Sequence[tuple[str, Case]], trials: "_Trials",
     ) -> None:  # fmt: skip
-        until = _clock(trials.child) + MOST_SECONDS
         for stage in dict.fromkeys(e.stage for e in tried):
             if stage in trials.child.functions:
-                most = WORK if all(_is_proved(e) for e in tried if e.stage == stage) else UNNAMED
+                most = WORK_PROVED if all(_is_proved(e) for e in tried if e.stage == stage) else WORK_UNNAMED
                 before = min(most, self.left)
-                work = Work(before, lambda: _clock(trials.child) < until and not trials.child.problem.problem)
+                work = Work(before)
                 fitting = [(r.candidate, *r.rivals) for r in self.found.values() if r.candidate and not replaced]
                 known = list(dict.fromkeys(itertools.chain(*fitting)))
                 others = [LESSONS[e.stage] for e in tried if e.stage != stage]
@@ -186,7 +174,6 @@ class SecondLook:
                     if made is not None:
                         self.found[stage] = made
                 self.left -= before - work.left
-                self.stopped |= work.stopped and stage not in self.found
         for stage in (name for name in beside if name in trials.child.functions):
             some = (r for r in self.found.values() if (r.sure or r.rivals) and _makes_right(r, stage, trials))
             if one := next(some, None):
@@ -222,7 +209,6 @@ def _further(stage: str) -> list[Case]:
     return further_probes(LESSONS[stage], PROBE_SEED)
 
 
-PICTURES = ("hit_points", "render")
 MOST_PROBES = 3
 """Cases that a fingerprint is taken of."""
 
@@ -254,11 +240,6 @@ def _with_hint(exercise: Marked, repair: Repair | None, level: int, found: str) 
     return msgspec.structs.replace(exercise, sentences=sentences, sureness=sureness, repair=kind_of(repair.operator))
 
 
-def _clock(child: Sandbox) -> float:
-    """Seconds that were computed there and here."""
-    return child.spent + time.process_time()
-
-
 def _repair(
     stage: Stage, cells: Cells, trials: "_Trials", work: Work, right: Sequence[str], ours: Sequence[str],
     known: Sequence[Candidate], others: Sequence[Stage], asked: Sequence[Case],
@@ -282,6 +263,11 @@ def _repair(
                 return False
         return True
 
+    def run(chosen: Sequence[Candidate], arguments: Sequence[Any], changed: bool) -> Answers:
+        if child.problem.problem:  # the process has ended
+            work.left = 0
+        return trials.run(stage.name, chosen, arguments, changed)
+
     def correct_lines() -> Lines:
         others = [LESSONS[name] for name in right if name not in ours]
         firsts = [
@@ -294,7 +280,7 @@ def _repair(
     if not (tried := next(filter(None, each), [])):
         return None
     innocent = [*(name for name in right if name not in PICTURES), *ours]
-    runner = Runner(partial(trials.run, stage.name), partial(trials.lines, stage.name), correct_lines, work)
+    runner = Runner(run, partial(trials.lines, stage.name), correct_lines, work)
     wrong_beside = cache(lambda: _some_cases(others, is_wrong, CASES_OF_WRONG))
     helps = lambda candidate: _helps(candidate, trials, wrong_beside())  # noqa: E731
     return repair(cells, stage.name, tried, partial(is_repaired, stage), runner, innocent, known,

@@ -24,7 +24,7 @@ import numpy as np
 
 MAX_ERROR_CHARACTERS = 200
 """Characters of an error that are kept: arrays are printed whole."""
-SAID = 2000
+MAX_MESSAGE_CHARACTERS = 2000
 """Characters of an error that are sent."""
 
 
@@ -156,7 +156,7 @@ def _said(error: BaseException, submission: Path, modules: list[str]) -> str:
         if isinstance(error, SyntaxError) and error.lineno:
             lines.append(f"line {error.lineno}: {(error.text or '').strip()}")
         lines += [f"{Path(f.filename).name}, line {f.lineno}, in {f.name}: {f.line}" for f in frames[-4:]]
-        return "\n".join(lines)[:SAID]
+        return "\n".join(lines)[:MAX_MESSAGE_CHARACTERS]
     except BaseException:
         return "an error that cannot be printed"
 

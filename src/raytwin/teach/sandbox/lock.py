@@ -40,7 +40,7 @@ HOLDS = "holds"
 
 BYTES_OF_LIBRARIES = 1_000_000_000
 """Addresses that files take, which are mapped and hardly read; what a process writes counts as its data as well."""
-NEIGHBOURS = max(8, os.cpu_count() or 1)
+SUBMISSIONS_AT_ONCE = max(8, os.cpu_count() or 1)
 """Submissions that an ordinary user may grade at the same time: RLIMIT_NPROC counts the threads of all of them."""
 SPARE_CPU_SECONDS = 1
 """From SIGXCPU, which says why a process ends, to SIGKILL, which no submission can catch."""
@@ -113,7 +113,7 @@ def _limit(limits: dict[str, int]) -> None:
         "RLIMIT_MEMLOCK": 0,
     }
     if os.getuid() != 0:
-        asked["RLIMIT_NPROC"] = _threads_of(os.getuid()) + NEIGHBOURS * limits["processes"]
+        asked["RLIMIT_NPROC"] = _threads_of(os.getuid()) + SUBMISSIONS_AT_ONCE * limits["processes"]
     for name, value in asked.items():
         if (kind := getattr(resource, name, None)) is not None:
             most = resource.getrlimit(kind)[1]

@@ -181,7 +181,7 @@ def _by_other(K: Any, fx: int, fy: int, cx: int, cy: int) -> np.ndarray:
 
 
 FLIP = np.diag([1.0, -1.0, -1.0])
-INPUTS = (
+INPUT_MISTAKES = (
     Variant("distortion-kept", "the distortion is not undone: dist is left out",
             before(lambda K, dist, p, q: (K, 0 * dist, p, q))),
     Variant("distortion-sign", "the distortion is undone with the wrong sign", before(lambda K, dist, p, q: (K,
@@ -221,7 +221,7 @@ INPUTS = (
 )  # fmt: skip
 """The correct function, given something else."""
 
-RESULTS = (
+RESULT_MISTAKES = (
     Variant("transposed R", "R is transposed: p_cam = R @ p_board + t", _after(lambda R, t: (R.T, t))),
     Variant("inverse pose", "the inverse pose is returned, the camera's in the board's frame: p_cam = R @ p_board + t "
             "is "
@@ -260,8 +260,8 @@ STAGE = Stage(
     errors,
     2e-4,
     "of an entry of R, or of |t|",
-    INPUTS + RESULTS,
-    tuple(Variant(v.name, v.sentence, instead(v.change(form))) for v in INPUTS for form in CORRECT_FORMS),
+    INPUT_MISTAKES + RESULT_MISTAKES,
+    tuple(Variant(v.name, v.sentence, instead(v.change(form))) for v in INPUT_MISTAKES for form in CORRECT_FORMS),
     columns=True,
     hints=HINTS,
 )

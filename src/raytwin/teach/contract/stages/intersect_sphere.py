@@ -80,17 +80,17 @@ def marked_misses(drawn: Sequence[Case], got: Sequence[Arrays]) -> Variant | Non
         return None
     for case, (t,) in zip(drawn, got, strict=True):
         read = np.where(np.isin(t, marks) | (np.isnan(t) & np.isnan(marks).any()), np.inf, t)
-        if (errors(case, (read,)) > TOLERANCE).any():
+        if (errors(case, (read,)) > T_TOLERANCE).any():
             return None
     named = " or ".join(f"{mark:.5g}" for mark in marks)
     said = f"a miss has to be np.inf, not {named}: where the discriminant is negative, and where t is not positive"
     return Variant("misses-not-infinite", said, instead(intersect_sphere))
 
 
-TOLERANCE = 1e-4
+T_TOLERANCE = 1e-4
 """Of t."""
 HINTS = {2: "both roots, or t and a mask, are returned: one array t is wanted, np.inf for a miss"}
 STAGE = Stage(
-    intersect_sphere, ("t",), cases, errors, TOLERANCE, "of t", textbook_variants("intersect_sphere"), hints=HINTS,
+    intersect_sphere, ("t",), cases, errors, T_TOLERANCE, "of t", textbook_variants("intersect_sphere"), hints=HINTS,
     by_values=marked_misses,
 )  # fmt: skip

@@ -58,15 +58,15 @@ def errors(case: Case, got: Arrays) -> np.ndarray:
 
 
 OWN_WALL = "own-wall"
-SAID = (
+OWN_WALL_SENTENCE = (
     "from inside a sphere its own wall is lit: it hides the sun, so start shadow rays a little off the surface, "
     "towards the eye, and test the sphere that the eye is in, too"
 )
-LEFT_OUT = 'own = own & (np.linalg.norm(eye - thing["center"]) > thing["radius"])', "pass"
-OUTWARD = "n = np.where(towards, n, -n)", 'n = n if "radius" in thing else np.where(towards, n, -n)'
+OWN_WALL_LEFT_OUT = 'own = own & (np.linalg.norm(eye - thing["center"]) > thing["radius"])', "pass"
+NORMALS_OUTWARD = "n = np.where(towards, n, -n)", 'n = n if "radius" in thing else np.where(towards, n, -n)'
 VARIANTS = (
-    Variant(OWN_WALL, SAID, lambda _: wrong("render", (LEFT_OUT,))),
-    Variant(OWN_WALL, SAID, lambda _: wrong("render", (LEFT_OUT, OUTWARD))),
+    Variant(OWN_WALL, OWN_WALL_SENTENCE, lambda _: wrong("render", (OWN_WALL_LEFT_OUT,))),
+    Variant(OWN_WALL, OWN_WALL_SENTENCE, lambda _: wrong("render", (OWN_WALL_LEFT_OUT, NORMALS_OUTWARD))),
 )
 """Shown by no picture from outside."""
 

@@ -2,7 +2,7 @@
 
 A sampler is judged by what it draws, not by its formula. Every map of the unit square with the density that is asked
 for is correct: for cos θ / π Malley's map, Shirley and Chiu's concentric one, or one that swaps the two numbers.
-To add a sampler, write its function, its row of SAMPLERS and of STAGES, and its mistakes in sampler_faults.tsv.
+To add a sampler, write its function, its row of SAMPLERS and of SAMPLER_STAGES, and its mistakes in sampler_faults.tsv.
 """
 
 import inspect
@@ -22,11 +22,11 @@ DRAWS = 16384
 """Directions per case."""
 ROWS, COLUMNS = 8, 16
 """Cells along cos θ and around the normal, equally probable: 128 draws in each."""
-FALSE_ALARMS = 1e-6
+ALARMS_PER_CASE = 1e-6
 """Share of the cases that a correct sampler fails by chance."""
-TOLERANCE = 1e-5
+SAMPLER_TOLERANCE = 1e-5
 """Largest error of a direction's length, and of pdf and weight x pdf as shares of their largest values."""
-UNLIKE = 1e-3
+UNRECOGNISED_SHARE = 1e-3
 """Share of the cases in which what a mistake draws is not recognised as its own."""
 FEWEST_EXPECTED = 5.0
 """Draws expected in a cell; cells with fewer are counted together, since chi-square does not hold for them."""
@@ -114,7 +114,7 @@ def sample_phong(u: Any, exponent: float) -> Any:
     return SAMPLERS["sample_phong"](u, exponent)
 
 
-NAMES = tuple(SAMPLERS)
+SAMPLER_NAMES = tuple(SAMPLERS)
 """The samplers, each of which may be a part of a sampled picture."""
 
 
@@ -138,15 +138,15 @@ class Drawn:
         self.z = self.directions[:, 2]
         self.lowest = float(self.at("cosine", a=1.0))
         self.off = np.abs(np.linalg.norm(self.directions, axis=-1) - 1)
-        self.unit = bool((self.off <= TOLERANCE).all())
+        self.unit = bool((self.off <= SAMPLER_TOLERANCE).all())
 
     def at(self, part: str, **known: Any) -> Any:
         return self.sampler.at(part, self.parameter, **known)
 
     def p_value(self, of: Sampler) -> float:
         """The probability of drawing worse than this, if `of` drew it: chi-square over cells, rows and columns."""
-        edges = [-1.0, *(self.at("cosine", a=np.linspace(1, 0, ROWS + 1)) - TOLERANCE)]
-        edges[-1] = 1.0 + TOLERANCE
+        edges = [-1.0, *(self.at("cosine", a=np.linspace(1, 0, ROWS + 1)) - SAMPLER_TOLERANCE)]
+        edges[-1] = 1.0 + SAMPLER_TOLERANCE
         turn = np.arctan2(self.directions[:, 1], self.directions[:, 0]) / (2 * np.pi) % 1
         counts = np.histogram2d(self.z, turn, (edges, np.linspace(0, 1, COLUMNS + 1)))[0]
         even = (np.arange(DRAWS) + 0.5) / DRAWS
@@ -160,7 +160,7 @@ class Drawn:
         off = np.maximum(self.off, np.maximum(self.lowest - self.z, 0))
         for found, part in ((self.pdf, "pdf"), (self.weight * self.pdf, "value")):
             off = np.maximum(off, np.abs(found - self.at(part, z=self.z)) / self.at(part, z=1.0))
-        if not (off <= TOLERANCE).all() or self.p_value(self.sampler) >= FALSE_ALARMS:
+        if not (off <= SAMPLER_TOLERANCE).all() or self.p_value(self.sampler) >= ALARMS_PER_CASE:
             return np.asarray(off)
         return np.ones_like(off)
 
@@ -180,7 +180,7 @@ class Drawn:
 
     def fits(self, wrong: Sampler) -> bool:
         """Whether a mistake predicts what was drawn and claimed; the weight may be of the correct pdf, too."""
-        if self.p_value(wrong) < UNLIKE:
+        if self.p_value(wrong) < UNRECOGNISED_SHARE:
             return False
         inside = self.z >= self.lowest
         z, pdf, weight = (values[inside] for values in (self.z, self.pdf, self.weight))
@@ -267,16 +267,16 @@ def _stage(reference: Callable[..., Any], *shown: tuple[str, tuple[float, ...]])
         return Drawn(SAMPLERS[name], case, got).errors()
 
     return Stage(
-        reference, ("directions", "pdf", "weight"), cases, errors, TOLERANCE, "of 1",
+        reference, ("directions", "pdf", "weight"), cases, errors, SAMPLER_TOLERANCE, "of 1",
         columns=True, by_values=partial(_named, name), tells=partial(_told, name),
         judged_by="a chi-square test of the directions",
     )  # fmt: skip
 
 
-EVEN = ("numbers at random", ()), ("other numbers at random", ())
-STAGES = (
-    _stage(sample_cosine, *EVEN),
-    _stage(sample_hemisphere, *EVEN),
+TWO_DRAWS = ("numbers at random", ()), ("other numbers at random", ())
+SAMPLER_STAGES = (
+    _stage(sample_cosine, *TWO_DRAWS),
+    _stage(sample_hemisphere, *TWO_DRAWS),
     _stage(sample_cone, ("a wide cone", (0.3,)), ("a narrow cone", (0.98,))),
     _stage(sample_phong, ("a wide lobe", (3.0,)), ("a narrow lobe", (10.0,))),
 )

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.teach.contract.stage import Arrays, Case, Stage, slips
+from raytwin.teach.contract.stage import Arrays, Case, Stage, slips, unit
 
 
 def sky_visible(points: Any, normals: Any, centers: Any, radii: Any) -> Any:
@@ -36,12 +36,7 @@ def cases(seed: int) -> list[Case]:
         args = (points, np.tile([0.0, 0.0, 1.0], (16, 1)), np.array(centers), np.array(radii))
         made.append(Case(shows, args, (sky_visible(*args),)))
     tilted = np.array([0.0, 0.0, 1.0]) + rng.uniform(-0.25, 0.25, (16, 3))
-    args = (
-        np.zeros((16, 3)),
-        tilted / np.linalg.norm(tilted, axis=-1, keepdims=True),
-        np.array([[0.2, 0.1, 1.0]]),
-        np.array([0.3]),
-    )
+    args = np.zeros((16, 3)), unit(tilted), np.array([[0.2, 0.1, 1.0]]), np.array([0.3])
     return [*made, Case("tilted surfaces", args, (sky_visible(*args),))]
 
 

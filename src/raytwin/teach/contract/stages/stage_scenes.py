@@ -10,16 +10,16 @@ from raytwin.scene import Camera, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.scene.lens import undone
 
 SceneDict = dict[str, Any]
-SIZE = 26, 18
+STAGE_SIZE = 26, 18
 EDGE_CLEARANCE_PX = 1e-3
 """Pixels: no outline and no shadow's edge is this close to a pixel's centre."""
 NO_LENS, LENS = (0.0, 0.0, 0.0, 0.0, 0.0), (-0.2, 0.07, -0.008, 0.012, 0.06)
 
-Place = tuple[float, float, float, float]
+BallPlace = tuple[float, float, float, float]
 """x, y, z and radius of a sphere, in units of 0.1 m."""
 
 
-AROUND: tuple[Place, ...] = tuple(
+AROUND: tuple[BallPlace, ...] = tuple(
     (24.0 * x + 3, 24.0 * y - 4, 24.0 * z + 5, 11.0 + 1.3 * x - y + 0.7 * z)
     for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if abs(x) + abs(y) + abs(z) > 1
 )  # fmt: skip
@@ -27,7 +27,7 @@ AROUND: tuple[Place, ...] = tuple(
 
 
 def draw_scene(
-    rng: np.random.Generator, spheres: tuple[Place, ...], planes: int, rung: str, lens: tuple[float, ...] = NO_LENS
+    rng: np.random.Generator, spheres: tuple[BallPlace, ...], planes: int, rung: str, lens: tuple[float, ...] = NO_LENS
 ) -> SceneDict:
     """Spheres near these places above a floor (`planes` > 0), with a wall (2), before a tilted camera.
 
@@ -36,7 +36,7 @@ def draw_scene(
     """
     while True:
         scene = as_arrays(_scene(rng, spheres, planes, lens), rung)
-        if undone(scene["K"], scene["dist"].tolist(), SIZE).fault == "" and _is_clear(scene):
+        if undone(scene["K"], scene["dist"].tolist(), STAGE_SIZE).fault == "" and _is_clear(scene):
             return scene
 
 
@@ -47,7 +47,7 @@ def around_eye(scene: SceneDict) -> SceneDict:
     return scene | {"spheres": [*scene["spheres"], sphere]}
 
 
-def _scene(rng: np.random.Generator, spheres: tuple[Place, ...], planes: int, lens: tuple[float, ...]) -> Scene:
+def _scene(rng: np.random.Generator, spheres: tuple[BallPlace, ...], planes: int, lens: tuple[float, ...]) -> Scene:
     camera = _camera(rng, lens)
 
     def colour() -> tuple[float, float, float]:
@@ -77,7 +77,7 @@ def _camera(rng: np.random.Generator, lens: tuple[float, ...]) -> Camera:
     forward = _unit(rng.uniform([-0.01, -0.01, 0.02], [0.01, 0.01, 0.04]) - eye)
     right = _unit(np.cross(forward, _unit(np.array([rng.uniform(0.15, 0.3), 0.1, 1.0]))))
     R = np.stack([right, np.cross(forward, right), forward])
-    width, height = SIZE
+    width, height = STAGE_SIZE
     f = width * (rng.uniform(0.65, 0.7) if any(lens) else rng.uniform(1.3, 1.4))
     K = ((f, 0.0, 0.46 * width), (0.0, 1.05 * f, 0.54 * height), (0.0, 0.0, 1.0))
     dist = tuple((np.array(lens) * rng.uniform(0.8, 1.2, 5)).tolist())
@@ -86,17 +86,9 @@ def _camera(rng: np.random.Generator, lens: tuple[float, ...]) -> Camera:
 
 def _is_clear(scene: SceneDict) -> bool:
     """Moved a little each way, every pixel sees the same object, as light or as dark."""
-    seen = [
-        _seen(_moved(scene, x, y))
-        for x, y in (
-            (0, 0),
-            (EDGE_CLEARANCE_PX, 0),
-            (-EDGE_CLEARANCE_PX, 0),
-            (0, EDGE_CLEARANCE_PX),
-            (0, -EDGE_CLEARANCE_PX),
-        )
-    ]
-    return all(np.array_equal(seen[0], other) for other in seen[1:])
+    ways = EDGE_CLEARANCE_PX * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
+    seen = _seen(scene)
+    return all(np.array_equal(seen, _seen(_moved(scene, x, y))) for x, y in ways)
 
 
 def _seen(scene: SceneDict) -> np.ndarray:

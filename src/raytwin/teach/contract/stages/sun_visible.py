@@ -33,15 +33,14 @@ def cases(seed: int) -> list[Case]:
     radii = rng.uniform(0.12, 0.2, 3)
     balls = list(zip(centers, radii, strict=True))
     away = rng.uniform(1.2, 1.5, (3, 8, 1)) * to_light
+    floor = rng.uniform(-1, 1, (60, 3)) * [1, 1, 0]
+    on = [c + r * unit(rng.normal(size=(12, 3)) + 2 * to_light) for c, r in balls]
+    behind, before = ([c + sign * r * a for (c, r), a in zip(balls, away, strict=True)] for sign in (-1, 1))
     drawn = {
-        "points on a floor": rng.uniform(-1, 1, (60, 3)) * [1, 1, 0],
-        "points behind a sphere": np.concatenate([c - r * a for (c, r), a in zip(balls, away, strict=True)]),
-        "points before a sphere, on the sun's side": np.concatenate(
-            [c + r * a for (c, r), a in zip(balls, away, strict=True)]
-        ),
-        "points on the spheres themselves": np.concatenate(
-            [c + r * unit(rng.normal(size=(12, 3)) + 2 * to_light) for c, r in balls]
-        ),
+        "points on a floor": floor,
+        "points behind a sphere": np.concatenate(behind),
+        "points before a sphere, on the sun's side": np.concatenate(before),
+        "points on the spheres themselves": np.concatenate(on),
     }
     made = []
     for shows, points in drawn.items():
@@ -55,12 +54,9 @@ def _sure(points: np.ndarray, to_light: np.ndarray, centers: np.ndarray, radii: 
     same = sun_visible(points, to_light, centers, radii)
     off = np.linalg.norm(points[:, None] - centers[None], axis=-1) / radii - 1
     others = [np.where(np.abs(off) < 1e-6, 0, k) * radii for k in (0.97, 1.03)]  # but for the own one
-    found = [
-        sun_visible(points[i : i + 1], to_light, centers, np.maximum(each[i], 1e-12))
-        for each in others
-        for i in range(len(points))
-    ]
-    return np.asarray((np.reshape(found, (2, -1)) == same).all(axis=0))
+    found = [[sun_visible(points[i : i + 1], to_light, centers, np.maximum(each[i], 1e-12))[0]
+              for i in range(len(points))] for each in others]  # fmt: skip
+    return np.asarray((np.array(found) == same).all(axis=0))
 
 
 def errors(case: Case, got: Arrays) -> np.ndarray:
