@@ -134,7 +134,7 @@ def test_an_option_beyond_reason_is_refused(tmp_path, scenes):
 
 
 def test_raytwins_own_fault_is_neither_a_failed_comparison_nor_the_inputs(monkeypatch, capsys):
-    monkeypatch.setattr("raytwin.cli.app", lambda **_: [][1])
+    monkeypatch.setattr("raytwin.cli.app", lambda *_, **__: [][1])
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 70
