@@ -126,13 +126,9 @@ def test_a_scene_made_in_python_is_the_one_that_was_read():
 def test_a_scene_changes_by_with():
     scene = raytwin.read_scene("overlap")
     ball = scene.spheres[0]
-    changed = scene.with_(spheres=[ball.with_(radius=0.5 * ball.radius)], sun=None, size=(40, 30))
-    assert (len(changed.spheres), changed.planes, changed.sky) == (1, scene.planes, scene.sky)
-    assert changed.spheres[0].radius == 0.5 * ball.radius
-    assert changed.sun.irradiance == (0, 0, 0)
+    changed = scene.with_(spheres=[ball.with_(radius=np.float64(0.5), center=np.array([1, 2, 3]))], size=(40, 30))
+    assert changed.spheres == (type(ball)((1, 2, 3), 0.5, ball.material),)
     assert raytwin.trace(changed, "shadow").shape == (30, 40, 3)
-    assert ball.with_(center=np.array([1, 2, 3])).center == (1, 2, 3)
-    assert type(ball)(np.array([1.0, 2.0, 3.0]), np.float64(0.1)).with_(radius=0.5).center == (1, 2, 3)
     for record, wrong, said in (
         (ball, {"radius": -1}, "Sphere.radius: expected a number > 0, got -1"),
         (ball, {"radus": 1}, "did you mean radius"),
