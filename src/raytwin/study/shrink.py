@@ -191,7 +191,9 @@ def _halves(scene: Scene) -> Iterable[Scene]:
 def parts_of(scene: Scene) -> dict[str, Callable[[Scene], Scene]]:
     """Name -> what leaves the part out of this scene; the parts can be left out together."""
     labels = scene.names if len(set(scene.names)) == len(scene.objects) else scene.numbers
-    found = {name: partial(_without, thing) for name, thing in zip(labels, scene.objects, strict=True)}
+    found: dict[str, Callable[[Scene], Scene]] = {
+        name: partial(_without, thing) for name, thing in zip(labels, scene.objects, strict=True)
+    }
     if any(scene.sun.irradiance):
         found["the sun"] = lambda scene: structs.replace(scene, sun=NO_SUN)
     if scene.sky != Sky():
