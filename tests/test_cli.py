@@ -12,7 +12,7 @@ from importlib.metadata import version
 import click
 import numpy as np
 import pytest
-from program import parse, raytwin, raytwin_alone, refused
+from program import parse, raytwin, refused
 from typer.main import get_command
 from typer.testing import CliRunner
 
@@ -50,16 +50,6 @@ def test_compare_fails_with_1_where_the_images_differ_and_says_with_0_that_a_low
         run = raytwin("compare", scenes / "overlap", "--size", "80x60", *options, "-o", tmp_path)
         assert run.returncode == code, run.stderr
         assert run.stdout.startswith(verdict)
-
-
-@pytest.mark.nightly
-def test_without_any_llvm_one_line_says_what_to_install(scenes, tmp_path):
-    environment = {"RAYTWIN_NO_LLVM": "1", "RAYTWIN_CACHE": str(tmp_path)}
-    run = raytwin_alone("compare", scenes / "distorted", "--size", "80x60", "-o", tmp_path / "out", **environment)
-    refused(run, "Mitsuba: expected", "pip install 'raytwin[llvm]'")
-    doctor = raytwin_alone("doctor", **environment)
-    assert doctor.returncode == 0
-    assert "raytwin[llvm]" in next(line for line in doctor.stdout.splitlines() if line.startswith("backend"))
 
 
 @pytest.mark.nightly

@@ -19,7 +19,7 @@ from raytwin.twin.mitsuba_xml import mitsuba_xml
 
 
 def test_json_says_the_scene_to_the_last_bit_and_a_look_at_camera_too(tmp_path, overlap):
-    run = raytwin("export", "overlap", "--json", "-o", tmp_path / "overlap.json")
+    run = raytwin("scenes", "export", "overlap", "--json", "-o", tmp_path / "overlap.json")
     assert (run.returncode, run.stdout) == (0, "")
     told = json.loads((tmp_path / "overlap.json").read_text())
     expected = as_arrays(overlap)
@@ -81,30 +81,24 @@ def test_mitsuba_renders_the_same_picture_from_the_file(scenes, tmp_path, name, 
     assert wrong.verdict == "fail"  # so much it would have seen
 
 
-def test_objects_that_float32_cannot_hold_are_named():
-    run = raytwin("export", "weekend", "--mitsuba-xml", "-o", os.devnull)
-    assert run.returncode == 0
-    assert "Mitsuba's float32 may shade them falsely: object-0" in run.stderr
+def test_what_a_file_of_mitsubas_cannot_say_is_told_in_one_line():
+    for name, said in (
+        ("weekend", "Mitsuba's float32 may shade them falsely: object-0"),
+        ("distorted", "no lens distortion and one focal length"),
+    ):
+        run = raytwin("scenes", "export", name, "--mitsuba-xml", "-o", os.devnull)
+        assert (run.returncode, run.stderr.count("\n")) == (0, 1)
+        assert said in run.stderr
 
 
-def test_what_a_file_of_mitsubas_cannot_say_is_told_in_one_line(tmp_path):
-    run = raytwin("export", "distorted", "--mitsuba-xml", "-o", tmp_path / "a.xml")
-    assert run.returncode == 0
-    assert run.stderr.count("\n") == 1
-    assert "no lens distortion and one focal length" in run.stderr
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (("overlap",), "--json, --mitsuba-xml: expected one of them, got neither"),
-        (("studio", "--mitsuba-xml"), "the same radiance everywhere, for this, got an environment map"),
-        (("gloss", "--mitsuba-xml"), "Lambertian objects alone, for a file of Mitsuba's, got a Phong highlight"),
-        (("overlap", "--json", "--mitsuba-xml"), "expected one of them, got both"),
-        (("overlap", "--mitsuba-xml", "--rung", "shadow"), "--rung: expected a rung that Mitsuba's integrators have"),
-        (("overlap", "--json", "--rung", "shadw"), "did you mean shadow?"),
-        (("nowhere", "--json"), "nowhere"),
-    ],
-)
-def test_what_is_asked_wrongly_is_told(words, said):
-    refused(raytwin("export", *words), said)
+def test_what_is_asked_wrongly_is_told():
+    for words, said in (
+        ("overlap", "--json, --mitsuba-xml: expected one of them, got neither"),
+        ("overlap --json --mitsuba-xml", "expected one of them, got both"),
+        ("studio --mitsuba-xml", "the same radiance everywhere, for this, got an environment map"),
+        ("gloss --mitsuba-xml", "Lambertian objects alone, for a file of Mitsuba's, got a Phong highlight"),
+        ("overlap --mitsuba-xml --rung shadow", "--rung: expected a rung that Mitsuba's integrators have"),
+        ("overlap --json --rung shadw", "did you mean shadow?"),
+        ("nowhere --json", "nowhere"),
+    ):
+        refused(raytwin("scenes", "export", *words.split()), said)

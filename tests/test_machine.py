@@ -55,8 +55,7 @@ def test_a_full_disk_is_said_and_leaves_nothing_behind(pair, tmp_path):
         [sys.executable, "-c", code, *paths], env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True
     )
     assert child.stdout.splitlines() == [f"{path}: expected a writable path, got File too large" for path in paths]
-    run = raytwin_alone("diff", *pair, "-o", tmp_path / "out", PYTHONPATH=path)
-    refused(run, "out/", "File too large")
+    refused(raytwin_alone("diff", *pair, "-o", tmp_path / "out", PYTHONPATH=path), "out/", "File too large")
     assert not [p for p in (tmp_path / "out").iterdir() if p.suffix != ".json"]
 
 
@@ -70,22 +69,19 @@ def test_a_place_where_nothing_can_be_made_is_said(tmp_path):
 
 
 @LINUX
-def test_standard_output_on_a_full_disk_is_exit_code_2():
-    command = [sys.executable, "-m", "raytwin", "scenes"]
+def test_standard_output_that_is_full_is_exit_code_2_and_a_closed_pipe_is_no_failed_comparison(pair):
+    def run(words: list[str], stdout) -> tuple[int, str]:
+        command = [sys.executable, "-m", "raytwin", *words]
+        done = subprocess.run(command, stdout=stdout, stderr=subprocess.PIPE, text=True)
+        return done.returncode, done.stderr
+
     with Path("/dev/full").open("w") as full:
-        run = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
-    assert (run.returncode, run.stderr) == (
-        2, "raytwin: standard output: expected a working one, got No space left on device\n",
-    )  # fmt: skip
-
-
-def test_a_closed_pipe_is_no_failed_comparison(pair):
+        said = "raytwin: standard output: expected a working one, got No space left on device\n"
+        assert run(["scenes"], full) == (2, said)
     reading, writing = os.pipe()
     os.close(reading)
-    command = [sys.executable, "-m", "raytwin", "diff", *map(str, pair)]
-    run = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True)
+    assert run(["diff", *map(str, pair)], writing) == (141, "")
     os.close(writing)
-    assert (run.returncode, run.stderr) == (141, "")
 
 
 @LINUX
@@ -116,28 +112,28 @@ def test_pipes_and_devices_are_refused_where_files_are_read(tmp_path, pair):
 
 
 def test_an_option_beyond_reason_is_refused(tmp_path, scenes):
+    (tmp_path / "B").symlink_to(scenes / "desk" / "board.toml")
+    simulate, light = "photo simulate -o out --board B", "photo light B -o l.toml --camera c"
     for command, said in (
-        (("compare", "single", "--size", "100000x100000"), "400 megapixels, got 100000x100000, 120 GB an image"),
-        (("photograph", "-o", "OUT", "--board", "B", "--dist", "nan"), "--dist: expected finite numbers, got nan"),
-        (("photograph", "-o", "OUT", "--board", "B", "--dist", "1,2,3,4,5,6"), "dist[5]: expected 0 (k4"),
-        (("light", "B", "-o", "l.toml", "--camera", "c", "--ball", "1mm,,2,3"), "expected numbers separated by"),
-        (("light", "B", "-o", "l.toml", "--camera", "c", "--ball", "1px,2,3,4"), "--ball: expected a length"),
-        (("light", "B", "-o", "l.toml", "--camera", "c", "--stand", "1mm,2,-3mm"), "--stand: expected x,y,h in"),
-        (("board", "-o", "OUT.pdf", "--tag", "3px"), "--tag: expected a length with its unit"),
-        (("bench", "single", "--sizes", "nan"), "--sizes: expected finite numbers"),
-        (("bench", "single", "--sizes", "1e9"), "--sizes: expected at most 1000, got 1e+09"),
-        (("compare", "single", "--rung", "path", "--samples", "99999999999"), "whole number from 1 to 16777216, got"),
-        (("walk", "-o", "B"), "board.toml: expected a folder to write, got a file"),
-        (("compare", "single", "--rung", "shadwo"), "got shadwo (did you mean shadow?)"),
-        (("compare", "single", "--engine", "numpy46"), "(did you mean numpy64?)"),
-        (("compare", "sinlge"), "no such scene (did you mean single?)"),
+        ("compare single --size 100000x100000", "400 megapixels, got 100000x100000, 120 GB an image"),
+        (f"{simulate} --dist nan", "--dist: expected finite numbers, got nan"),
+        (f"{simulate} --dist 1,2,3,4,5,6", "dist[5]: expected 0 (k4"),
+        (f"{light} --ball 1mm,,2,3", "expected numbers separated by"),
+        (f"{light} --ball 1px,2,3,4", "--ball: expected a length"),
+        (f"{light} --stand 1mm,2,-3mm", "--stand: expected x,y,h in"),
+        ("bench single --sizes nan", "--sizes: expected finite numbers"),
+        ("bench single --sizes 1e9", "--sizes: expected at most 1000, got 1e+09"),
+        ("compare single --rung path --samples 99999999999", "whole number from 1 to 16777216, got"),
+        ("walk -o B", "B: expected a folder to write, got a file"),
+        ("compare single --rung shadwo", "got shadwo (did you mean shadow?)"),
+        ("compare single --engine numpy46", "(did you mean numpy64?)"),
+        ("compare sinlge", "no such scene (did you mean single?)"),
     ):
-        words = [{"OUT": tmp_path / "o", "B": scenes / "desk" / "board.toml"}.get(c, c) for c in command]
-        refused(raytwin(*words), said)
+        refused(raytwin(*command.split(), cwd=tmp_path), said)
 
 
 def test_raytwins_own_fault_is_neither_a_failed_comparison_nor_the_inputs(monkeypatch, capsys):
-    monkeypatch.setattr("raytwin.cli.app", lambda **_: [][1])
+    monkeypatch.setattr("raytwin.cli.app", lambda *_, **__: [][1])
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 70

@@ -102,13 +102,10 @@ def test_every_command_and_option_that_is_named_exists():
         assert refused in (None, "MissingParameter", "NoArgsIsHelpError", "BadOptionUsage"), (command, refused)
 
 
-def test_a_command_within_another_is_found():
+def test_a_command_that_is_none_would_be_noticed_within_another_too():
     script = "git bisect run sh -c 'make || exit 125; raytwin compare ball --subject \"./a {scene} {out}\"; exit $?'\n"
     assert within(script) == ['raytwin compare ball --subject "./a {scene} {out}"']
     assert parse(raytwin_words(within(script.replace("compare", "reference check"))[0])) == "NoSuchOption"
-
-
-def test_a_command_or_an_option_that_is_none_would_be_noticed():
     assert parse(["reference", "shows"]) == "UsageError"
     assert parse(["bench", "single", "--sizes", "1", "--nonsense"]) == "NoSuchOption"
     assert parse(["bench", "single", "--sizes", "1"]) is None
@@ -176,16 +173,6 @@ def write(files: list[tuple[str, str]], folder: Path) -> None:
 
 
 @pytest.mark.nightly
-def test_the_learners_code_prints_what_its_comment_says(checkout, monkeypatch, capsys):
-    (code,) = (block for block in blocks(README, "python") if "raytwin.trace" in block)
-    found = [float(v) for v in re.findall(r"[\d.]+", printed_by(code, checkout, monkeypatch, capsys))]
-    albedo, sky = (0.8, 0.4, 0.2), (0.1, 0.12, 0.15)
-    assert found == pytest.approx(
-        [a / 3.141592653589793 * 3 + a * s for a, s in zip(albedo, sky, strict=True)], rel=1e-4
-    )
-
-
-@pytest.mark.nightly
 def test_the_instructors_test_passes_with_a_right_renderer_and_fails_with_a_wrong_one(checkout):
     code = next(block for block in blocks(DOCS / "renderer.md", "python") if "raytwin_reference" in block)
     code = code[code.index("def test_my_renderer") :]
@@ -193,22 +180,27 @@ def test_the_instructors_test_passes_with_a_right_renderer_and_fails_with_a_wron
         imports = "import raytwin\nfrom raytwin.renderers.scene_exchange import as_scene\n\n\n"
         render = f'{imports}def render(scene):\n    return raytwin.trace(as_scene(scene), "{rung}").mean\n\n\n'
         write([(f"class/test_{rung}.py", render + code)], checkout)
-    told = pytest_says("class", checkout)
-    assert "1 failed, 1 passed" in told
-    assert re.search(r"^FAILED \S*test_lambert.py", told, re.M)
-
-
-def pytest_says(folder: str, cwd: Path) -> str:
-    """What pytest says of a folder's tests, in a process of its own."""
-    done = run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", folder, folder], cwd)
-    return done.stdout + done.stderr
+    told = run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", "class", "class"], checkout
+    )
+    assert "1 failed, 1 passed" in told.stdout
+    assert re.search(r"^FAILED \S*test_lambert.py", told.stdout, re.M)
 
 
 @pytest.mark.nightly
-def test_the_python_of_a_page_runs_and_prints_what_its_comment_says(checkout, monkeypatch, capsys):
-    rays = [block for block in blocks(DOCS / "python.md", "python") if "camera_rays(" in block]
-    for code, printed in ((rays, "(3,) (600, 800, 3)\n"), (blocks(DOCS / "start.md", "python"), "pass\n")):
-        assert printed_by("\n".join(code), checkout, monkeypatch, capsys) == printed
+def test_the_python_of_a_page_runs_and_prints_what_is_said_of_it(checkout, monkeypatch, capsys):
+    def printed(page: Path, part: str = "") -> str:
+        code = "\n".join(block for block in blocks(page, "python") if part in block)
+        return printed_by(code, checkout, monkeypatch, capsys)
+
+    assert printed(DOCS / "python.md", "camera_rays(") == "(3,) (600, 800, 3)\n"
+    assert printed(DOCS / "start.md") == "pass\n"
+    learnt = [float(v) for v in re.findall(r"[\d.]+", printed(README, "raytwin.trace"))]
+    albedo, sky = (0.8, 0.4, 0.2), (0.1, 0.12, 0.15)
+    expected = [a / 3.141592653589793 * 3 + a * s for a, s in zip(albedo, sky, strict=True)]
+    assert learnt == pytest.approx(expected, rel=1e-4)
+    assert "fail the whole image is 2" in printed(README)
+    assert re.match(r"fail \d+ the whole image is \d\.\d+ % too bright", printed(DOCS / "noise.md", "exponential"))
 
 
 @pytest.mark.nightly
@@ -247,15 +239,6 @@ def printed_by(code: str, folder: Path, monkeypatch, capsys) -> str:
     monkeypatch.chdir(folder)
     exec(compile(code, "page", "exec"), {"__name__": "script"})
     return capsys.readouterr().out
-
-
-@pytest.mark.nightly
-def test_batches_are_decided_as_the_readme_and_the_page_on_renderers_say(checkout, monkeypatch, capsys):
-    (shown,) = (block for block in blocks(DOCS / "noise.md", "python") if "exponential" in block)
-    code = ["\n".join(blocks(README, "python")), shown]
-    first, second = (printed_by(text, checkout, monkeypatch, capsys) for text in code)
-    assert "fail the whole image is 2" in first
-    assert re.match(r"fail \d+ the whole image is \d\.\d+ % too bright", second)
 
 
 def test_the_numbers_of_the_closed_forms_are_those_of_their_formulas():

@@ -23,6 +23,7 @@ WRONG = [
     (AugmentSettings, {"exposure": -1.0}, "--exposure: expected a number >= 0"),
     (AugmentSettings, {"exposure": float("nan")}, "--exposure: expected a number >= 0"),
     (DiffSettings, {"tolerance": 0.0}, "tolerance: expected a finite number > 0"),
+    (DiffSettings, {"samples": (0, -1)}, "samples: expected rays per pixel of both images"),
     (DiffSettings, {"tolerance": float("inf")}, "tolerance: expected a finite number > 0"),
 ]
 

@@ -54,26 +54,17 @@ def diff_command(
         if variance_a or variance_b:
             raise InputError("--variance-a, --variance-b", "two images, not two folders", a)
         diff_folders(a, b, settings, json, junit, out)
-    name = " against ".join(diff_files.told_apart(a, b))
-    try:
-        with show_progress() as progress, progress.stage("compare"):
-            found = diff_files.compare(a, b, settings)
-    except InputError as error:
-        if junit:
-            write_junit([Case(name, "raytwin.diff", error)], junit)
-        raise
+    found = diff_files.compare(a, b, settings)
     text = terminal_text.diff_summary(found)
     if json:
         write_json(json, found.numbers())
     if junit:
-        write_junit([Case(name, "raytwin.diff", found.report, text)], junit)
-    if out:
-        from raytwin.show import report_folder
-
-        with show_progress() as progress:
-            report_folder.write_diff(found, out, progress)
+        write_junit([Case(found.report.scene, "raytwin.diff", found.report, text)], junit)
     say(text)
     if out:
+        from raytwin.show.report_folder import write_diff
+
+        write_diff(found, out)
         say(f"report: {out / 'report.html'}")
     raise typer.Exit(found.comparison.exit_code)
 

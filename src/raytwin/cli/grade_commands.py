@@ -1,7 +1,7 @@
 """raytwin grade SUBMISSIONS --rubric R | starter | zip, and walk: students' tracers, graded."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -32,6 +32,7 @@ def class_command(
     from raytwin.show import class_page as pages
     from raytwin.teach.grade.class_run import jobs_of, run
     from raytwin.teach.grade.rubric import read_rubric
+    from raytwin.teach.sandbox import sandbox
 
     check_outputs(folders=(out,), files=(gradescope, junit))
     workers = parse_workers(jobs, dask)
@@ -41,18 +42,12 @@ def class_command(
     found = jobs_of(submissions, rubric, whole)
     if len(found) > 1 and gradescope:
         raise InputError("--gradescope", "one submission", len(found))
-    _say_what_the_sandbox_lacks()
+    if lacking := sandbox.lacking(sandbox.probe()):
+        say(f"sandbox: {'; '.join(lacking)} (raytwin doctor says why)")
     with show_progress() as progress:
-        printed: list[Any] = []
-
-        def each(result: "Result") -> None:
-            printed.append(result)
-            say(_line(result, read))
-
-        results = run(found, out, workers, again, progress, each)
+        results = run(found, out, workers, again, progress)
     for result in results:
-        if result not in printed:
-            say(_line(result, read))
+        say(_line(result, read))
     failed = [result.student for result in results if result.grader_fault]
     if gradescope is not None:  # whoever asks for it has no use for pages
         sites.write_gradescope(results[0], read, gradescope)
@@ -64,13 +59,6 @@ def class_command(
     if failed:
         say(f"the grader itself failed on {', '.join(dict.fromkeys(failed))}: grade again once that is mended")
         raise typer.Exit(1)
-
-
-def _say_what_the_sandbox_lacks() -> None:
-    from raytwin.teach.sandbox import sandbox
-
-    if lacking := sandbox.lacking(sandbox.probe()):
-        say(f"sandbox: {'; '.join(lacking)} (raytwin doctor says why)")
 
 
 def _line(result: "Result", rubric: "Rubric") -> str:

@@ -180,13 +180,12 @@ def _cases(scenes: list[Path] | None, rungs: list[str] | None, placed: bool = Tr
 
 
 def _name(scene: Path) -> str:
-    """The name of the scene's references, also where the scene itself is gone."""
-    from raytwin.scene.mitsuba_file import is_mitsuba, read_mitsuba
-    from raytwin.scene.scene_files import read_scene
+    """The name that a scene's references are stored under, where the scene itself is gone, too."""
+    if not scene.is_file():
+        return scene.resolve().name
+    from raytwin.study.make_reference import read_scene
 
-    if scene.is_file():
-        return (read_mitsuba if is_mitsuba(scene) else read_scene)(scene).name
-    return scene.resolve().name
+    return read_scene(scene).name
 
 
 def _source(folder: Path | None) -> Path:

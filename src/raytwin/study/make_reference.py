@@ -63,9 +63,6 @@ def find_scene(path: str | Path, progress: Progress = silent) -> Scene | Mitsuba
     return find_camera(path, progress=progress)[0]
 
 
-# ------------------------------------------------------------------------------------------ rendering
-
-
 def render(
     scene: Scene, rung: str, sampling: str, samples: int = SAMPLES, seed: int = 0, progress: Progress = silent
 ) -> Image:
@@ -103,9 +100,6 @@ def describe(
     return about | {"filter": kernel, "renderer": "Mitsuba"}
 
 
-# ------------------------------------------------------------------------------------------ make
-
-
 @dataclass(frozen=True, eq=False)
 class Change:
     """A reference about to be written, what lay there before (None: nothing, or damaged), and how they differ."""
@@ -128,10 +122,9 @@ class Change:
         if self.kind in ("new", "same"):
             return [f"{where}: {self.kind}"]
         lines = [f"{where}: {self.kind}", *(f"  {note}" for note in self.notes)]
-        if c := self.comparison:
-            r = c.radiance
-            lines.append(f"  {BESIDE_THE_OLD[c.verdict]}")
-            lines += [f"    {reason}" for reason in c.reasons]
+        if self.comparison:
+            r = self.comparison.radiance
+            lines += [f"  {BESIDE_THE_OLD[self.comparison.verdict]}", *(f"    {s}" for s in self.comparison.reasons)]
             if r.rmse is not None:
                 lines.append(f"    rmse {r.rmse:.3g}, worst {r.max_abs:.3g}, ratio of the means {r.mean_ratio:.6g}")
         return lines
@@ -170,8 +163,6 @@ def make(
     header = describe(placed, hashed, rung, *how)
     sealed_scene = None if isinstance(placed, MitsubaScene) else placed
     if known and not asked.again and all(known.header.get(key) == header.get(key) for key in _DECIDES):
-        if sealed_scene is not None and known.scene == sealed_scene.with_(pyramids=()):
-            return Change(known, known)
         header |= {k: v for k, v in known.header.items() if k not in ("set_up", "checksum")}
         return Change(sealed(path, known.image, header, sealed_scene), known)
     if isinstance(placed, MitsubaScene):
@@ -218,14 +209,13 @@ def _placed(
     if isinstance(found, MitsubaScene):
         width, height = size or (found.image_size if known is None else known.image.shape[1::-1])
         return with_film(found, width=width, height=height)
-    same = known is not None and known.header["scene_hash"] == hashed
-    if known is not None and same and size in (None, known.origin().camera.image_size):
-        return found.with_camera(known.origin().camera)
-    camera = found.camera
-    width, height = size_of(camera.image_size) if known is None else known.origin().camera.image_size
-    if round(width * camera.image_size[1] / camera.image_size[0]) != height:  # the camera has another aspect ratio now
-        width, height = size_of(camera.image_size)
-    return found.with_camera(camera.resized(*(size or (width, height))))
+    before = None if known is None else known.origin().camera
+    if before and known and known.header["scene_hash"] == hashed and size in (None, before.image_size):
+        return found.with_camera(before)
+    width, height = before.image_size if before else size_of(found.camera.image_size)
+    if round(width * found.camera.height / found.camera.width) != height:  # it has another aspect ratio now
+        width, height = size_of(found.camera.image_size)
+    return found.with_camera(found.camera.resized(*(size or (width, height))))
 
 
 _DECIDES = ("scene_hash", "rung", "sampling", "samples", "seed", "depth", "size")
@@ -242,9 +232,6 @@ def header_changes(old: dict[str, str], new: dict[str, str]) -> Iterator[str]:
             yield f"scene: now other {', '.join(now.differences(before))}"
         else:
             yield f"{key}: {b} (before: {a})"
-
-
-# ------------------------------------------------------------------------------------------ check
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,17 +279,17 @@ def check(
     if why := stale(old, scene):
         return Check(path, 1, (f"{path}: stale: {why}",), old)
     sampling, seed = old.header["sampling"], int(old.header["seed"]) + 1
+
+    def render_round(samples: int, seed: int) -> Image:
+        if isinstance(found, MitsubaScene):
+            width, height = old.image.shape[1::-1]
+            return twin.render_mitsuba(with_film(found, width=width, height=height), samples, seed)
+        return replace(twin.render(old.origin(), rung, sampling=sampling, samples=samples, seed=seed), surface=None)
+
     if not isinstance(found, MitsubaScene) and not RUNGS[rung].sampled(sampling):
         today = render(old.origin(), rung, sampling, progress=progress)
         comparison = compare(today, old.image, tolerance=old.tolerance)
     else:
-
-        def render_round(samples: int, seed: int) -> Image:
-            if isinstance(found, MitsubaScene):
-                width, height = old.image.shape[1::-1]
-                return twin.render_mitsuba(with_film(found, width=width, height=height), samples, seed)
-            return replace(twin.render(old.origin(), rung, sampling=sampling, samples=samples, seed=seed), surface=None)
-
         check = SequentialComparison(old.image, judging=judging, tolerance=old.tolerance)
         names = (f"{path.parent.name}/{rung}", "twin")
         comparison = Rounds(check, render_round, None, seed, Stages(progress), names=names).decide(budget)
