@@ -86,11 +86,10 @@ ENTRIES = (
     ),
     Entry(
         "light", "light.html", "The light of a photo",
-        "Sun and sky from a mirror ball and a pin in a photo, with what each model predicts.",
+        "Sun and sky from a mirror ball in a photo, and a ball drawn in under them.",
         (
             "photo light {root}/scenes/desk/lit/photo_00.jpg --board {root}/scenes/desk/board.toml"
-            " --camera {root}/scenes/desk/lit/camera.toml --ball=-0.075,0.05,0.028,0.03"
-            " --stand 0.095,0.095,0.03 -o light.toml",
+            " --camera {root}/scenes/desk/lit/camera.toml --ball=-0.075,0.05,0.028,0.03 -o light.toml",
         ),
     ),
     Entry(

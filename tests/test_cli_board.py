@@ -7,7 +7,7 @@ from program import raytwin, refused
 
 from raytwin.photos.boards import read_board
 
-GRID = ("board", "--columns", 3, "--rows", 4, "--tag", "30mm", "--pitch", "38mm")
+GRID = ("photo", "board", "--columns", 3, "--rows", 4, "--tag", "30mm", "--pitch", "38mm")
 
 
 def test_a_wrong_board_is_one_line_and_nothing_is_written(subtests, tmp_path):
@@ -26,7 +26,7 @@ def test_a_wrong_board_is_one_line_and_nothing_is_written(subtests, tmp_path):
 
 
 def test_without_options_it_is_a_board_that_a4_holds_and_photos_beside_it_are_calibrated_with_it(shoot, tmp_path):
-    run = raytwin("board", "--paper", "A4", cwd=tmp_path)
+    run = raytwin("photo", "board", "--paper", "A4", cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     assert "35 tags on a4" in run.stdout
     assert (tmp_path / "board.pdf").read_bytes().startswith(b"%PDF-")
@@ -35,8 +35,8 @@ def test_without_options_it_is_a_board_that_a4_holds_and_photos_beside_it_are_ca
     photos.mkdir()
     for i in range(4):
         shutil.copy(shoot()[0] / f"photo_0{i}.jpg", photos)
-    run = raytwin("calibrate", "photos", "--model", "k1k2", cwd=tmp_path)
+    run = raytwin("photo", "calibrate", "photos", "--model", "k1k2", cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     assert "board.toml" in run.stdout.splitlines()[0]
     (tmp_path / "board.toml").unlink()
-    refused(raytwin("calibrate", "photos", cwd=tmp_path), "--board", "no board.toml lies beside the photos")
+    refused(raytwin("photo", "calibrate", "photos", cwd=tmp_path), "--board", "no board.toml lies beside the photos")

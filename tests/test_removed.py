@@ -52,6 +52,6 @@ def test_words_behind_two_dashes_are_no_options(monkeypatch):
 
 
 def test_a_second_board_is_refused(tmp_path):
-    run = raytwin("calibrate", tmp_path, "--board", "a.toml", "--board", "b.toml")
+    run = raytwin("photo", "calibrate", tmp_path, "--board", "a.toml", "--board", "b.toml")
     assert run.returncode == 2
     assert "`photo calibrate --board` more than once was removed in 0.2.0. Use one board" in run.stderr

@@ -13,7 +13,6 @@ and half a millimetre.
 
 import argparse
 import itertools
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -77,12 +76,12 @@ def take(folder: Path, seed: int, samples: int) -> None:
     )  # fmt: skip
 
 
-MODES = {"stand": (False, True), "mirror ball": (True, False), "all": (True, True)}
-"""By what -> whether the mirror ball and the stand are used."""
+BY = "stand", "mirror ball"
+"""What the light is found by."""
 
 
 def judge(folder: Path, seed: int) -> list[dict]:
-    """A row per mode: errors and z of the light that is found in `folder`."""
+    """Return a row per thing that shows the light: errors and z of the light that is found in `folder`."""
     truth = synthetic_photos.read_truth(folder / "photos" / "truth.toml")
     R, t = truth.photos["photo_00.jpg"]
     write_camera(folder / "camera.toml", Camera(truth.image_size, truth.K, R, t, truth.dist))
@@ -91,62 +90,46 @@ def judge(folder: Path, seed: int) -> list[dict]:
     sky = around / white if around is not None else np.broadcast_to(np.float32(Ls / white), (16, 32, 3))
     true = models.Light(to_light, 0.0, E / white, E, Ls / white, Ls, sky)
     rng = np.random.default_rng(seed)
-    near = (*(MIRROR.center + rng.normal(0, 0.1 * MIRROR.radius, 3)), MIRROR.radius * (1 + rng.normal(0, 0.01)))
-    stand = tuple(np.array(STAND) + rng.normal(0, 5e-4, 3))
-    kind = {"seed": seed, "sky": "constant" if around is None else "map"}
-    try:
-        whole = estimate_light(
-            folder / "photos" / "photo_00.jpg", folder / "photos" / "board.toml", folder / "camera.toml", ball=near,
-            stand=stand,
-        )  # fmt: skip
-    except InputError as error:
-        return [kind | {"mode": mode, "failed": str(error)} for mode in MODES]
-    return [kind | {"mode": mode} | judged(whole, true, *parts) for mode, parts in MODES.items()]
+    ball = (*(MIRROR.center + rng.normal(0, 0.1 * MIRROR.radius, 3)), MIRROR.radius * (1 + rng.normal(0, 0.01)))
+    given = {"stand": tuple(np.array(STAND) + rng.normal(0, 5e-4, 3))}, {"ball": ball}
+    files, rows = (folder / "photos" / "photo_00.jpg", folder / "photos" / "board.toml", folder / "camera.toml"), []
+    for by, numbers in zip(BY, given, strict=True):
+        rows.append({"seed": seed, "sky": "constant" if around is None else "map", "by": by})
+        try:
+            rows[-1] |= judged(estimate_light(*files, **numbers), true)
+        except InputError as error:
+            rows[-1] |= {"failed": str(error)}
+    return rows
 
 
-def judged(whole: LightEstimate, true: models.Light, with_ball: bool, with_stand: bool) -> dict:
-    """What the light is off that part of the evidence shows."""
-    part = replace(
-        whole.evidence, shadow=whole.evidence.shadow if with_stand else None,
-        mirror=whole.evidence.mirror if with_ball else None,
-    )  # fmt: skip
-    if not (part.shadow or part.mirror):
-        return {"failed": "no shadow"}
-    light, trials, taken = models.simplest_light(part)
+def judged(found: LightEstimate, true: models.Light) -> dict:
+    """Return what the light that was found is off."""
+    light = found.light
     if light.to_light is None:
         return {"failed": "no sun found"}
     angle = np.degrees(np.arccos(np.clip(light.to_light @ true.to_light, -1, 1)))
-    row = {"model": trials[taken].name, "angle": float(angle)}
-    row["z_angle"] = float(angle / np.sqrt(2) / np.degrees(light.sigma))
+    row = {"model": light.name, "angle": float(angle), "z_angle": float(angle / np.sqrt(2) / np.degrees(light.sigma))}
     for name in ("E", "Ls"):
         value, sd, exact = getattr(light, name), getattr(light, f"{name}_sd"), getattr(true, name)
         row[name] = float((value / exact - 1) @ REC_709)
         row[f"z_{name}"] = float((value - exact) @ REC_709 / (sd @ REC_709))
     up = models.NORMALS
-    skies = (
-        light.Ls * (1 + up[:, 2:]) / 2 if light.around is None else models.received(light.around, up),
-        models.received(true.around, up),
-    )
-    row["irradiance"] = float(np.sqrt(((skies[0] / skies[1] - 1) ** 2).mean()))
-    return row | drawn(whole, light, true)
+    sky = light.Ls * (1 + up[:, 2:]) / 2 if light.around is None else models.received(light.around, up)
+    row["irradiance"] = float(np.sqrt(((sky / models.received(true.around, up) - 1) ** 2).mean()))
+    return row | {"codes": codes(found, light), "codes_true": codes(found, true)}
 
 
-def drawn(found: LightEstimate, *lights: models.Light) -> dict:
-    """Codes rms on the orange ball, drawn under the light found and under the true one, against the photo."""
-    photo, codes = found.photo, []
-    for light in lights:
-        objects = ORANGE, sheet_of(draw_board(found.board, 500.0)[1]), TABLE
-        sun = Sun(tuple(light.to_light), tuple(light.E))
-        scene = printed(scene_of("drawn", photo.camera, objects, (sun, light.sky)), found.board)
-        result = augment(
-            photo.pixels, scene, shadows=False, exposure=photo.value_of_one(found.evidence.paper)
-        )  # fmt: skip
-        inside = (result.coverage == 1).astype(float)
-        # Over the means of 8 x 8 pixels, in which the photo's and the renderer's noise drop out.
-        off = (result.pixels - photo.pixels.astype(float)) * inside[..., None]
-        mean = cv2.boxFilter(off, -1, (8, 8))[inside == 1] / cv2.boxFilter(inside, -1, (8, 8))[inside == 1, None]
-        codes.append(float(np.sqrt((mean**2).mean())))
-    return dict(zip(("codes", "codes_true"), codes, strict=True))
+def codes(found: LightEstimate, light: models.Light) -> float:
+    """Return the rms difference in 8-bit codes of the orange ball drawn under the light and the one in the photo, over
+    means of 8 x 8 pixels, in which the photo's and the renderer's noise drop out."""
+    photo, objects = found.photo, (ORANGE, sheet_of(draw_board(found.board, 500.0)[1]), TABLE)
+    sun = Sun(tuple(light.to_light), tuple(light.E))
+    scene = printed(scene_of("drawn", photo.camera, objects, (sun, light.sky)), found.board)
+    result = augment(photo.pixels, scene, shadows=False, exposure=photo.value_of_one(photo.paper_colour))
+    inside = (result.coverage == 1).astype(float)
+    off = (result.pixels - photo.pixels.astype(float)) * inside[..., None]
+    mean = cv2.boxFilter(off, -1, (8, 8))[inside == 1] / cv2.boxFilter(inside, -1, (8, 8))[inside == 1, None]
+    return float(np.sqrt((mean**2).mean()))
 
 
 COLUMNS = ("by", "sky", "lights", "sun, degrees", "worst", "z", "E", "z of E", "Ls", "z of Ls", "on a sphere",
@@ -154,17 +137,17 @@ COLUMNS = ("by", "sky", "lights", "sun, degrees", "worst", "z", "E", "z of E", "
 
 
 def report(rows: list[dict], first: int) -> None:
-    """A row per mode and kind of sky: root mean squares, of codes the median."""
+    """Print a row per thing that shows the light and kind of sky: root mean squares, of codes the median."""
     table = []
-    for mode, kind in itertools.product(MODES, ("constant", "map")):
-        mine = [r for r in rows if r["mode"] == mode and r["sky"] == kind]
+    for by, kind in itertools.product(BY, ("constant", "map")):
+        mine = [r for r in rows if r["by"] == by and r["sky"] == kind]
         good = [r for r in mine if "angle" in r]
         if not good:
             continue
-        column = {k: np.array([r[k] for r in good]) for k in good[0] if k not in ("mode", "model", "sky")}
+        column = {k: np.array([r[k] for r in good]) for k in good[0] if k not in ("by", "model", "sky")}
         rms = {k: float(np.sqrt((v**2).mean())) for k, v in column.items()}
         table.append((
-            mode, kind, f"{len(good)} of {len(mine)}", f"{rms['angle']:.2f}", f"{column['angle'].max():.2f}",
+            by, kind, f"{len(good)} of {len(mine)}", f"{rms['angle']:.2f}", f"{column['angle'].max():.2f}",
             f"{rms['z_angle']:.2f}", f"{100 * rms['E']:.1f} %", f"{rms['z_E']:.2f}", f"{100 * rms['Ls']:.1f} %",
             f"{rms['z_Ls']:.2f}", f"{100 * rms['irradiance']:.1f} %", f"{np.median(column['codes']):.1f}",
             f"{np.median(column['codes_true']):.1f}",
@@ -188,7 +171,7 @@ def main() -> None:
             take(folder, seed, asked.samples)
         elif asked.what == "judge":
             rows += judge(folder, seed)
-            for row in rows[-len(MODES) :]:
+            for row in rows[-len(BY) :]:
                 print({k: round(v, 3) if isinstance(v, float) else v for k, v in row.items()}, flush=True)
     if rows:
         write_json(asked.folder / "judged.json", rows)

@@ -165,12 +165,8 @@ def light(folder: Path, make_result, scenes) -> list[Path]:
     photo = LinearPhoto(EVIL, camera, noise(), np.zeros(SIZE, bool), pixels, np.ones(3), np.ones(SIZE))
     up, grey = np.array([0.0, 0.6, 0.8]), np.full(3, 0.4)
     sun_and_map = light_models.Light(up, 0.01, grey, 0.1 * grey, grey, 0.1 * grey, noise((8, 16)))
-    trials = [light_models.Trial(EVIL, 8, True, 0.1)]
     board = boards.read_board(scenes / "desk" / "board.toml")
-    found = LightEstimate(
-        photo, board, light_models.Evidence(np.ones(3)), light=sun_and_map, trials=trials, warnings=[EVIL],
-        drawn=pixels,
-    )  # fmt: skip
+    found = LightEstimate(photo, board, light=sun_and_map, warnings=[EVIL], drawn=pixels)
     light_page.write_light_page(found, folder / "light.html")
     return [folder / "light.html"]
 

@@ -115,7 +115,7 @@ def light_command(
                 *refused.fields[:2], f"{refused.got} (axes to measure by: {out.with_suffix('.html')})"
             ) from None
     assert found.light is not None  # what shows no light was refused
-    write_light(out, found.light, found.evidence.paper, f"The light of a photo: {found.trials[found.taken].name}.")
+    write_light(out, found.light, found.photo.paper_colour, f"The light of a photo: {found.light.name}.")
     if json:
         write_json(json, found.numbers())
     say(light_page.light_summary(found))

@@ -107,15 +107,19 @@ def test_what_is_left_out_of_the_work_would_not_have_changed(to_light, monkeypat
     assert (trimmed.pixels[same] == 180).all()
     monkeypatch.setattr(objects, "_touched", lambda scene, shadows: (0, 0, 320, 240))
     whole = augment(grey(), scene)
-    assert np.abs(trimmed.pixels.astype(int) - whole.pixels)[same].max() <= 2
+    assert (np.abs(trimmed.pixels.astype(int) - whole.pixels)[same] > 2).mean() < 1e-3
     assert (whole.ratio[..., 0] < 0.9).sum() > 50
 
 
-@pytest.mark.parametrize(("slope", "squares"), [(0.0, 1), (0.0009, None), (0.0011, 2)])
-def test_a_sun_above_the_plane_adds_its_shadows_square_and_one_along_it_may_shade_it_all(slope, squares):
+@pytest.mark.parametrize(("slope", "squares"), [(-0.5, 1), (0.0, 1), (0.0009, 2), (0.5, 2)])
+def test_a_sun_above_the_plane_adds_the_square_about_its_shadow(slope, squares):
     scene = stage((float(np.sqrt(1 - slope**2)), 0.0, slope))
     made = objects._reach(Sphere((0.1, 0.02, 0.03), 0.02), FLOOR, scene)
-    assert made == [FLOOR] if squares is None else FLOOR not in made and len(made) == squares
+    assert len(made) == squares
+    assert made[0].center == pytest.approx((0.1, 0.02, 0.0))
+    if slope == 0.5:
+        assert made[1].center == pytest.approx((0.1 - 0.03 * 3**0.5, 0.02, 0.0))
+        assert made[1].half_u == pytest.approx((0.04, 0.0, 0.0), rel=2e-3)
 
 
 def test_far_from_all_objects_nothing_is_noisy():

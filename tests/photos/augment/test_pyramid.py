@@ -1,11 +1,11 @@
-"""The transparent pyramid: where it stands, in which order its faces cover, and what it leaves alone."""
+"""The transparent pyramid: where it stands, how much its faces cover, and what it leaves alone."""
 
 import cv2
 import msgspec
 import numpy as np
 
 from raytwin.images.photo_files import from_bytes
-from raytwin.photos.augment import draw_pyramid, pyramid
+from raytwin.photos.augment import draw_pyramid
 from raytwin.scene import Camera, Pyramid
 
 CAMERA = Camera(
@@ -39,14 +39,3 @@ def test_a_pyramid_behind_the_camera_is_left_out():
     grey = np.full((300, 400, 3), 128, np.uint8)
     behind = msgspec.structs.replace(PYRAMID, vertices=tuple((x, y, z + 1.0) for x, y, z in PYRAMID.vertices))
     assert np.array_equal(draw_pyramid(grey, CAMERA, behind), grey)
-
-
-def test_a_face_looks_at_the_eye_or_away_whichever_way_its_corners_run():
-    """A triangle at z = 2 over a body below it: its outside is above."""
-    corners = np.array([(0.0, 0.0, 2.0), (1.0, 0.0, 2.0), (0.0, 1.0, 2.0)])
-    below, above = np.array((0.2, 0.2, 1.0)), np.array((0.2, 0.2, 3.0))
-    for order in (corners, corners[::-1]):
-        assert pyramid._faces_eye(order, below, above)
-        assert not pyramid._faces_eye(order, below, below / 3)
-        assert not pyramid._faces_eye(order, above, above)
-        assert pyramid._faces_eye(order, above, below)

@@ -12,6 +12,7 @@ from raytwin.errors import InputError
 from raytwin.images.photo_files import list_photos, to_bytes, write_picture
 from raytwin.photos.boards.board import PAPER, draw_board
 from raytwin.photos.lighting import light_models, mirror_ball, mirror_map, stand_shadow
+from raytwin.photos.lighting.light_models import light_of
 from raytwin.photos.lighting.linear_photo import LinearPhoto, read_linear
 from raytwin.photos.synthetic_photos import expose, photograph, read_truth, sheet_of
 from raytwin.scene import Camera, Environment
@@ -163,10 +164,9 @@ def test_a_long_clipped_patch_is_a_lamp_that_makes_up_the_papers_light():
     spot = mirror_ball.sun_spot(photo, ball_of())
     assert spot is None
     maps = mirror_map.mirrored_maps(photo, ball_of(), np.ones(3), None)
-    mirror = light_models.MirrorBall(ball_of(), np.ones(3), spot, *maps)
-    light, trials, taken = light_models.simplest_light(light_models.Evidence(paper, None, mirror))
+    light = light_of(paper, mirror_map.MirrorBall(ball_of(), np.ones(3), spot, *maps))
     assert light.to_light is None
-    assert trials[taken].rows == len(light.around)
+    assert light_models.simplest(light)[0] is light
     assert light_models.upward(light.around) == pytest.approx(paper / PAPER, rel=1e-3)
     bright = light.around[..., 0] * (light.around[..., 0] > 0.3 * light.around.max())
     lamp = np.einsum(
@@ -176,14 +176,11 @@ def test_a_long_clipped_patch_is_a_lamp_that_makes_up_the_papers_light():
 
 
 def test_a_sun_that_is_no_stronger_than_its_uncertainty_is_not_taken():
-    for dark, sd, taken in ((0.95, 0.03, "constant sky"), (0.4, 0.03, "sun + constant sky")):
-        shadow = stand_shadow.Shadow(np.full(3, dark), np.full(3, sd), SUN, 0.01, 1.0, 0.001)
-        light, trials, number = light_models.simplest_light(light_models.Evidence(np.ones(3), shadow))
-        assert trials[number].name == taken
-        assert (light.to_light is not None) == light.E.any() == (dark < 0.5)
-        if light.E.any():
-            assert light.Ls == pytest.approx(np.full(3, 0.4 / PAPER))
-            assert light.E * SUN[2] / np.pi + light.Ls == pytest.approx(np.ones(3) / PAPER)
+    for share, taken in ((0.95, "constant sky"), (0.4, "sun + constant sky")):
+        light = light_of(np.ones(3), stand_shadow.Shadow(np.full(3, share), SUN, 0.01))
+        assert light.name == taken
+        assert light.Ls == pytest.approx(np.full(3, 1 if light.to_light is None else share) / PAPER)
+        assert light.E * SUN[2] / np.pi + light.Ls == pytest.approx(np.ones(3) / PAPER)
 
 
 @pytest.mark.nightly
@@ -212,23 +209,25 @@ def test_a_pins_shadow_tells_the_sun_and_its_share_of_the_light_and_a_blocks_is_
         photo, warnings = read_linear(path, Camera(truth.image_size, truth.K, R, t, truth.dist), BOARD)
         assert warnings == []
         assert photo.paper_colour == pytest.approx(np.ones(3), abs=0.01)
-        found = stand_shadow.find_shadow(photo, BOARD, (*(foot + 5e-4), 1.01 * height))
-        assert found is not None
-        assert (found.width < stand_shadow.WIDEST_UPRIGHT * height) == (width < 0.002)
-        if width < 0.002:
-            assert np.degrees(np.arccos(found.to_light @ SUN)) < 1.5  # half a millimetre and one per cent off
-            assert found.dark == pytest.approx(np.full(3, dark), abs=0.04)
-            turn = np.arctan2(*found.to_light[1::-1]) - np.arctan2(*SUN[1::-1])
-            assert abs(np.degrees(turn)) < 0.5  # which the foot's place has no part in
+        told = *(foot + 5e-4), 1.01 * height
+        if width > 0.002:
+            with pytest.raises(InputError, match=r"at most 0\.25 of its height wide"):
+                stand_shadow.find_shadow(photo, BOARD, told)
+            continue
+        found = stand_shadow.find_shadow(photo, BOARD, told)
+        assert np.degrees(np.arccos(found.to_light @ SUN)) < 1.5  # half a millimetre and one per cent off
+        assert found.sky_share == pytest.approx(np.full(3, dark), abs=0.04)
+        turn = np.arctan2(*found.to_light[1::-1]) - np.arctan2(*SUN[1::-1])
+        assert abs(np.degrees(turn)) < 0.5  # which the foot's place has no part in
 
 
 def test_no_shadow_is_found_on_a_bare_sheet(shoot):
     folder, truth = shoot()
     name, (R, t) = next(iter(truth.photos.items()))
     photo, _ = read_linear(folder / name, Camera(truth.image_size, truth.K, R, t, truth.dist), BOARD)
-    assert stand_shadow.find_shadow(photo, BOARD, (0.095, 0.095, 0.03)) is None
-    with pytest.raises(InputError, match="white paper around it"):
-        stand_shadow.find_shadow(photo, BOARD, (0.9, 0.9, 0.03))
+    for foot, expected in ((0.095, "no shadow of it on the sheet"), (0.9, "white paper around it")):
+        with pytest.raises(InputError, match=expected):
+            stand_shadow.find_shadow(photo, BOARD, (foot, foot, 0.03))
 
 
 def test_clipped_and_tone_mapped_paper_is_a_warning_in_words(tmp_path):

@@ -93,7 +93,7 @@ def test_a_process_that_ended_is_started_again_at_the_next_call_and_none_is_left
 
 
 def test_what_a_function_raises_takes_and_is_called_is_as_if_it_were_here(tmp_path, single):
-    found = find_subject(subject(tmp_path, "pass"), "shadow")
+    found = find_subject(subject(tmp_path, "1 / seed"), "shadow")
     assert found.noisy
     assert found.samples
     assert list(found.stages) == ["back_project"]

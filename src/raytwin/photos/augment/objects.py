@@ -26,17 +26,20 @@ from raytwin.scene import Camera, Rectangle, Scene, Shape
 DEPTH = 4
 """Surfaces of a light path, as Mitsuba counts: sun, ground, ball, ground, eye has three."""
 
-PATHS, MOST_PATHS = 1 << 20, 4
-"""Light paths in all; at least one and at most four per pixel."""
+PATHS, MAX_PATHS_PER_PIXEL = 1 << 20, 4
+"""Light paths in all; each pixel gets at least one."""
 
 BLUR_PX = 20.0
-"""Side in pixels of the square over which the light of one path per pixel is averaged within an object, all but the
-sun's own: sky and bounced light vary slowly. Of more paths it is less, by the root of their number."""
+"""Side of the square over which sky and bounced light, which vary slowly, are averaged within an object, in pixels with
+one path each. With more paths per pixel it shrinks by the square root of their number."""
 
 SKY_REACH = 1 / 400
 """Share of the sky whose loss changes no 8-bit pixel, half of it where the lost part is twice as bright as the rest."""
 
-STRIP = 1 << 18
+LEAST_SLOPE = 1e-6
+"""Least cosine of the sun to a plane whose shadows are drawn."""
+
+STRIP_PIXELS = 1 << 18
 """Pixels worked on at a time."""
 
 
@@ -74,8 +77,8 @@ def augment(
     value_of_one = np.broadcast_to(np.asarray(exposure, np.float32), (h, w, 3))
     out, coverage, ratio = photo.copy(), np.zeros((h, w), np.float32), np.ones((h, w, 3), np.float32)
     x0, y0, x1, y1 = _touched(scene, shadows)
-    rows = max(1, STRIP // max(x1 - x0, 1))
-    paths = min(max(PATHS // max((x1 - x0) * (y1 - y0), 1), 1), MOST_PATHS)
+    rows = max(1, STRIP_PIXELS // max(x1 - x0, 1))
+    paths = min(max(PATHS // max((x1 - x0) * (y1 - y0), 1), 1), MAX_PATHS_PER_PIXEL)
     for top in range(y0, y1, rows):
         box = x0, top, x1, min(top + rows, y1)
         part = slice(top, box[3]), slice(x0, x1)
@@ -161,20 +164,19 @@ def _touched(scene: Scene, shadows: bool) -> tuple[int, int, int, int]:
 
 
 def _reach(thing: Shape, plane: Rectangle, scene: Scene) -> list[Rectangle]:
-    """Return squares of the plane that contain the object's shadow from the sun and the area where it hides the sky.
+    """Return squares of the plane that contain the object's shadow and the area where it hides the sky.
 
     It is taken for the sphere about it: one of radius r hides (r/d)² cos θ of the sky at distance d, θ off the normal.
     """
-    c, o, r = np.array(thing.center), np.array(plane.center), math.hypot(*thing.sizes)
-    n = np.array(plane.normal) * (-1 if (c - o) @ plane.normal < 0 else 1)
-    height, to_light = (c - o) @ n, np.array(scene.sun.to_light)
-    parts = [(c - height * n, max((height * r * r / SKY_REACH) ** (1 / 3), r))]
-    if (slope := to_light @ n) > 1e-3:
-        parts.append((c - height / slope * to_light, 1.001 * r / slope))
-    elif slope > 0:
-        return [plane]
+    center, radius = np.array(thing.center), math.hypot(*thing.sizes)
+    offset, to_light = center - plane.center, np.array(scene.sun.to_light)
+    normal = np.array(plane.normal) * (-1 if offset @ plane.normal < 0 else 1)
+    height, slope = offset @ normal, to_light @ normal
+    parts = [(center - height * normal, max((height * radius**2 / SKY_REACH) ** (1 / 3), radius))]
+    if slope > LEAST_SLOPE:
+        parts.append((center - height / slope * to_light, 1.001 * radius / slope))
     u, v = (np.array(half) / np.linalg.norm(half) for half in (plane.half_u, plane.half_v))
     return [
-        msgspec.structs.replace(plane, center=tuple(p.tolist()), half_u=tuple(s * u), half_v=tuple(s * v))
-        for p, s in parts
+        msgspec.structs.replace(plane, center=tuple(middle.tolist()), half_u=tuple(half * u), half_v=tuple(half * v))
+        for middle, half in parts
     ]

@@ -1,11 +1,11 @@
-"""Sun and sky from all that stands beside the board, and no more of a model than a matt sphere would show.
+"""A photo's light: a sun, and a sky that is constant or the map that a mirror ball shows.
 
-White paper in full light has a_p (E l.z/π + Ls) = P, which is known: a sky of Ls leaves E to the sun. A shadow's
-darkness and a mirror ball's map each tell Ls, and their mean by inverse variance is taken. A map is scaled to it; where
-there is no sun, clipped lamps in it are given what the rest leaves of the paper's light, spread over their texels.
+White paper in full light has radiance a (E l.z/π + Ls), which is known: a sky of Ls leaves E to the sun. Ls comes from
+the mirror ball's map or from how dark an upright's shadow is. Without a sun, the map's clipped lamps get what the rest
+leaves of the paper's light, spread over their texels.
 
-The sky is constant if a matt sphere could not tell it from the map. Sharp edges that a mirror shows do not count, since
-no matt surface shows them.
+The sky is constant where a matt sphere would hardly look different under the map. Sharp edges that a mirror shows do
+not count, since no matt surface shows them.
 """
 
 from dataclasses import dataclass, replace
@@ -13,56 +13,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from raytwin.photos.boards.board import PAPER
-from raytwin.photos.lighting.mirror_ball import Ball, SunSpot
-from raytwin.photos.lighting.stand_shadow import Shadow
+from raytwin.photos.lighting.mirror_map import MirrorBall
+from raytwin.photos.lighting.stand_shadow import SKY_SHARE_SD, Shadow
 from raytwin.scene import Environment, Sky
 from raytwin.tracer.lights.envmap_tables import REC_709, texel_directions
 
-VISIBLE = 0.01
-"""Share of a matt sphere's light by which a constant sky may be off the map: one code of 8 bits, which is 2.2/255 of
-white and more of darker greys."""
+VISIBLE_SHARE = 0.01
+"""Error of a matt sphere's shading above which a constant sky is not taken, as a share of its mean: about one code of
+8 bits."""
 
 SUN_SIGMAS = 3.0
 """A sun is accepted if its irradiance exceeds this many of its standard deviations."""
 
 PAPER_SD, REFLECTANCE_SD = 0.01, 0.03
-"""As shares: how well the paper's light, and a mirror's reflectance, are known."""
+"""Standard deviations, as shares, of the paper's light and of a mirror's reflectance."""
 
 _K = np.arange(100)
 _Z = 1 - (2 * _K + 1) / 200
 NORMALS = np.stack([*(np.sqrt(1 - _Z * _Z) * f(2.399963 * _K) for f in (np.cos, np.sin)), _Z], axis=1)
-"""Normals that look up, spread evenly over a sphere along a spiral, at which its shading is compared."""
-
-Sun = tuple[np.ndarray, float]
-"""A direction, and its standard deviation in radians."""
-
-
-@dataclass(frozen=True, eq=False)
-class MirrorBall:
-    """A mirror ball, its reflectance (3), the sun's spot in it, and the maps (rows, 2 rows, 3) of what it shows:
-    without lamps, and of clipped lamps alone."""
-
-    ball: Ball
-    reflectance: np.ndarray
-    spot: SunSpot | None
-    dim: np.ndarray
-    lamps: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class Evidence:
-    """What shows the light; `paper` (3): the radiance of white paper in full light."""
-
-    paper: np.ndarray
-    shadow: Shadow | None = None
-    mirror: MirrorBall | None = None
-
-    @property
-    def suns(self) -> list[tuple[str, np.ndarray, float]]:
-        """(what showed it, direction, standard deviation in radians) of all that shows where the sun is."""
-        spot = self.mirror.spot if self.mirror else None
-        shown = ("stand", self.shadow), ("mirror ball", spot)
-        return [(name, by.to_light, by.sigma) for name, by in shown if by]
+"""Normals that look up, spread evenly along a spiral, at which a sphere's shading is compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +51,11 @@ class Light:
     around: np.ndarray | None
 
     @property
+    def name(self) -> str:
+        sky = "constant sky" if self.around is None else f"map of {len(self.around)} rows"
+        return sky if self.to_light is None else f"sun + {sky}"
+
+    @property
     def sky(self) -> Sky:
         if self.around is None:
             return Sky(tuple(self.Ls.tolist()))
@@ -92,17 +66,6 @@ class Light:
         """(n, 3): radiance over albedo that a matt sphere has at NORMALS."""
         sun = self.E / np.pi * np.maximum(NORMALS @ self.to_light, 0)[:, None] if self.to_light is not None else 0
         return sun + (self.Ls * (1 + NORMALS[:, 2:]) / 2 if self.around is None else received(self.around, NORMALS))
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A model; `rows` of its map, 0 for a constant sky; `on_sphere`: how far it is off the map, as a share of a matt
-    sphere's mean shading."""
-
-    name: str
-    rows: int
-    sun: bool
-    on_sphere: float
 
 
 def received(around: np.ndarray, normals: np.ndarray) -> np.ndarray:
@@ -119,58 +82,36 @@ def upward(around: np.ndarray) -> np.ndarray:
     return received(around, np.array([[0.0, 0.0, 1.0]]))[0]
 
 
-def simplest_light(found: Evidence) -> tuple[Light, list[Trial], int]:
-    """The light, the models tried, and the number of the one taken. Without a mirror ball the sky is constant."""
-    sun = _mean_direction(found.suns)
-    light = _solve(found, sun)
-    if sun and SUN_SIGMAS * light.E_sd @ REC_709 > light.E @ REC_709:
-        sun, light = None, _solve(found, None)
-    prefix = "sun + " if sun else ""
-    even = Trial(f"{prefix}constant sky", 0, sun is not None, 0.0)
-    if light.around is None:
-        return light, [even], 0
-    whole = light.shading
-    plain = replace(light, around=None)
-    off = float(np.sqrt(((plain.shading - whole) ** 2).mean()) / whole.mean())
-    rows = len(light.around)
-    trials = [replace(even, on_sphere=off), Trial(f"{prefix}map of {rows} rows", rows, sun is not None, 0.0)]
-    return (plain, trials, 0) if off <= VISIBLE else (light, trials, 1)
+def light_of(paper: np.ndarray, by: Shadow | MirrorBall) -> Light:
+    """Return the light by which paper in full light has radiance `paper` (3), with the map where a mirror shows one."""
+    whole, zero = paper / PAPER, np.zeros(3)
+    if isinstance(by, Shadow):
+        sun, around, Ls, Ls_sd = by, None, by.sky_share * whole, SKY_SHARE_SD * whole
+    else:
+        sun, around = by.spot, by.dim + by.lamps
+        Ls = upward(around)
+        Ls_sd = REFLECTANCE_SD * Ls
+    if sun:
+        Ls = np.clip(Ls, 1e-6, whole)  # no light takes any away
+        Ls_sd = np.hypot(Ls_sd, PAPER_SD * Ls)
+        E = np.pi * (whole - Ls) / sun.to_light[2]
+        slant = np.hypot(*sun.to_light[:2]) / sun.to_light[2]
+        E_sd = np.hypot(np.pi / sun.to_light[2] * np.hypot(Ls_sd, PAPER_SD * whole), E * slant * sun.sigma)
+        if SUN_SIGMAS * E_sd @ REC_709 <= E @ REC_709:
+            return Light(sun.to_light, sun.sigma, E, E_sd, Ls, Ls_sd, _scaled(around, Ls))
+    if isinstance(by, MirrorBall):
+        strength = np.maximum((whole - upward(by.dim)) / np.maximum(upward(by.lamps), 1e-9), 1)
+        around = by.dim + by.lamps * strength
+    return Light(None, 0.0, zero, zero, whole, PAPER_SD * whole, _scaled(around, whole))
 
 
-def _mean_direction(suns: list[tuple[str, np.ndarray, float]]) -> Sun | None:
-    """Weighed by inverse variance; None where nothing shows a sun that lights the board."""
-    if not suns:
-        return None
-    weight = np.array([sd for *_, sd in suns]) ** -2.0
-    d = weight @ np.array([d for _, d, _ in suns])
-    return d / np.linalg.norm(d), float(1 / np.sqrt(weight.sum()))
+def simplest(light: Light) -> tuple[Light, float]:
+    """Return the light with a constant sky where that hardly shows, and how far it is off, as a share of a matt
+    sphere's mean shading."""
+    plain, shading = replace(light, around=None), light.shading
+    off = float(np.sqrt(((plain.shading - shading) ** 2).mean()) / shading.mean())
+    return (plain if off <= VISIBLE_SHARE else light), off
 
 
-def _solve(found: Evidence, sun: Sun | None) -> Light:
-    """The light of all evidence, with the map where a mirror ball shows one, and the `sun` if there is one."""
-    whole, zero, mirror, around = found.paper / PAPER, np.zeros(3), found.mirror, None
-    if sun is None:
-        if mirror:
-            strength = np.maximum((whole - upward(mirror.dim)) / np.maximum(upward(mirror.lamps), 1e-9), 1)
-            around = _scaled(mirror.dim + mirror.lamps * strength, whole)
-        return Light(None, 0.0, zero, zero, whole, PAPER_SD * whole, around)
-    to_light, sigma = sun
-    estimates: list[tuple[np.ndarray, np.ndarray]] = []
-    if found.shadow:
-        estimates.append((found.shadow.dark * whole / found.shadow.left, found.shadow.dark_sd * whole))
-    if mirror:
-        level = upward(mirror.dim + mirror.lamps)
-        estimates.append((level, REFLECTANCE_SD * level))
-    weight = np.array([sd**-2.0 for _, sd in estimates])
-    mean = (weight * np.array([value for value, _ in estimates])).sum(axis=0) / weight.sum(axis=0)
-    Ls = np.clip(mean, 1e-6, whole)  # no light takes any away
-    Ls_sd = np.hypot(weight.sum(axis=0) ** -0.5, PAPER_SD * Ls)
-    E = np.pi * (whole - Ls) / to_light[2]
-    slant = np.hypot(*to_light[:2]) / to_light[2]
-    E_sd = np.hypot(np.pi / to_light[2] * np.hypot(Ls_sd, PAPER_SD * whole), E * slant * sigma)
-    around = _scaled(mirror.dim + mirror.lamps, Ls) if mirror else None
-    return Light(to_light, sigma, E, E_sd, Ls, Ls_sd, around)
-
-
-def _scaled(around: np.ndarray, level: np.ndarray) -> np.ndarray:
-    return (around * (level / np.maximum(upward(around), 1e-9))).astype(np.float32)
+def _scaled(around: np.ndarray | None, level: np.ndarray) -> np.ndarray | None:
+    return None if around is None else (around * (level / np.maximum(upward(around), 1e-9))).astype(np.float32)

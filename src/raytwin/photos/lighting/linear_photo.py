@@ -1,15 +1,15 @@
 """A photo as linear light relative to the board's white paper.
 
-Codes become linear by sRGB's curve, colours Rec. 709's by the photo's profile. Then the lens's falloff, a power of the
-cosine of the angle off the axis, is divided out, and the photo is scaled so that white paper in full light has
-luminance 1. The black and white cells of the tags are what all this is measured by, and checked against.
+sRGB's curve makes codes linear, and the photo's profile converts colours to Rec. 709. Then the lens's falloff, a power
+of the cosine of the angle off the axis, is divided out, and the photo is scaled so that white paper in full light has
+luminance 1. Falloff and scale come from the tags' white cells; their black cells show tone mapping.
 """
 
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from raytwin.errors import InputError
 from raytwin.images.photo_files import from_bytes, photo_extras, read_photo
@@ -19,28 +19,24 @@ from raytwin.photos.camera import lens_model
 from raytwin.scene import Camera
 from raytwin.tracer.lights.envmap_tables import REC_709
 
-CLIPPED = 252
-"""Codes from here on are taken for clipped: a JPEG's rounding moves 255 by a few."""
+CLIPPED_CODE = 252
+"""Least code that counts as clipped: JPEG changes 255 by a few."""
 
-BURNT = 249
-"""Least code of all channels in a lamp: JPEG mixes a small one's colours with its surroundings'. In four photos lamps
-of a few pixels have 247 to 252 on average, and sunlit walls of which red alone is clipped up to 245."""
+LAMP_CODE = 249
+"""Least code of all channels in a lamp: JPEG mixes the colours of a small one with its surroundings'. In four photos
+lamps of a few pixels have 247 to 252 on average, and sunlit walls whose red alone is clipped up to 245."""
 
-LINE = 1 << 12
-"""Places that OpenCV is given in a row: it takes no more than 32767."""
+LEAST_CELL_PX, LEAST_CELLS = 3.0, 50
+"""Least side in pixels of a tag's cell, whose middle is then free of its neighbours; least number of such cells."""
 
-CELL_PX = 3.0
-"""The least side of a tag's cell in pixels from which its middle is free of its neighbours."""
+FALLOFF, FALLOFF_WEIGHT = 1.0, 5e-5
+"""Expected exponent of the cosine; how it is weighted, as a variance of the cosine's logarithm over the cells."""
 
-FALLOFF, FALLOFF_SD = 1.0, 1.0
-"""Exponent of the cosine, and its standard deviation, before the photo is asked: phones correct most of cos⁴."""
-
-PAPER_SCATTER, INDEPENDENT_CELLS = 0.03, 20
-"""Standard deviation of paper in full light as a share, of bounced light and hidden sky; how many cells' worth it is,
-since neighbours err together."""
+MAX_CLIPPED_SHARE = 0.1
+"""Largest share of paper in full light that may be clipped without a warning."""
 
 INK = 0.012, 0.12
-"""Black over white in linear light: what ink on paper gives under any light, some glare included."""
+"""Linear light of ink over that of paper, under any light and with some glare."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +51,6 @@ class LinearPhoto:
     pixels: np.ndarray
     paper: np.ndarray
     shade: np.ndarray
-
-    @property
-    def burnt(self) -> np.ndarray:
-        """(H, W) bool: clipped in every channel. What is clipped in one alone is hardly brighter than white."""
-        return self.pixels.min(axis=-1) >= BURNT
 
     @property
     def paper_colour(self) -> np.ndarray:
@@ -82,15 +73,11 @@ class LinearPhoto:
 
 
 def sample(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """Bilinear values of an image (H, W, ...) at pixels (n, 2); NaN outside the frame."""
-    h, w = image.shape[:2]
-    u, v = (np.ascontiguousarray(pixels[:, i], np.float32) for i in (0, 1))
-    lines = (np.resize(a, (-(-len(a) // LINE), LINE)) if len(a) else a.reshape(0, 1) for a in (u, v))
-    found = cv2.remap(image, *lines, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) if len(u) else image[:0, :0]
-    found = found.reshape(-1, *image.shape[2:])[: len(u)].astype(float)
-    outside = ~((u >= 0) & (u <= w - 1) & (v >= 0) & (v <= h - 1))
-    found[outside] = np.nan
-    return found
+    """Return bilinear values of an image (H, W, ...) at pixels (n, 2); NaN outside the frame."""
+    layers = np.moveaxis(image.reshape(*image.shape[:2], -1), -1, 0)
+    at = pixels.T[::-1]
+    found = [map_coordinates(layer, at, output=float, order=1, cval=np.nan) for layer in layers]
+    return np.stack(found, axis=-1).reshape(-1, *image.shape[2:])
 
 
 def read_linear(path: Path, camera: Camera, board: Board) -> tuple[LinearPhoto, list[str]]:
@@ -98,8 +85,8 @@ def read_linear(path: Path, camera: Camera, board: Board) -> tuple[LinearPhoto, 
     pixels, icc = read_photo(path), photo_extras(path).get("icc_profile")
     linear = from_bytes(pixels) @ to_rec709(icc).T.astype(np.float32)
     at, white = _cells(camera, board)
-    if len(at) < 50:
-        raise InputError(path, f"tags whose cells are {CELL_PX:.0f} pixels wide, to measure light by", "smaller ones")
+    if len(at) < LEAST_CELLS:
+        raise InputError(path, f"tags with cells {LEAST_CELL_PX:.0f} pixels wide, to measure light by", "smaller ones")
     x = ((np.arange(camera.width) - camera.cx) / camera.fx).astype(np.float32)
     y = ((np.arange(camera.height) - camera.cy) / camera.fy).astype(np.float32)
     cosine = 1 / np.sqrt(1 + y[:, None] ** 2 + x**2)  # the lens's bend is too small to matter here
@@ -108,11 +95,11 @@ def read_linear(path: Path, camera: Camera, board: Board) -> tuple[LinearPhoto, 
     flat = of_cells / cosines[:, None] ** exponent
     paper, shade = np.median(flat[white][lit], axis=0), cosine ** np.float32(exponent)
     light = linear / np.float32(paper @ REC_709) / shade[..., None]
-    photo = LinearPhoto(path.name, camera, light, pixels.max(axis=-1) >= CLIPPED, pixels, paper, shade)
+    photo = LinearPhoto(path.name, camera, light, pixels.max(axis=-1) >= CLIPPED_CODE, pixels, paper, shade)
     clipped = sample(photo.clipped.astype(np.float32), at[white][lit]).mean()
     ink = np.median(flat[~white] @ REC_709) / np.median(flat[white] @ REC_709)
     warnings = []
-    if clipped > 0.1:
+    if clipped > MAX_CLIPPED_SHARE:
         warnings.append(
             f"{photo.name}: {100 * clipped:.0f} % of the paper in full light is clipped, so that all light comes out"
             " too strong beside it: expose less"
@@ -140,20 +127,19 @@ def _cells(camera: Camera, board: Board) -> tuple[np.ndarray, np.ndarray]:
     R, t = np.array(camera.R_cam_board), np.array(camera.t_cam_board)
     at = lens_model.project(there, R, t, camera.K, camera.dist)
     wide = board.tag_edge / cells * min(camera.fx, camera.fy) / (there @ R.T + t)[:, 2]
-    good = (at > 2).all(axis=1) & (at < np.array(camera.image_size) - 3).all(axis=1) & (wide > CELL_PX)
+    good = (at > 2).all(axis=1) & (at < np.array(camera.image_size) - 3).all(axis=1) & (wide > LEAST_CELL_PX)
     return at[good], white[good]
 
 
 def _falloff(white: np.ndarray, cosine: np.ndarray) -> tuple[float, np.ndarray]:
-    """The exponent of the cosine, and which of the white cells (n,) are in full light: those within a tenth of the
-    brightest, once the falloff is undone."""
+    """Return the exponent of the cosine, and which of the white cells (n,) are in full light: those within a tenth of
+    the brightest, once the falloff is undone."""
     level, x, exponent = np.log(np.maximum(white, 1e-6)), np.log(cosine), FALLOFF
-    trust = INDEPENDENT_CELLS / PAPER_SCATTER**2
     for _ in range(5):
         flat = level - exponent * x
         top = np.quantile(flat, 0.9)
         lit = np.abs(flat - np.median(flat[flat > top - 0.2])) < 0.1
-        along, up = x[lit] - x[lit].mean(), level[lit] - level[lit].mean()
-        fit = (trust * (along * up).mean() + FALLOFF / FALLOFF_SD**2) / (trust * (along**2).mean() + FALLOFF_SD**-2)
-        exponent = float(np.clip(fit, 0, 5))
+        covariance = np.cov(x[lit], level[lit])
+        slope = (covariance[0, 1] + FALLOFF_WEIGHT * FALLOFF) / (covariance[0, 0] + FALLOFF_WEIGHT)
+        exponent = float(np.clip(slope, 0, 5))
     return exponent, lit

@@ -1,17 +1,13 @@
-"""An upright of known height on the board: its shadow's end tells where the sun is, and how dark the shadow is, how
-much of the light is the sun's.
+"""An upright of known height on the board: the end of its shadow gives the sun's direction, and the shadow's darkness
+gives the sun's share of the light.
 
-White paper in full light has radiance a (E l.z / π + V Ls), in the shadow a V' Ls, with V and V' the shares of the sky
-that are left to it (Madsen and Nielsen, "Towards probe-less augmented reality", 2008). A thin upright of width w and
-height h takes from the paper at distance d
+White paper in full light has radiance a (E l.z/π + Ls), and a V Ls in the shadow of a thin upright. Of width w and
+height h it leaves to the paper at distance d the share V = 1 - w / (2 π d) · h² / (d² + h²) of the sky: one minus the
+integral of z d / (π (d² + z²)²) over its height.
 
-    w / (2 π d) · h² / (d² + h²)
-
-of the sky: the integral of z d / (π (d² + z²)²) over its height.
-
-The shadow is the darkest streak that begins at the foot: a bar with blurred edges is fitted to how much darker each
-place of plain paper or ink is than in full light. Its slope tells where the sun stands, wherever the foot was measured.
-Its length tells how high: the top is half a width thick, and so is its shadow.
+The shadow is the darkest streak that begins at the foot. A bar with blurred edges is fitted to it, on plain paper and
+on ink alike. The bar's slope gives the azimuth even where the foot was measured wrongly, and its length the elevation.
+The top is as thick as the bar is wide, and its shadow ends half a width later.
 """
 
 from dataclasses import dataclass
@@ -26,112 +22,105 @@ from raytwin.photos.boards.board import PAPER, Board, draw_board
 from raytwin.photos.lighting.linear_photo import LinearPhoto, sample
 from raytwin.tracer.lights.envmap_tables import REC_709
 
-PLACE_SD = 5e-4
-"""Metres by which each number of `--stand` is off: half a millimetre on a ruler."""
+FOOT_SD_METRES = 5e-4
+"""Standard deviation of each number of `--stand`: half a millimetre on a ruler."""
 
-STEP, TURNS = 4e-4, 720
-"""Metres between the places of a streak, and how many directions are looked along."""
+END_SD_DEGREES = 0.3
+"""Standard deviation of the sun's direction due to the shape of the upright's end."""
+
+SKY_SHARE_SD = 0.02
+"""Standard deviation of the sky's share of the light."""
+
+STEP_METRES, DIRECTIONS = 4e-4, 720
+"""Spacing of the places along a direction from the foot; number of directions."""
 
 LOWEST_SUN_DEGREES = 8.0
-"""Degrees above the board from which a sun's shadow is looked for."""
+"""Lowest sun above the board whose shadow is searched for."""
 
-ASIDE = TURNS // 30
-"""Turns to either side of a streak, 12 degrees, that must be brighter."""
+SIDE_DIRECTIONS = DIRECTIONS // 30
+"""Directions (12 degrees) from a streak to either side of it, which must be brighter."""
 
-LEAST_WHITE = 1000
-"""Places on white paper that must be seen around the upright."""
+LEAST_WHITE_PLACES = 1000
+"""Least number of places on white paper around the upright."""
 
-SEEN = 0.06
-"""How much darker than full light the shadow must be."""
+DARKNESS_NOISE = 0.2
+"""Standard deviation of a place's darkness in the fit: 0.02, since a hundred neighbours err together."""
 
-WIDEST_UPRIGHT = 0.25
-"""Width over height of the widest upright: the shadow of a dice is no bar, and ends at a corner."""
+LEAST_DARKNESS = 0.06
+"""Least share of the light that a shadow takes."""
 
-END_DEGREES = 0.3
-"""Standard deviation of the sun's direction due to the shape of the upright's end, in degrees per angle."""
+MAX_WIDTH = 0.25
+"""Largest width over height of an upright. The shadow of a dice is no bar, and ends at a corner."""
 
-NOISE = 0.2
-"""Standard deviation of a place's darkness in the fit: 0.02, and a hundred places err together."""
-
-CORRELATED_PLACES = 12.0
-"""Places that err together."""
-
-PER_METRE, PLAIN_METRES = 2000.0, 6e-4
-"""Resolution of the drawn sheet; how far from an edge between ink and paper a place must be."""
+PIXELS_PER_METRE, EDGE_METRES = 2000.0, 6e-4
+"""Resolution of the drawn sheet; places this near to an edge between ink and paper are left out."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shadow:
-    """`dark` (3): light of the paper in the shadow over that beside it, `dark_sd` (3) its standard deviation.
+    """`sky_share` (3): the sky's share of the paper's light; the sun's direction `to_light` (3), `sigma` (radians)."""
 
-    `to_light` (3), `sigma` radians across; `left`: the sky's share that is left to the shadow; `width` in metres.
-    """
-
-    dark: np.ndarray
-    dark_sd: np.ndarray
+    sky_share: np.ndarray
     to_light: np.ndarray
     sigma: float
-    left: float
-    width: float
 
 
-def find_shadow(photo: LinearPhoto, board: Board, stand: tuple[float, float, float]) -> Shadow | None:
-    """The shadow of the upright (x, y of its foot, height) on the sheet; None where none is seen.
+def find_shadow(photo: LinearPhoto, board: Board, stand: tuple[float, float, float]) -> Shadow:
+    """Return the shadow of the upright (x, y of its foot, height).
 
-    Raises InputError where too little white paper is seen around the foot.
+    Raises InputError where it has none on the sheet, where it is thick, or where too little white paper is seen.
     """
     foot, height = np.array(stand[:2]), stand[2]
-    turns = np.arange(TURNS) * 2 * np.pi / TURNS
-    far = np.arange(0.12 * height, height / np.tan(np.radians(LOWEST_SUN_DEGREES)), STEP)
+    turns = np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
+    far = np.arange(0.12 * height, height / np.tan(np.radians(LOWEST_SUN_DEGREES)), STEP_METRES)
     light, dark, white = _around(photo, board, foot, height, turns, far)
-    if white.sum() < LEAST_WHITE:
+    if white.sum() < LEAST_WHITE_PLACES:
         raise InputError(
             "--stand", "an upright on the board's sheet, with white paper around it that is not clipped",
             f"{foot[0]:g},{foot[1]:g},{height:g}",
         )  # fmt: skip
     # A ball's shadow is broad: a streak is darker than what lies to either side.
-    sides = np.fmin(np.roll(dark, ASIDE, axis=0), np.roll(dark, -ASIDE, axis=0))
-    found = [_end(profile, far) for profile in dark - np.fmax(0, sides)]
-    turn = int(np.argmax([gain for gain, *_ in found]))
-    gain, length, top = found[turn]
-    if gain == 0:
-        return None
-    near = np.arange(turn - 2 * ASIDE, turn + 2 * ASIDE + 1) % TURNS
-    angle = (np.arange(len(near)) - 2 * ASIDE)[:, None] * 2 * np.pi / TURNS
-    place = (far < 1.5 * length) & np.isfinite(dark[near])
+    sides = np.fmin(np.roll(dark, SIDE_DIRECTIONS, axis=0), np.roll(dark, -SIDE_DIRECTIONS, axis=0))
+    streaks = dark - np.fmax(0, sides)
+    streaks[np.isnan(streaks[:, far < 0.5 * height]).all(axis=1)] = 0
+    top = np.nanquantile(streaks[:, far < 0.5 * height], 0.8, axis=1)[:, None]
+    gain = np.nancumsum(np.minimum(streaks, top) - top / 2, axis=1) * (top > LEAST_DARKNESS)
+    turn, last = np.unravel_index(gain.argmax(), gain.shape)
+    if gain[turn, last] <= 0:
+        got = f"no shadow of it on the sheet: no sun, or one below {LOWEST_SUN_DEGREES:g} degrees"
+        raise InputError("--stand", "an upright that casts a shadow", got)
+    near = np.arange(turn - 2 * SIDE_DIRECTIONS, turn + 2 * SIDE_DIRECTIONS + 1) % DIRECTIONS
+    place = (far < 1.5 * far[last]) & np.isfinite(dark[near])
+    angle = turns[near][:, None] - turns[turn]
     along, beside = ((far * f(angle))[place] for f in (np.cos, np.sin))
     pixel = float(np.linalg.norm(np.array(photo.camera.eye) - (*foot, 0)) / photo.camera.fx)
 
-    def cover(x: np.ndarray) -> np.ndarray:
-        """How much of the streak lies at each place: a bar whose edges fade."""
-        length, slope, offset, width, blur = x
-        across, to_end = np.abs(beside - offset - slope * along), along - length - width / 2  # that of its top
-        bar = ndtr((width / 2 - across) / blur) - ndtr((-width / 2 - across) / blur)
-        return bar * ndtr(-to_end / blur)
+    def cover(bar: np.ndarray) -> np.ndarray:
+        """Return how much of a bar with blurred edges lies at each place."""
+        length, slope, offset, width, blur, _ = bar
+        across = np.abs(beside - offset - slope * along)
+        wide = ndtr((width / 2 - across) / blur) - ndtr((-width / 2 - across) / blur)
+        return wide * ndtr((length + width / 2 - along) / blur)
 
-    def off(x: np.ndarray) -> np.ndarray:
-        return np.concatenate([(x[5] * cover(x[:5]) - dark[near][place]) / NOISE, (x - start) / sd])
+    def off(bar: np.ndarray) -> np.ndarray:
+        return np.concatenate([(bar[5] * cover(bar) - dark[near][place]) / DARKNESS_NOISE, (bar - start) / sd])
 
-    start = np.array([length, 0, 0, 0.05 * height, 0.4 * pixel, top])
-    sd = np.array([0.3 * length, 0.1, PLACE_SD, 0.05 * height, 0.1 * pixel, 0.3])
-    low, high = start - 6 * sd, start + 6 * sd
-    low[3:5] = 1e-4, 0.1 * pixel
-    fit = least_squares(off, start, loss="soft_l1", bounds=(low, high), x_scale=sd)
-    length, slope, _, width, _, top = fit.x
-    direction = turns[turn] + np.arctan(slope)
-    to_light = np.array([-length * np.cos(direction), -length * np.sin(direction), height])
-    size = np.linalg.norm(to_light)
-    paper = white[near][place]
-    share, value = cover(fit.x[:5])[paper], light[near][place][paper]
-    A = np.stack([1 - share, share], axis=1)
-    lit, shaded = np.linalg.lstsq(A, value, rcond=None)[0]
-    scatter = ((A @ [lit, shaded] - value) / lit).std(axis=0)
-    d = length * np.linspace(0.3, 0.95, 9)
-    hidden = float((width / (2 * np.pi * d) * height**2 / (d**2 + height**2)).mean())
-    return Shadow(
-        shaded / lit, 0.01 + scatter / np.sqrt(max(share.sum() / CORRELATED_PLACES, 1.0)), to_light / size,
-        float(np.hypot(PLACE_SD / size, np.radians(END_DEGREES))), 1 - hidden, width,
-    )  # fmt: skip
+    start = np.array([far[last], 0, 0, 0.05 * height, 0.4 * pixel, top[turn, 0]])
+    sd = np.array([0.3 * far[last], 0.1, FOOT_SD_METRES, 0.05 * height, 0.1 * pixel, 0.3])
+    low = np.array([0, -1, -0.1, 1e-4, 0.1 * pixel, 0])
+    bar = least_squares(off, start, loss="soft_l1", bounds=(low, np.inf), x_scale=sd).x
+    length, slope, _, width, _, _ = bar
+    if width > MAX_WIDTH * height:
+        raise InputError("--stand", f"an upright at most {MAX_WIDTH:g} of its height wide", f"{width / height:.2g}")
+    azimuth = turns[turn] + np.arctan(slope)
+    to_light = np.array([-length * np.cos(azimuth), -length * np.sin(azimuth), height])
+    size, paper, share = np.linalg.norm(to_light), white[near][place], cover(bar)
+    of_bar = np.stack([1 - share, share], axis=1)
+    lit, shaded = np.linalg.lstsq(of_bar[paper], light[near][place][paper], rcond=None)[0]
+    distance = 0.6 * length
+    sky_left = 1 - width / (2 * np.pi * distance) * height**2 / (distance**2 + height**2)
+    sigma = float(np.hypot(FOOT_SD_METRES / size, np.radians(END_SD_DEGREES)))
+    return Shadow(shaded / lit / sky_left, to_light / size, sigma)
 
 
 def _around(
@@ -141,10 +130,10 @@ def _around(
     such paper or ink in full light, NaN where the upright, an edge of the print or clipping hides it; which are paper.
     """
     rel = (far[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)[:, None]).reshape(-1, 2)
-    sheet, (x0, _, _, y1) = draw_board(board, PER_METRE)
-    square = np.ones((1 + 2 * round(PLAIN_METRES * PER_METRE),) * 2, np.uint8)
+    sheet, (x0, _, _, y1) = draw_board(board, PIXELS_PER_METRE)
+    square = np.ones((1 + 2 * round(EDGE_METRES * PIXELS_PER_METRE),) * 2, np.uint8)
     lowest, highest = (
-        sample(f(sheet, square), ((foot + rel) * (1, -1) + (-x0, y1)) * PER_METRE - 0.5)
+        sample(f(sheet, square), ((foot + rel) * (1, -1) + (-x0, y1)) * PIXELS_PER_METRE - 0.5)
         for f in (cv2.erode, cv2.dilate)
     )
     pixels = photo.project(np.c_[foot + rel, np.zeros(len(rel))])
@@ -162,18 +151,3 @@ def _around(
             dark[mine] = 1 - luminance[mine] / np.quantile(luminance[mine], 0.75)
     shape = len(turns), len(far)
     return light.reshape(*shape, 3), dark.reshape(shape), white.reshape(shape)
-
-
-def _end(profile: np.ndarray, far: np.ndarray) -> tuple[float, float, float]:
-    """Of darkness along a streak, at distances `far` (n,): by how much it is a shadow, where it ends, and how dark it
-    is before; 0 thrice where it is none."""
-    known = np.flatnonzero(np.isfinite(profile))
-    if len(known) < 8:
-        return 0.0, 0.0, 0.0
-    values = profile[known]
-    top = float(np.quantile(values[: max(5, len(values) // 4)], 0.8))
-    gain = np.cumsum(np.minimum(values, top) - top / 2)
-    last = int(gain.argmax())
-    if top < SEEN or gain[last] <= 0:
-        return 0.0, 0.0, 0.0
-    return float(gain[last]), float(far[known[last : last + 2]].mean()), top
