@@ -54,10 +54,10 @@ def write_zip(rubric_path: Path, out: Path, wheel: Path | None = None) -> list[s
     rubric = read_rubric(rubric_path)
     stored = {f"reference/{n}/{r}.exr": path for n, r, path in references_of(rubric, rubric_path)}
     if wheel is not None and (wheel.suffix != ".whl" or not wheel.is_file()):
-        raise InputError("--wheel", "a wheel of raytwin (python -m build)", wheel)
+        raise InputError("--wheel", "a wheel of raytwin (pip wheel --no-deps CHECKOUT)", wheel)
     if wheel is None and "dev" in version("raytwin"):
         unknown = f"This is version {version('raytwin')}, which no package index has."
-        raise InputError("--wheel:", f"{unknown} Pass a wheel of it (python -m build).")
+        raise InputError("--wheel:", f"{unknown} Pass a wheel of it, as `pip wheel --no-deps CHECKOUT` makes it.")
     required = f'"$base/source/{wheel.name}"' if wheel else f'"raytwin=={version("raytwin")}"'
     required = " ".join([required, *(shlex.quote(name) for name in rubric.packages)])
     with replacing(out) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
