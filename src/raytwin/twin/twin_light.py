@@ -136,7 +136,7 @@ class TwinLight:
             mean = np.where(surface.mask[..., None], (surface.normal + 1) / 2, np.float32(0))
         if not rung.sampled(plan.sampling):
             return Image(mean, surface=surface)
-        found, block = np.empty((3, n, 3), np.float32), max(1, LANES // plan.samples)
+        found, block, batches = np.empty((3, n, 3), np.float32), max(1, LANES // plan.samples), plan.batches or 1
         for a in range(0, n, block):
             b = min(n, a + block)
             number = np.random.SeedSequence([plan.seed, a, plan.samples]).generate_state(1)[0]
@@ -147,15 +147,15 @@ class TwinLight:
             colour = mi.Color3f(0) if by_centre else self.unsampled(rung, seen)
             colour += self.bounced(seen, sampler) if self.path else 0
             dr.eval(colour)  # all channels in one kernel: block_sum would run it once for each
-            each = plan.samples // plan.batches
+            each = plan.samples // batches
             for channel, c in enumerate(colour):
-                moment = moments(dr.block_sum(self.double(c), each) / each, plan.batches)
+                moment = moments(dr.block_sum(self.double(c), each) / each, batches)
                 found[:, a:b, channel] = [part.numpy() for part in moment]
             progress("twin", round(100 * b / n), 100)
         bounced, variance, third = found.reshape(3, *shape)
         return Image(
-            mean + bounced, variance if plan.batches > 1 else None, plan.samples, surface, plan.batches,
-            third=third if plan.batches > 2 else None,
+            mean + bounced, variance if batches > 1 else None, plan.samples, surface, batches,
+            third=third if batches > 2 else None,
         )  # fmt: skip
 
 
