@@ -23,8 +23,6 @@ LEAST_CHANGE = 1e-3
 """Share of the sun's irradiance: smaller changes of radiance are no shadow."""
 MIN_RATIO, MAX_RATIO = 0.5, 2.0
 """Difference of radiance over what Mitsuba sees change a hair beside: less is no shadow, and more is no rounding."""
-SAME_DEPTH = 1e-4
-"""Share of the depth: two objects closer than this share the edge, and `compare` says so."""
 
 
 def settle(test: Image, reference: Image, scene: Scene) -> tuple[Image, tuple[str, ...]]:
@@ -36,8 +34,7 @@ def settle(test: Image, reference: Image, scene: Scene) -> tuple[Image, tuple[st
     if seen is None or not scene.objects or test.shape != reference.shape:
         return test, ()
     own, change = test.surface or seen, np.abs(test.mean - reference.mean)
-    tied = (abs(own.depth - seen.depth) <= SAME_DEPTH * seen.depth) & own.mask & seen.mask
-    other = (own.ids != seen.ids) & ~tied
+    other = own.ids != seen.ids
     apart = other | ((change.max(axis=-1) > LEAST_CHANGE * max(scene.sun.irradiance)) & seen.mask)
     extreme = [i for i in extreme_spheres(scene) if (seen.ids == i).any()]
     glossy = [i for i, thing in enumerate(scene.objects) if isinstance(thing.material, Phong)]
