@@ -58,7 +58,7 @@ def test_a_wrong_path_falls_on_to_the_next_which_is_taken_and_stays(monkeypatch,
 
 def test_the_answer_is_remembered_until_its_file_is_damaged_or_a_candidate_is_new(monkeypatch, tmp_path, damaged):
     probed, candidates = [], [damaged]
-    answer = backend.Tried(damaged, True, "renders", "19.1")
+    answer = backend.Tried(damaged, True, "renders")
     monkeypatch.setattr(backend, "probe", lambda variant, path: probed.append(path) or answer)
     monkeypatch.setattr(backend, "llvm_candidates", lambda: candidates)
     for expected in (1, 1):

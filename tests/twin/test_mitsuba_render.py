@@ -10,7 +10,6 @@ import pytest
 
 from raytwin import twin
 from raytwin.errors import InputError
-from raytwin.scene import MitsubaScene
 from raytwin.scene.mitsuba_file import read_mitsuba, with_film
 from raytwin.twin import mitsuba_render
 
@@ -33,12 +32,7 @@ GREY = 0.212671 * RGB[0] + 0.715160 * RGB[1] + 0.072169 * RGB[2]
 @pytest.fixture
 def scene_of(tmp_path):
     """The scene of a file with this text."""
-
-    def made(text: str) -> MitsubaScene:
-        (tmp_path / "scene.xml").write_text(text)
-        return read_mitsuba(tmp_path)
-
-    return made
+    return lambda text: (tmp_path / "scene.xml").write_text(text) and read_mitsuba(tmp_path)
 
 
 def test_a_ball_under_an_even_sky_has_its_albedo_times_the_sky_and_is_where_it_is(scene_of):

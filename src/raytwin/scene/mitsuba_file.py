@@ -1,6 +1,6 @@
 """A Mitsuba scene file (XML): what identifies it and how large its image is, read without Mitsuba. No more is modelled.
 
-Mitsuba itself loads the file, with all that the file names: it is like code, and only for those who trust it.
+Mitsuba itself loads the file with all that it names: it is like code. Open files that you trust.
 """
 
 import hashlib
@@ -20,9 +20,9 @@ from raytwin.scene.scene import Tolerance
 from raytwin.scene_folders import find_scene
 
 DEEPEST_INCLUDE = 15
-"""Includes within includes, as in Mitsuba."""
+"""Most includes within includes, as in Mitsuba."""
 USUAL_SIDES = {"width": 768, "height": 576}
-"""Pixels of a film that states none: Mitsuba's."""
+"""Mitsuba's own film, in pixels."""
 
 
 class MitsubaScene(Record, frozen=True):
@@ -64,16 +64,16 @@ def read_mitsuba(path: str | os.PathLike[str]) -> MitsubaScene:
 
 
 def with_film(scene: MitsubaScene, width: int, height: int) -> MitsubaScene:
-    """The scene with an image of this size that shows the same: Mitsuba's film is scaled."""
+    """The scene whose film is scaled to this size."""
     return msgspec.structs.replace(scene, image_size=(width, height))
 
 
 def _elements(
     file: Path, folders: list[Path], parameters: dict[str, str], found: dict[Path, str], depth: int = 0
 ) -> Iterator[ET.Element]:
-    """Every element of the file and of those that it includes, in the order of their text, as Mitsuba reads them.
+    """Yield every element of the file and of those that it includes, in order, with Mitsuba's parameters put in.
 
-    Parameters are put in. `found` gets each file that is named with its SHA-256.
+    `found` gets each file that is named with its SHA-256.
     """
     if depth > DEEPEST_INCLUDE:
         raise InputError(file, f"includes at most {DEEPEST_INCLUDE} deep", "more")
@@ -104,7 +104,7 @@ def _elements(
 
 
 def _found(file: Path, value: str, folders: list[Path]) -> Path:
-    """The file or folder that a text names, in the first folder that has it."""
+    """Return the file or folder of this name in the first folder that has it."""
     there = next((path for folder in folders if (path := Path(os.path.normpath(folder / value))).exists()), None)
     if there is None or not value:
         raise InputError(f"{file}: filename", "a file", f"{value}: none there")
@@ -120,7 +120,7 @@ def _content(file: Path) -> bytes:
 
 
 def _image_size(file: Path, elements: list[ET.Element]) -> tuple[int, int]:
-    """The size of what the first sensor's film shows: its window's."""
+    """Return the size of the first film's crop window."""
     sensor = next((e for e in elements if e.tag == "sensor"), None)
     if sensor is None or not any(e.tag == "integrator" for e in elements):
         missing = "sensor" if sensor is None else "integrator"

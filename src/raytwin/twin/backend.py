@@ -42,7 +42,6 @@ class Tried(msgspec.Struct, frozen=True):
     path: str
     ok: bool
     why: str
-    version: str | None = None
 
 
 class Backend(msgspec.Struct, frozen=True):
@@ -50,7 +49,6 @@ class Backend(msgspec.Struct, frozen=True):
 
     variant: str | None
     libllvm: str | None = None
-    llvm_version: str | None = None
     tried: tuple[Tried, ...] = ()
 
 
@@ -121,7 +119,7 @@ def find_backend(variant: str = LLVM) -> Backend:
     for path in candidates:
         tried.append(probe(variant, path))
         if tried[-1].ok:  # a failure is not stored: a probe may just have met a busy machine
-            backend = Backend(variant, None if path == CUDA else path, tried[-1].version, tuple(tried))
+            backend = Backend(variant, None if path == CUDA else path, tuple(tried))
             with contextlib.suppress(InputError):  # a cache that cannot be written costs a probe next time alone
                 write_json(memory, backend)
             return backend
@@ -148,12 +146,12 @@ def probe(variant: str, path: str) -> Tried:
     try:
         found = json.loads(child.stdout.strip().splitlines()[-1])
         correct = abs(found["depth"] - 3) < 1e-3 and found["lit"] == 1 and abs(found["light"] - 0.125) < 5e-3
-        version = found["llvm"]
+        version = f" (LLVM {found['llvm']})" if found["llvm"] else ""
     except (IndexError, ValueError, KeyError, TypeError):
         return Tried(path, False, _last_words(child.returncode, child.stderr))
     if child.returncode != 0 or not correct:
-        return Tried(path, False, f"a wrong picture: {found}" if child.returncode == 0 else "crashed at exit", version)
-    return Tried(path, True, f"renders (LLVM {version})" if version else "renders", version)
+        return Tried(path, False, f"a wrong picture: {found}" if child.returncode == 0 else "crashed at exit")
+    return Tried(path, True, f"renders{version}")
 
 
 def _last_words(code: int, text: str) -> str:
@@ -218,5 +216,4 @@ def doctor() -> list[tuple[str, str]]:
         backend = activate()
     except MachineError as error:
         return [*rows, ("backend", f"none: {error}")]
-    library = f", {backend.libllvm} (LLVM {backend.llvm_version})" if backend.libllvm else ""
-    return [*rows, ("backend", f"{backend.variant}{library}")]
+    return [*rows, ("backend", ", ".join(part for part in (backend.variant, backend.libllvm) if part))]

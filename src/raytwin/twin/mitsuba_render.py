@@ -15,10 +15,10 @@ from raytwin.twin import render_cache
 from raytwin.twin.backend import activate, made_with
 from raytwin.twin.rendering import BATCHES
 
-VERSION = "4"
+VERSION = "5"
 """Part of every cache key: raise it when a change moves a pixel."""
 LANES = 1 << 24
-"""Most rays in one launch: Mitsuba keeps the state of every sample of a launch in memory."""
+"""Most samples in one launch: Mitsuba keeps the state of each in memory."""
 
 
 def render_mitsuba(
@@ -41,15 +41,16 @@ def render_mitsuba(
 
     def make() -> Image:
         loaded, pool, each = _loaded(scene), ImagePool(), -(-samples // batches)
-        (width, height), film = scene.image_size, str(loaded.sensors()[0].film())
-        colours = 1 if "pixel_format = y" in film else 3  # what an `aov` integrator adds comes after them
+        width, height = scene.image_size
+        # An `aov` integrator's channels come after the film's colours.
+        colours = 1 if "pixel_format = y" in str(loaded.sensors()[0].film()) else 3
         for k in range(batches):
             progress("twin", k, batches)
             try:
                 made = render_plain(loaded, each, (seed, k))[..., :colours]
             except Exception as error:
                 raise _refused(scene, error) from None
-            # As one sample without noise: a file without random numbers makes equal batches, which are no repeats.
+            # As an image without noise: a file without random numbers makes equal batches, which are no repeats.
             pool.add(Image(np.broadcast_to(made, (height, width, 3)), samples=1))
         progress("twin", batches, batches)
         return replace(pool.image, samples=each * batches, surface=_surface(loaded))
@@ -71,17 +72,17 @@ def named_shapes(scene: MitsubaScene) -> tuple[str, ...]:
     return tuple(shape.id() or f"shape-{i}" for i, shape in enumerate(_loaded(scene).shapes()))
 
 
-def render_plain(loaded: Any, samples: int = 1, seed: int | tuple[int, ...] = 0) -> np.ndarray:
-    """`samples` a pixel by its own integrator and film: (H, W, channels) float64. The variant must be active."""
+def render_plain(loaded: Any, samples: int, seeds: tuple[int, ...]) -> np.ndarray:
+    """`samples` per pixel by its own integrator and film: (H, W, channels) float64. The variant must be active."""
     import mitsuba as mi
 
     width, height = loaded.sensors()[0].film().crop_size()
     passes = -(-samples // max(1, LANES // (int(width) * int(height))))
+    numbers: list[int] = np.random.SeedSequence(seeds).generate_state(passes).tolist()
     total: Any = 0.0
-    for k in range(passes):
+    for k, number in enumerate(numbers):
         part = samples // passes + (k < samples % passes)
-        number = np.random.SeedSequence([*np.atleast_1d(seed).tolist(), k]).generate_state(1)[0]
-        total = total + part * np.asarray(mi.render(loaded, spp=part, seed=int(number)), float)
+        total = total + part * np.asarray(mi.render(loaded, spp=part, seed=number), float)
     return np.asarray(total / samples)
 
 
@@ -117,11 +118,11 @@ def _surface(loaded: Any) -> Surface:
     width, height = (int(side) for side in sensor.film().crop_size())
     pixel = dr.arange(mi.UInt32, width * height)
     x, y = mi.Float(pixel % width), mi.Float(pixel // width)
-    place = mi.Point2f((x + 0.5) / width, (y + 0.5) / height)  # of the crop window
+    place = mi.Point2f((x + 0.5) / width, (y + 0.5) / height)  # in the crop window
     ray = sensor.sample_ray_differential(sensor.shutter_open(), 0.5, place, mi.Point2f(0.5))[0]
     seen = seen_along(loaded, ray)
     depth = seen.hit.t
-    if "Orthographic" not in str(sensor):  # whose rays begin at no common point
+    if "Orthographic" not in str(sensor):  # its rays begin at no common point
         depth = depth + dr.norm(ray.o - sensor.world_transform().translation())
     return surface_of(loaded, seen, range(len(loaded.shapes())), depth, (width, height))
 

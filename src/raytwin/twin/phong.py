@@ -13,7 +13,7 @@ NAME = "raytwin_phong"
 
 
 def bsdf(thing: Shape, reflectance: dict[str, Any]) -> dict[str, Any]:
-    """Mitsuba's dictionary for the object's material, whose albedo is `reflectance`."""
+    """Mitsuba's dictionary for the object's material, with `reflectance` for its albedo."""
     if not isinstance(thing.material, Phong):
         return {"type": "diffuse", "reflectance": reflectance}
     specular = {"type": "rgb", "value": list(thing.material.specular)}
@@ -36,8 +36,8 @@ def register() -> None:
             self.m_components, self.m_flags = [flags], flags
 
         def pi_f(self, si: Any, wo: Any, active: Any) -> Any:
-            # r·v = 1 - x with x = |r - v|²/2. The power makes n times as much of rounding 1 - x as of x: the last
-            # factor takes it back.
+            # r·v = 1 - x with x = |r - v|²/2. Rounding 1 - x changes the power n times as much: the last factor
+            # corrects that.
             x = dr.squared_norm(mi.Vector3f(-wo.x, -wo.y, wo.z) - si.wi) / 2
             along, n = dr.maximum(1 - x, 0), self.exponent
             lobe = (n + 2) / 2 * along**n * (1 + n * ((1 - along) - x))
@@ -45,7 +45,7 @@ def register() -> None:
             return dr.select((si.wi.z > 0) & (wo.z > 0), colour, 0)
 
         def colour(self, value: Any, si: Any, active: Any) -> Any:
-            """A texture's colour there, or one that Mitsuba hands to Python as numbers."""
+            """A texture's colour there, or the constant that Mitsuba hands to Python as numbers."""
             return value.eval(si, active) if hasattr(value, "eval") else mi.Color3f(*(float(c) for c in value))
 
         def sample(self, ctx: Any, si: Any, one: Any, two: Any, active: Any = True) -> tuple[Any, Any]:
@@ -61,7 +61,7 @@ def register() -> None:
             return density(wo)
 
         def eval_diffuse_reflectance(self, si: Any, active: Any = True) -> Any:
-            """What an open, even sky is multiplied by: albedo + specular, by the definition of the light levels."""
+            """Factor of an open, even sky's light: albedo + specular, by the definition of the light levels."""
             return self.colour(self.reflectance, si, active) + self.colour(self.specular, si, active)
 
         def to_string(self) -> str:

@@ -1,8 +1,7 @@
-"""Renders a sphere with one compiled Mitsuba variant and prints what came out: a script, run in a process of its own.
+"""Render a sphere with one Mitsuba variant and print what came out: a script, run in a process of its own.
 
-A wrong libLLVM does not raise, it aborts the process at the first kernel. So the probe uses what the twin uses (double
-precision rays, hit test, shadow ray, the path tracer's loop) and the parent looks at exit code and output. It imports
-nothing of raytwin: the child starts fast, and whatever the parent's import path is.
+A wrong libLLVM does not raise, it aborts the process at the first kernel. So the probe uses what the twin uses, and the
+parent looks at exit code and output. It imports nothing of raytwin, so that the child starts fast.
 """
 
 import json
@@ -18,7 +17,7 @@ mi.set_variant(variant)
 mi.file_resolver().prepend(str(Path(mi.__file__).parent))  # else `plugins` of the current folder would come first
 sphere = {"type": "sphere", "center": [0, 0, 4], "bsdf": {"type": "diffuse", "reflectance": 0.5}}
 scene = mi.load_dict({"type": "scene", "sphere": sphere, "sky": {"type": "constant", "radiance": 0.25}})
-# The process id makes kernels that are in no cache: an old kernel would run even where this LLVM cannot compile one.
+# The process id makes new kernels: a cached one would run even where this LLVM cannot compile it.
 x = dr.linspace(dr.float64_array_t(mi.Float), -0.02, 0.02, 4096) * (1 + os.getpid() * 1e-12)
 z = 1 / dr.sqrt(x * x + 1)
 ray = mi.RayDifferential3f(mi.Ray3f(mi.Point3f(0), mi.Vector3f(mi.Float(x * z), 0, mi.Float(z))))

@@ -21,10 +21,8 @@ MAX_DISTANCE, MAX_RADIUS = 128.0, 16.0
 to its surface. At 128 a rim's normal is off by 5e-6; at 16 the surface by 1e-6 of its distance."""
 LEAST_CHANGE = 1e-3
 """Share of the sun's irradiance: smaller changes of radiance are no shadow."""
-MAX_RATIO = 2.0
-"""Difference of radiance that counts as rounding, over what Mitsuba sees change a hair beside: more is a firefly."""
-SAME_DEPTH = 1e-4
-"""Share of the depth: two objects closer than this share the edge, and `compare` says so."""
+MIN_RATIO, MAX_RATIO = 0.5, 2.0
+"""Difference of radiance over what Mitsuba sees change a hair beside: less is no shadow, and more is no rounding."""
 
 
 def settle(test: Image, reference: Image, scene: Scene) -> tuple[Image, tuple[str, ...]]:
@@ -36,15 +34,14 @@ def settle(test: Image, reference: Image, scene: Scene) -> tuple[Image, tuple[st
     if seen is None or not scene.objects or test.shape != reference.shape:
         return test, ()
     own, change = test.surface or seen, np.abs(test.mean - reference.mean)
-    tied = (abs(own.depth - seen.depth) <= SAME_DEPTH * seen.depth) & own.mask & seen.mask
-    other = (own.ids != seen.ids) & ~tied
+    other = own.ids != seen.ids
     apart = other | ((change.max(axis=-1) > LEAST_CHANGE * max(scene.sun.irradiance)) & seen.mask)
     extreme = [i for i in extreme_spheres(scene) if (seen.ids == i).any()]
     glossy = [i for i, thing in enumerate(scene.objects) if isinstance(thing.material, Phong)]
     valid = (np.isfinite(test.mean) & (test.mean >= 0)).all(axis=-1)  # rounding makes no other values
-    asked = valid & (apart | np.isin(seen.ids, [*extreme, *glossy]))
-    if asked.any():
-        test, taken = _taken(test, reference, scene, asked, other, apart)
+    coarse = np.isin(seen.ids, [*extreme, *glossy])
+    if (asked := valid & (apart | coarse)).any():
+        test, taken = _taken(test, reference, scene, asked, other, apart, coarse)
         if count := int(np.count_nonzero(taken & apart)):
             where = f"{count} pixel{'s' * (count > 1)} on an outline or at a shadow's edge"
             said.append(f"{where}, where single precision cannot tell, {'were' if count > 1 else 'was'} not compared")
@@ -75,11 +72,13 @@ def _offsets(scene: Scene) -> np.ndarray:
 
 
 def _taken(
-    test: Image, reference: Image, scene: Scene, asked: np.ndarray, other: np.ndarray, apart: np.ndarray
-) -> tuple[Image, np.ndarray]:
+    test: Image, reference: Image, scene: Scene, asked: np.ndarray, other: np.ndarray, apart: np.ndarray,
+    coarse: np.ndarray,
+) -> tuple[Image, np.ndarray]:  # fmt: skip
     """The test with the twin's answer in those of the pixels `asked` that differ by rounding, and which these are.
 
     All masks are (H, W). `other`: pixels that see another object. `apart`: these, and those with another shadow.
+    `coarse`: pixels on extreme spheres and glossy objects, where shading differs, too.
     """
     from raytwin.twin.twin_light import TwinLight
 
@@ -100,8 +99,9 @@ def _taken(
     spread = np.ptp(light, axis=0)
     bound = MAX_RATIO * np.maximum(spread, turn / 2)  # at `surface` the light is (n + 1) / 2
     found = (ids == own.ids[asked]).any(axis=0)
-    shade = (np.abs(test.mean - reference.mean)[asked] <= bound).all(axis=-1)
-    shade &= ~apart | (spread.max(axis=-1) > LEAST_CHANGE * max(scene.sun.irradiance))
+    change, largest = np.abs(test.mean - reference.mean)[asked], spread.max(axis=-1)
+    shadow = (largest > LEAST_CHANGE * max(scene.sun.irradiance)) & (change.max(axis=-1) > MIN_RATIO * largest)
+    shade = (change <= bound).all(axis=-1) & (shadow | coarse[asked])
     near = np.abs(own.depth - seen.depth)[asked] <= off + np.ptp(far, axis=0)
     near &= np.linalg.norm((own.normal - seen.normal)[asked], axis=1) <= np.linalg.norm(turn, axis=1) + ROUNDING
     lit, alike = np.zeros((2, *asked.shape), bool)

@@ -25,7 +25,6 @@ SKY_GRID = 2048, 1024
 class Seen(NamedTuple):
     """What rays meet: Mitsuba's record of the `hit`, whether it is `any` object, the normal `n` on the eye's side."""
 
-    ray: Any
     hit: Any
     any: Any
     n: Any
@@ -34,7 +33,7 @@ class Seen(NamedTuple):
 def seen_along(loaded: Any, ray: Any) -> Seen:
     """What the rays meet first in a Mitsuba scene."""
     hit = loaded.ray_intersect(ray)
-    return Seen(ray, hit, hit.is_valid(), dr.select(dr.dot(hit.n, ray.d) > 0, -hit.n, hit.n))
+    return Seen(hit, hit.is_valid(), dr.select(dr.dot(hit.n, ray.d) > 0, -hit.n, hit.n))
 
 
 def surface_of(loaded: Any, seen: Seen, numbers: Sequence[int], depth: Any, size: tuple[int, int]) -> Surface:
@@ -105,21 +104,21 @@ class TwinLight:
         lit = seen.any & (dr.dot(seen.n, there.d) > 0)
         if shadows:
             lit &= ~self.scene.ray_test(self.onward(seen, there.d), lit)
-        bsdf = seen.hit.bsdf(seen.ray)
-        return dr.select(lit, weight * bsdf.eval(mi.BSDFContext(), seen.hit, seen.hit.to_local(there.d), lit), 0)
+        f_cos = seen.hit.bsdf().eval(mi.BSDFContext(), seen.hit, seen.hit.to_local(there.d), lit)
+        return dr.select(lit, weight * f_cos, 0)
 
     def unsampled(self, rung: Rung, seen: Seen) -> Any:
         """The light without noise: the sun's at what is seen, the open sky's, and the sky behind all objects."""
         colour = self.sunlight(seen, rung.shadows)
         if self.irradiance is not None:
-            albedo = seen.hit.bsdf(seen.ray).eval_diffuse_reflectance(seen.hit, seen.any)
+            albedo = seen.hit.bsdf().eval_diffuse_reflectance(seen.hit, seen.any)
             colour += dr.select(seen.any, albedo * self.irradiance(seen.n), 0)
         return colour + (dr.select(seen.any, 0, self.sky.eval(seen.hit, ~seen.any)) if self.sky else 0)
 
     def bounced(self, seen: Seen, sampler: Any) -> Any:
         """What one direction, drawn by the BSDF, brings of all other light, as Mitsuba's `path` finds it."""
-        bsdf = seen.hit.bsdf(seen.ray)
-        sample, weight = bsdf.sample(mi.BSDFContext(), seen.hit, sampler.next_1d(), sampler.next_2d(), seen.any)
+        one, two = sampler.next_1d(), sampler.next_2d()
+        sample, weight = seen.hit.bsdf().sample(mi.BSDFContext(), seen.hit, one, two, seen.any)
         onward = self.onward(seen, seen.hit.to_world(sample.wo))
         return dr.select(seen.any, weight * self.path.sample(self.scene, sampler, onward, None, seen.any)[0], 0)
 
@@ -136,7 +135,7 @@ class TwinLight:
             mean = np.where(surface.mask[..., None], (surface.normal + 1) / 2, np.float32(0))
         if not rung.sampled(plan.sampling):
             return Image(mean, surface=surface)
-        found, block = np.empty((3, n, 3), np.float32), max(1, LANES // plan.samples)
+        found, block, batches = np.empty((3, n, 3), np.float32), max(1, LANES // plan.samples), plan.batches or 1
         for a in range(0, n, block):
             b = min(n, a + block)
             number = np.random.SeedSequence([plan.seed, a, plan.samples]).generate_state(1)[0]
@@ -147,15 +146,15 @@ class TwinLight:
             colour = mi.Color3f(0) if by_centre else self.unsampled(rung, seen)
             colour += self.bounced(seen, sampler) if self.path else 0
             dr.eval(colour)  # all channels in one kernel: block_sum would run it once for each
-            each = plan.samples // plan.batches
+            each = plan.samples // batches
             for channel, c in enumerate(colour):
-                moment = moments(dr.block_sum(self.double(c), each) / each, plan.batches)
+                moment = moments(dr.block_sum(self.double(c), each) / each, batches)
                 found[:, a:b, channel] = [part.numpy() for part in moment]
             progress("twin", round(100 * b / n), 100)
         bounced, variance, third = found.reshape(3, *shape)
         return Image(
-            mean + bounced, variance if plan.batches > 1 else None, plan.samples, surface, plan.batches,
-            third=third if plan.batches > 2 else None,
+            mean + bounced, variance if batches > 1 else None, plan.samples, surface, batches,
+            third=third if batches > 2 else None,
         )  # fmt: skip
 
 
