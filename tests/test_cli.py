@@ -98,7 +98,8 @@ def test_the_option_that_is_wrong_is_named_as_it_was_typed(tmp_path, monkeypatch
     write_board(tmp_path / "b.toml", Board("tag36h11", 0.03, Grid(3, 3, 0.04)))
     refused(raytwin("compare", "single", "--size=0x10"), "--size: expected")
     refused(
-        raytwin("photograph", "--board", "b.toml", "-o", "out", "--focal", "0"), "--focal, --size: K[0][0]: expected a"
+        raytwin("photograph", "--board", "b.toml", "-o", "out", "--focal", "0"),
+        "--focal, --size: K: expected focal lengths",
     )
 
 
