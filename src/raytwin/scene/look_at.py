@@ -27,24 +27,19 @@ class LookAt(Record, frozen=True):
     def __post_init__(self) -> None:
         if (self.fov_x is UNSET) == (self.fx is UNSET):
             raise InputError("fov_x", "fov_x or fx", "neither" if self.fx is UNSET else "both")
-        if self.target == self.eye:
-            raise InputError("target", "another point than eye", self.target)
-        if not any(self.up) or np.linalg.norm(self._right) < LEAST_SINE:
-            raise InputError("up", "a direction that the camera does not look along", self.up)
-
-    @property
-    def _forward(self) -> np.ndarray:
-        way = np.subtract(self.target, self.eye)
-        return np.asarray(way / np.linalg.norm(way))
-
-    @property
-    def _right(self) -> np.ndarray:
-        return np.cross(self._forward, np.divide(self.up, np.linalg.norm(self.up)))
+        self.rotation()
 
     def rotation(self) -> np.ndarray:
-        """Return R_cam_board (3, 3): its rows are right, down and forward."""
-        right = self._right / np.linalg.norm(self._right)
-        return np.array([right, np.cross(self._forward, right), self._forward])
+        """Return R_cam_board (3, 3): its rows are right, down and forward. Raises InputError where it is undefined."""
+        if self.target == self.eye:
+            raise InputError("target", "another point than eye", self.target)
+        way = np.subtract(self.target, self.eye)
+        forward = way / np.linalg.norm(way)
+        right = np.cross(forward, np.divide(self.up, np.linalg.norm(self.up) or 1))
+        if np.linalg.norm(right) < LEAST_SINE:
+            raise InputError("up", "a direction that the camera does not look along", self.up)
+        right /= np.linalg.norm(right)
+        return np.array([right, np.cross(forward, right), forward])
 
 
 class LookAtCamera(Record, frozen=True):

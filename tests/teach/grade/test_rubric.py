@@ -53,8 +53,8 @@ def test_what_is_wrong_with_a_rubric_is_said_with_its_field(read):
         ("points = 10", "points = 10\ndrawn = 1", "has cases of its own"),
         ("[[1e-4, 0.8], [1e-2, 0.4]]", "[[1e-2, 0.8], [1e-4, 0.4]]", "rows by rising error"),
         ("points = 10", 'points = 10\nname = "render (lambert: single, 2 drawn)"', "names that differ"),
-        ('title = "t"', 'title = "t"\nfolder = "x"', "r.toml: folder (line 3) is no known key."),
-        ("points = 10", "point = 10", "exercises[0].point (line 5) is no known key. Did you mean points?"),
+        ('title = "t"', 'title = "t"\nfolder = "x"', "r.toml: folder is no known key."),
+        ("points = 10", "point = 10", "exercises[0].point is no known key. Did you mean points?"),
         ('title = "t"', 'title = "t"\n[speed]\nof = "intersect_sphere"', "speed.of"),
     ):
         with pytest.raises(InputError, match=re.escape(said)):
