@@ -179,7 +179,7 @@ def test_what_is_wrong_is_said_in_a_line(checked):
         "*the fixture raytwin_case was removed in 0.2.0. Use raytwin_reference(scene, rung)*",
     ):
         result.stdout.fnmatch_lines([line])
-    for line in ("*pytest_plugin.py:*", "*During handling*", "*INTERNALERROR*"):
+    for line in ("*pytest_plugin.py:*", "*reference_check.py:*", "*During handling*", "*INTERNALERROR*"):
         result.stdout.no_fnmatch_line(line)
 
 

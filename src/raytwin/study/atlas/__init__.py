@@ -13,7 +13,6 @@ from raytwin.study.atlas.experiment import Atlas, Curve, Experiment, Found, digi
 __all__ = ["EXPERIMENTS", "Atlas", "Curve", "Experiment", "Found", "atlas", "digits", "run"]
 
 FILES = spheres, surfaces, lenses, trims, poses, summation
-
 EXPERIMENTS: dict[str, Experiment] = {e.name: e for file in FILES for e in file.EXPERIMENTS}
 """name -> row, in the order of the page."""
 

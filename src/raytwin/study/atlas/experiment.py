@@ -84,15 +84,14 @@ def run(experiment: Experiment) -> Found:
         name: Curve(errors, breaks_at(values, errors, experiment.bound), predicted(experiment, name, values))
         for name, errors in methods.items()
     }
-    e = experiment
-    return Found(e.name, e.parameter, values, e.bound, curves, e.why, e.source)
+    return Found(
+        experiment.name, experiment.parameter, values, experiment.bound, curves, experiment.why, experiment.source
+    )
 
 
 def _plain(error: Error) -> Error:
     """A plain finite number: what is no number at all is an error of 1e9."""
-    if error is None:
-        return None
-    return float(error) if math.isfinite(error) else 1e9
+    return error if error is None else float(error) if math.isfinite(error) else 1e9
 
 
 def breaks_at(values: Sequence[float], errors: Sequence[Error], bound: float) -> float | None:

@@ -10,7 +10,6 @@ from raytwin.tracer import undistort
 
 SIZE, FOCAL = (4032, 3024), 3000.0
 """A phone's photo."""
-
 MIDDLE = 2015.5, 1511.5
 CORNER = hypot(2016, 1512) / FOCAL
 """The distorted radius of its corner, focal lengths."""
