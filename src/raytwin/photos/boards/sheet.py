@@ -42,7 +42,7 @@ def write_sheet(path: str | os.PathLike, board: Board, paper: str) -> Path:
 
 
 def pdf_bytes(board: Board, paper: str) -> bytes:
-    """Draw a grid of tags in the middle of one page, turned where it fits only so.
+    """Draw a grid of tags in the middle of one page: upright paper, or turned if it fits only so.
 
     Raises InputError for a board that does not fit the paper, or whose tags are too close for the detector.
     """
