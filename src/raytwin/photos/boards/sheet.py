@@ -19,8 +19,8 @@ POINTS = 72 / 0.0254
 MARGIN, FOOT = 0.005, 0.007
 """Metres: blank at each edge of the paper, as most printers need it; height of the bar with the two notes below it."""
 
-BAR, TICK, LINE = 0.100, 0.0018, 0.00015
-"""Metres: length of the bar to measure, height of the ticks at its ends, and how thick it is drawn."""
+BAR, BAR_HEIGHT = 0.100, 0.0018
+"""Metres: size of the bar to measure."""
 
 NOTE_POINTS = 6
 """Font size of the notes."""
@@ -42,7 +42,7 @@ def write_sheet(path: str | os.PathLike, board: Board, paper: str) -> Path:
 
 
 def pdf_bytes(board: Board, paper: str) -> bytes:
-    """Draw a grid of tags in the middle of one page, turned where it fits only so; the same bytes each time.
+    """Draw a grid of tags in the middle of one page: upright paper, or turned if it fits only so.
 
     Raises InputError for a board that does not fit the paper, or whose tags are too close for the detector.
     """
@@ -65,7 +65,7 @@ def pdf_bytes(board: Board, paper: str) -> bytes:
     origin = np.array([(width - low[0] - high[0]) / 2, foot + FOOT + cell - low[1]])
     about = f"{board.family}, ids {min(ids)} to {max(ids)}, tag {_mm(edge)}, pitch {_mm(pitch)}"
     how = f"print at 100 %; this bar must measure {_mm(BAR)}; X right, Y up from the centre of tag {min(ids)}"
-    canvas = Canvas("", pagesize=(POINTS * width, POINTS * height), invariant=1)
+    canvas = Canvas("", pagesize=(POINTS * width, POINTS * height))
     canvas.setTitle(f"raytwin board: {about}")
     # Asks viewers not to offer "fit to page" first.
     canvas.setViewerPreference("PrintScaling", "None")
@@ -75,12 +75,11 @@ def pdf_bytes(board: Board, paper: str) -> bytes:
         for row, column in np.argwhere(tag_cells(board.family, tag_id)[::-1] == 0):
             tag.rect(*(POINTS * np.array([left + column * cell, bottom + row * cell, cell, cell])))
         canvas.drawPath(tag, stroke=0, fill=1, fillMode=FILL_NON_ZERO)
-    x, y = (width - BAR) / 2, foot + FOOT - TICK
-    for bar in ((x, y, BAR, LINE), (x, y, LINE, TICK), (x + BAR - LINE, y, LINE, TICK)):
-        canvas.rect(*(POINTS * np.array(bar)), stroke=0, fill=1)
+    bar = np.array([(width - BAR) / 2, foot + FOOT - BAR_HEIGHT, BAR, BAR_HEIGHT])
+    canvas.rect(*(POINTS * bar), stroke=0, fill=1)
     canvas.setFont("Helvetica", NOTE_POINTS)
     for i, note in enumerate((how, about), start=1):
-        canvas.drawCentredString(POINTS * width / 2, POINTS * y - i * NOTE_POINTS, note)
+        canvas.drawCentredString(POINTS * width / 2, POINTS * bar[1] - i * NOTE_POINTS, note)
     canvas.showPage()
     return canvas.getpdfdata()
 

@@ -27,8 +27,8 @@ LEAST_VIEWS = 3
 """Photos of the board: with fewer the camera is not determined."""
 
 ROUNDS = 3
-"""Fits, each without the outliers and the detector's bias found by the one before; a fourth moves fx by less than a
-tenth of its sigma, on a bent board too."""
+"""Number of times the model is chosen and fitted, each without the outliers and the detector's bias that the fit before
+found. A fourth moves fx by less than a tenth of its sigma."""
 
 
 def calibrate(
@@ -74,7 +74,7 @@ def calibrate_detections(
     where: str = "photos",
     wrong: Mapping[str, str] | None = None,
 ) -> Calibration:
-    """The same from tags already found, by photo. `wrong` says of other photos why they have none."""
+    """Return the camera from the tags found in each photo. `wrong`: why other photos have none, by photo."""
     wrong = dict(wrong or {})
     if not any(detections.values()):
         seen = "; ".join(f"{name}: {why}" for name, why in list(wrong.items())[:3])
@@ -84,10 +84,9 @@ def calibrate_detections(
     agree = [pose.consistent(tags, board.flat(), [t.center for t in tags]) for tags in views.values()]
     straight = _kept(views, agree, "too few tags of the board, or all in one line", wrong, board, where)
     pose.check_places(sum(map(len, straight.values())), sum(len(views[photo]) for photo in straight), where)
-    # Each fit, even one of k1k2, reveals the detector's bias and the outliers; without both, the next is better.
     result = fit(straight, image_size, board, ModelSpec("k1k2" if model == "auto" else model))
     for _ in range(ROUNDS):
-        # Every tag is tested again, so that one which an outlier had pulled away comes back.
+        # Every tag is tested again: one that an outlier had pulled away comes back.
         bent, stands = result.shaped(board), result.stands
         moved = {photo: unbiased(views[photo], bent, *at) for photo, at in zip(straight, stands, strict=True)}
         errors = [pose.distances(tags, bent, *at) for tags, at in zip(moved.values(), stands, strict=True)]
@@ -103,7 +102,7 @@ def calibrate_detections(
 def _kept(
     views: Views, inside: Sequence[np.ndarray], why: str, wrong: dict[str, str], board: Board, where: str
 ) -> dict[str, list[Tag]]:
-    """By photo, the tags that are `inside` (a mask by photo); `wrong` gets `why` of the photos with too few."""
+    """By photo, the tags that are `inside` (a mask per photo). Photos with too few go to `wrong`, with `why`."""
     tags = {photo: list(itertools.compress(views[photo], mask)) for photo, mask in zip(views, inside, strict=True)}
     kept = {photo: some for photo, some in tags.items() if pose.spans_a_plane(some, board)}
     wrong |= {photo: why for photo in views if photo not in kept}
@@ -117,20 +116,20 @@ def _calibration(
     views: Views, image_size: tuple[int, int], board: Board, result: Fit, held_out: dict[str, float], gap: np.ndarray
 ) -> Calibration:
     """Without warnings."""
-    names, there, shaped = result.form.names, result.observations.seen, result.shaped(board)
+    names, is_seen, shaped = result.form.names, result.observations.seen, result.shaped(board)
     moves, _ = result.leave_one_out()
-    known = covariance(result, moves, gap)
-    sigma = np.sqrt(np.diag(known)[: len(names)])
+    cov = covariance(result, moves, gap)
+    sigma = np.sqrt(np.diag(cov)[: len(names)])
     influence = np.sqrt(((moves[:, :4] / np.maximum(sigma[:4], 1e-300)) ** 2).mean(axis=1)).tolist()
-    rms = np.sqrt((result.residuals**2).sum(axis=(1, 2)) / there.sum(axis=1)).tolist()
+    rms = np.sqrt((result.residuals**2).sum(axis=(1, 2)) / is_seen.sum(axis=1)).tolist()
     each = zip(views.items(), rms, map(pose.rotation, result.R), map(tuple, result.t.tolist()), influence, strict=True)
     bent = FoundBoard()
     if shaped.offsets is not None:
-        height, across = result.shared[LENS + 2 :: 3], np.zeros(len(known))
+        height, across = result.shared[LENS + 2 :: 3], np.zeros(len(cov))
         across[LENS + 2 + 3 * np.array([height.argmax(), height.argmin()])] = 1, -1
-        sd = math.sqrt(max(float(across @ known @ across), 0.0))
+        sd = math.sqrt(max(float(across @ cov @ across), 0.0))
         bent = FoundBoard(shaped.offsets, 1e3 * float(np.ptp(height)), 1e3 * sd)
-    seen, off = (tuple(map(tuple, of[there].tolist())) for of in (result.observations.pixels, result.residuals))
+    seen, off = (tuple(map(tuple, of[is_seen].tolist())) for of in (result.observations.pixels, result.residuals))
     return Calibration(
         image_size=image_size,
         model=result.form.model,

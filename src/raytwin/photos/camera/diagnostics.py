@@ -82,10 +82,10 @@ def warnings_for(
         )
         said.append(("mirrored-board", text))
     said += [("odd-photo", text) for text in odd_photo(found, [*views])]
-    known = undone(made.K, made.dist, made.image_size)
-    if known.fault:
-        lost = 100 * float((~known.found).mean())
-        text = f"no ray belongs to {lost:.2g} % of the frame, left black: the lens cannot be undone at {known.fault}"
+    inverse = undone(made.K, made.dist, made.image_size)
+    if inverse.fault:
+        lost = 100 * float((~inverse.found).mean())
+        text = f"no ray belongs to {lost:.2g} % of the frame, left black: the lens cannot be undone at {inverse.fault}"
         said.append(("unconverged-distortion", f"{text}; photograph the board there"))
     for photo, ids in rejected.items():
         if ids:

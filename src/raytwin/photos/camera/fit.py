@@ -223,14 +223,14 @@ def _observe(views: Views, board: Board, form: ModelSpec, noise: float) -> Obser
 
 def _at(form: ModelSpec, data: Observations, shared: np.ndarray, R: np.ndarray, t: np.ndarray) -> Fit | None:
     """The fit at one place; None where a tag is behind the camera or the cost is not finite."""
-    (v, n), known, fitted = data.seen.shape, data.seen[..., None], np.arange(LENS) < len(form.names)
+    (v, n), seen, fitted = data.seen.shape, data.seen[..., None], np.arange(LENS) < len(form.names)
     points = (data.points + (shared[LENS:].reshape(-1, 3) if form.bent else 0.0)) @ R.swapaxes(1, 2) + t[:, None]
     with np.errstate(all="ignore"):
         residuals, of_lens, of_point = lens_model.linearise(
             points, data.pixels, lens_model.matrix(shared), shared[4:LENS]
         )
-        residuals, of_point = np.where(known, residuals, 0), np.where(known[..., None], of_point, 0)
-        A = np.where(known[..., None] & fitted, of_lens, 0)
+        residuals, of_point = np.where(seen, residuals, 0), np.where(seen[..., None], of_point, 0)
+        A = np.where(seen[..., None] & fitted, of_lens, 0)
         cost = float((residuals**2).sum() + shared @ data.prior @ shared)
     if not np.isfinite(cost) or (points[..., 2] <= 0)[data.seen].any():
         return None
@@ -238,7 +238,7 @@ def _at(form: ModelSpec, data: Observations, shared: np.ndarray, R: np.ndarray, 
         of_tag = (of_point @ R[:, None])[:, :, :, None] * np.eye(n)[:, None, :, None]
         A = np.concatenate([A, of_tag.reshape(v, n, 2, 3 * n)], axis=-1)
     A, B = (d.reshape(v, 2 * n, -1) for d in (A, lens_model.of_pose(points, of_point)))
-    # Of few tags in a line a turn about it is not determined, and does not move.
+    # A turn about a line of few tags is not determined: by the pseudo-inverse it stays as it is.
     inverse_B, r = np.linalg.pinv(B, rcond=1e-7), residuals.reshape(v, 2 * n, 1)
     follow, catch_up = -inverse_B @ A, -inverse_B @ r
     r = (r + B @ catch_up)[..., 0]
@@ -257,7 +257,7 @@ def _settle(here: Fit) -> Fit:
             break
         there = here.moved(d, here.follow @ d + here.catch_up)
         if there is not None and here.cost - there.cost < promised / 2:
-            # Where views barely separate two parameters, the poses follow along a curved valley: let them catch up.
+            # Where views barely separate two parameters, the valley is curved: move the poses to its bottom.
             there = there.moved(np.zeros(len(d)), there.catch_up)
         if there is not None and there.cost <= here.cost:
             here, damping = there, max(damping / 10, 1e-12)

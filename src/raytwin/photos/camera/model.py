@@ -17,9 +17,8 @@ flat board are taken."""
 EQUALLY_GOOD = 1.1
 """Models that predict within this factor of the best add to sigma how far their K lies apart."""
 
-FEW_PHOTOS, FEWEST_FOR_A_BEND = 12, 4
-"""With fewer photos, which lens predicts best is chance, and all five coefficients are fitted; with fewer, the board is
-taken for flat."""
+FEW_PHOTOS = 12
+"""With fewer photos, which lens predicts best is chance, and all five coefficients are fitted."""
 
 
 def select_model(
@@ -35,7 +34,7 @@ def select_model(
         errors[form] = float(fits[form].leave_one_out()[1].mean())
 
     lenses = [*MODELS][::-1] if model == "auto" else [model]
-    for bent in (False, True)[: 1 + (len(views) >= FEWEST_FOR_A_BEND)]:
+    for bent in (False, True):
         attempt(ModelSpec(lenses[0], bent), start)
     taken = _as_good(errors)[0]
     for lens in lenses[1:]:
@@ -67,7 +66,7 @@ def _gap(fits: Mapping[ModelSpec, Fit], errors: Mapping[ModelSpec, float], taken
     return np.mean([np.outer(m, m) for m in moved], axis=0)
 
 
-def covariance(found: Fit, moves: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
+def covariance(found: Fit, moves: np.ndarray, gap: np.ndarray | float = 0.0) -> np.ndarray:
     """(m, m): that of `Fit.shared`, from how the photos disagree, and how the models do (`gap`).
 
     Blur, a focus that moved and the like pull all tags of a photo the same way. So the photo is the unit. Where photos
@@ -82,6 +81,5 @@ def covariance(found: Fit, moves: np.ndarray, gap: np.ndarray | None = None) -> 
     variance, jackknife = np.diag(alike), (1 - 1 / len(moves)) * (moves**2).sum(axis=0)
     wider = np.maximum(jackknife / np.where(variance > 0, variance, np.inf), 1)
     made = alike * np.sqrt(np.outer(wider, wider))
-    if gap is not None:
-        made[:LENS, :LENS] += gap
+    made[:LENS, :LENS] += gap
     return made

@@ -20,17 +20,17 @@ from raytwin.photos.camera.fit import matched
 from raytwin.scene import Camera, Matrix, Record, Vector
 
 WRONGLY_RULED_OUT = 1e-3
-"""Probability that noise alone makes a second pose's error large enough for it to be ruled out wrongly."""
+"""Probability that noise alone makes the true pose fit so much worse than the other one that it is ruled out."""
 
-SAME_POSE = 1.0
-"""Two poses less than this many degrees apart are one."""
+SAME_POSE_DEGREES = 1.0
+"""Two poses less than this apart are one."""
 
 OUTLIER_SIGMAS, OUTLIER_PX = 15.0, 1.0
 """A tag is rejected when it lies this many standard deviations off, and this many pixels. A real print is never quite
 flat: its errors have heavier tails than the detector's noise."""
 
 LEAST_AGREEING = 2 / 3
-"""Share of the tags: with fewer on one homography the photos show another board. Of a row taken for two, half agree."""
+"""Share of the tags that one homography must explain: with fewer the photos show another board."""
 
 
 class Pose(Record, frozen=True):
@@ -65,7 +65,7 @@ def refined_pose(K, dist: Sequence[float], tags: Sequence[Tag], board: Board) ->
     if not poses or not spans_a_plane(tags, board):
         raise InputError("tags", "four or more, not in one line", listed(t.id for t in tags))
     best = min(poses, key=lambda pose: pose.rms_px)
-    others = [pose.rms_px for pose in poses if rotation_degrees(pose.R_cam_board, best.R_cam_board) > SAME_POSE]
+    others = [pose.rms_px for pose in poses if rotation_degrees(pose.R_cam_board, best.R_cam_board) > SAME_POSE_DEGREES]
     return best, min(others) / max(best.rms_px, 1e-9) if others else None
 
 
@@ -80,7 +80,7 @@ def ambiguous(ratio: float | None, tags: int) -> bool:
 
 
 def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, photo: str = "photo") -> Pose:
-    """The pose from the tags of one photo, without outliers; tags that are not on the board are passed over."""
+    """The pose from the tags of one photo, without outliers and tags that are not on the board."""
     check_tags(tags, board, photo)
     known = board.centers()
     used = straight = [t for t in tags if t.id in known]
@@ -104,9 +104,10 @@ def camera_at(calibration, pose) -> Camera:
 
 
 def consistent(tags: Sequence[Tag], board: Board, image: Any) -> np.ndarray:
-    """(n,) bool: which tags' images (n, 2) one homography leads less than half of the way to the next tag off theirs.
+    """(n,) bool: which tags, seen at `image` (n, 2), one homography puts nearer to their own place than to any other.
 
-    A lens or a bend moves a tag by less, another board by all of it. RANSAC, with OpenCV's own fixed seed.
+    A lens or a bend moves a tag by less than half of the distance between neighbours, another board by all of it.
+    RANSAC, with OpenCV's own fixed seed.
     """
     if not spans_a_plane(tags, board):
         return np.zeros(len(tags), bool)
