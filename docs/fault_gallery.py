@@ -20,7 +20,7 @@ from PIL import Image as Picture
 
 import raytwin
 from raytwin.explain.catalogue import FAULTS
-from raytwin.explain.changes import STAGES, Fault
+from raytwin.explain.changes import FAULT_STAGES, Fault
 from raytwin.explain.draw_scene import draw_scene
 from raytwin.explain.predict import Array, Predictor, predictor
 from raytwin.images.photo_files import to_bytes
@@ -135,7 +135,7 @@ def page() -> str:
         '<p><label>Search <input type="search" class="fault-search" placeholder="normal, shadow, upside down"></label>'
         ' <span class="fault-count" role="status"></span></p>\n',
     ]
-    ordered = sorted(FAULTS, key=lambda fault: (STAGES.index(fault.stage), not file_of(fault).exists()))
+    ordered = sorted(FAULTS, key=lambda fault: (FAULT_STAGES.index(fault.stage), not file_of(fault).exists()))
     for stage, faults in groupby(ordered, attrgetter("stage")):
         parts.append(f"## {HEADINGS[stage]}\n")
         parts.append(f'<div class="faults">{"".join(map(entry, faults))}</div>\n')

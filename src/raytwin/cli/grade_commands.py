@@ -22,10 +22,8 @@ def class_command(
 ) -> None:  # fmt: skip
     """Grade submissions by a rubric, each in a sandbox.
 
-    The folder gets a page per student and one of the class, CSV and JSON. One submission graded alone takes its place
-    in the class that the folder holds.
-
-    Run it again to continue an interrupted run.
+    The folder gets a page per student and one of the class, CSV and JSON. Run it again to continue an interrupted
+    run, or to grade a late submission: what is graded already is not graded again.
     """
     from raytwin.parallel import parse_workers
     from raytwin.show import autograder_sites as sites

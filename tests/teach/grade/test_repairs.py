@@ -14,7 +14,7 @@ from raytwin.scene import Tolerance
 from raytwin.teach.grade.check_picture import _compare_points
 from raytwin.teach.grade.class_run import jobs_of, run
 from raytwin.teach.grade.result import Marked, Result
-from raytwin.teach.grade.sandboxed_repair import SecondLook, _with_hint
+from raytwin.teach.grade.sandboxed_repair import LineSearch, _with_hint
 from raytwin.teach.sandbox.sandbox import Code
 
 SOURCE = next(s.source for s in SLIPS if s.label == "sum of everything")
@@ -102,11 +102,11 @@ def test_a_picture_is_repaired_for_sure_where_no_other_picture_stays_wrong(monke
         monkeypatch.setattr(
             "raytwin.teach.grade.sandboxed_repair._repair", lambda stage, *_, found=repaired: found.get(stage.name)
         )
-        look = SecondLook(SimpleNamespace(hints=2), Code("a", "f = 1"))
+        line_search = LineSearch(SimpleNamespace(hints=2), Code("a", "f = 1"))
         child = SimpleNamespace(functions=("hit_points", "render"), spent=0.0)
         tried = [msgspec.structs.replace(wrong_image(), stage=stage) for stage in ("hit_points", "render")]
-        look._repair(tried, (), (), (), (), SimpleNamespace(child=child))
-        assert look.found["hit_points"].sure == other
+        line_search._repair(tried, (), (), (), (), SimpleNamespace(child=child))
+        assert line_search.found["hit_points"].sure == other
 
 
 def test_what_follows_from_another_function_is_looked_at_last():

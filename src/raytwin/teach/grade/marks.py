@@ -18,7 +18,7 @@ from raytwin.teach.grade.follow_through import Rerun, ask_again, with_again
 from raytwin.teach.grade.questions import Question
 from raytwin.teach.grade.result import SUREST, Marked, MarkedPart, Picture, Result, Status
 from raytwin.teach.grade.rubric import Exercise, Rubric
-from raytwin.teach.grade.sandboxed_repair import SecondLook
+from raytwin.teach.grade.sandboxed_repair import LineSearch
 from raytwin.teach.grade.wrong_picture import wrong_picture
 from raytwin.teach.sandbox.sandbox import Code
 
@@ -36,18 +36,22 @@ def marked(result: Result, rubric: Rubric, asked: list[Question], problem: str, 
     Functions that fail alone are repaired before causes of pictures are looked for: the same change may make these
     right, too.
     """
-    with SecondLook(rubric, None if problem else code) as look:
-        return _marked(result, rubric, asked, problem, code, look)
+    with LineSearch(rubric, None if problem else code) as line_search:
+        return _marked(result, rubric, asked, problem, code, line_search)
 
 
 def _marked(
-    result: Result, rubric: Rubric, asked: list[Question], problem: str, code: Code | None, look: SecondLook
+    result: Result, rubric: Rubric, asked: list[Question], problem: str, code: Code | None, line_search: LineSearch
 ) -> Result:
     of = {e.name: [a for a in asked if a.exercise is e] for e in rubric.exercises}
     checked = {id(a): check_picture(a) for a in asked if a.scene is not None}
     marks = {e.name: _mark_stage(of[e.name]) for e in rubric.exercises if of[e.name][0].scene is None}
     failed = [m for m in marks.values() if m.status not in ("pass", "missing")]
-    helped = ask_again(look.child_with, look.code, asked, checked, [m.stage for m in failed]) if look.code else Rerun()
+    helped = (
+        ask_again(line_search.child_with, line_search.code, asked, checked, [m.stage for m in failed])
+        if line_search.code
+        else Rerun()
+    )
     drawn_ones = [e for e in rubric.exercises if e.name not in marks]
     status = {name: m.status for name, m in marks.items()}
     status |= {e.name: _status([checked[id(a)].part for a in of[e.name]], of[e.name]) for e in drawn_ones}
@@ -55,9 +59,9 @@ def _marked(
     right = [stage for stage in dict.fromkeys(e.stage for e in rubric.exercises) if stage not in wrong_stages]
     spoilt = [a for a in asked if id(a) in checked and not checked[id(a)].part.passed]
     beside = dict.fromkeys(a.exercise.stage for a in spoilt if not helped.fixed_by(a))
-    marks |= {m.name: m for m in look.at([*marks.values()], right, beside=[*beside])}
+    marks |= {m.name: m for m in line_search.with_lines([*marks.values()], right, beside=[*beside])}
     failed = [marks[m.name] for m in failed]
-    mended = {id(a) for a in spoilt if a.exercise.stage in look.found}
+    mended = {id(a) for a in spoilt if a.exercise.stage in line_search.found}
     outside = {id(a) for a in asked if not a.exercise.inside}
     seen = {k: c for k, c in checked.items() if k in outside}
     again = replace(helped, again={k: pair for k, pair in helped.again.items() if k in outside})
@@ -75,25 +79,28 @@ def _marked(
         first = drawn_ones
     unclear = [m for e in first if not ((m := marks[e.name]).follows or says_why(m.sureness, m.faults))]
     shown = [(a.exercise.stage, a.case) for a in spoilt if a.reference is None]
-    marks |= {m.name: m for m in look.at(unclear, right, helped.names if causes.has_second else (), pictures=shown)}
+    marks |= {
+        m.name: m
+        for m in line_search.with_lines(unclear, right, helped.names if causes.has_second else (), pictures=shown)
+    }
     return msgspec.structs.replace(
         result,
-        exercises=tuple(_with_repair(marks[e.name], look, of[e.name]) for e in rubric.exercises),
+        exercises=tuple(_with_repair(marks[e.name], line_search, of[e.name]) for e in rubric.exercises),
         pictures=tuple(pictures),
         problem=problem,
         own_seconds=round(sum(a.answer.seconds for a in asked), 4),
     )
 
 
-def _with_repair(m: Marked, look: SecondLook, asked: Sequence[Question]) -> Marked:
+def _with_repair(m: Marked, line_search: LineSearch, asked: Sequence[Question]) -> Marked:
     """The exercise with the hints of the change that repairs it, if one does, and that change as its mistake.
 
     What repairs pictures from outside is tried on those from inside a sphere.
     """
-    found = look.found.get(m.stage)
+    found = line_search.found.get(m.stage)
     if found is None or m.status == "pass" or m.because:
         return m
-    if asked[0].exercise.inside and not look.mends(m.stage, [a.case for a in asked]):
+    if asked[0].exercise.inside and not line_search.mends(m.stage, [a.case for a in asked]):
         return m
     hints = tuple(found.hint(level) for level in (1, 2, 3))
     return msgspec.structs.replace(m, hints=hints, mistakes=(*m.mistakes, hints[-1]))

@@ -1,7 +1,6 @@
-"""A second look at what is wrong: the line to look at, found by repairing the text, and the fingerprint of the numbers.
+"""The line to look at, found by changing the submission's text, and the fingerprint of its wrong numbers.
 
-It runs after grading, in a sandbox of its own, and changes no points. What the sandbox answers is compared here with
-what is correct.
+Runs after grading, in a sandbox of its own, and changes no points. Numbers alone leave the sandbox, to be judged here.
 """
 
 import contextlib
@@ -44,9 +43,9 @@ from raytwin.teach.grade.rubric import PICTURES, Rubric
 from raytwin.teach.sandbox.sandbox import Code, Sandbox
 
 WORK_PROVED, WORK_UNNAMED, WORK_IN_ALL = 1.2e6, 3e6, 6e6
-"""Lines that run: for one function, for one of which no mistake is proved, and for a submission."""
+"""Most lines of Python that a search runs: for a function with a proved cause, for one without, for a submission."""
 MAX_TEXT = 100_000
-"""Characters of a text that is repaired: to read one of megabytes takes the grader minutes."""
+"""Characters of the longest text that is searched: one of megabytes takes minutes to parse."""
 CALLED, LINES = "raytwin_attempt", "raytwin_lines"
 REPAIR_DRIVER = f"""
 {REPLACE_DRIVER}
@@ -76,11 +75,11 @@ def {LINES}(function, arguments, seconds):
 """Runs in the sandbox, behind the submission's own text and in its module."""
 
 
-class SecondLook:
-    """Lines to look at in a submission, by work of WORK_IN_ALL at most, as far as the rubric's `hints` go.
+class LineSearch:
+    """Finds the lines to look at in one submission, within WORK_IN_ALL and up to the rubric's level of `hints`.
 
-    A text that is nested too deeply to be read is not repaired. `found`: by the name of the function. All that is asked
-    for again once a submission was called is asked of one process, since to start one takes as long as many calls.
+    `found`: function -> the change that corrects it. One process serves all further calls of the submission, since a
+    start costs as much as many calls. A text that is nested too deeply for Python to read is not changed.
     """
 
     def __init__(self, rubric: Rubric, code: Code | None) -> None:
@@ -91,7 +90,7 @@ class SecondLook:
         self.trials: _Trials | None = None
         self.replaced: tuple[str, ...] = ()
 
-    def __enter__(self) -> "SecondLook":
+    def __enter__(self) -> "LineSearch":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -126,7 +125,7 @@ class SecondLook:
         if self.trials is not None:
             self.trials.child.close()
 
-    def at(
+    def with_lines(
         self,
         exercises: Sequence[Marked],
         right: Sequence[str],
@@ -134,12 +133,11 @@ class SecondLook:
         beside: Sequence[str] = (),
         pictures: Sequence[tuple[str, Case]] = (),
     ) -> list[Marked]:
-        """The exercises, those that are wrong with the line to look at, and with a fingerprint if no cause is named.
+        """Return the exercises, wrong ones with the line to look at, and with a fingerprint if no cause is named.
 
-        `right`: functions that are correct by their own tests, and are not tried. `replaced`: functions that failed, of
-        which correct ones take the place. `beside`: others that are wrong; a change that makes them correct, too, is
-        `found` of them. `pictures`: (function, case) of those that are wrong: cases that are the same for all may be
-        too small to show it.
+        `right`: functions that pass their own tests; they are not changed. `replaced`: failed functions that run as
+        correct ones instead. `beside`: further wrong functions; a change that corrects one of them, too, is its line.
+        `pictures`: (function, case) of wrong pictures, for mistakes that the fixed cases are too small to show.
         """
         wrong = [e for e in exercises if e.status in ("fail", "error")]
         unnamed = {e.stage for e in wrong if self.code and not (e.faults or e.fingerprint or e.judged_by)}
@@ -185,7 +183,7 @@ class SecondLook:
 
 
 def _makes_right(found: Repair, stage: str, trials: "_Trials") -> bool:
-    """Whether the change makes another function right, too, that is wrong without."""
+    """Whether the change also corrects another function, which is wrong without it."""
 
     def right_with(change: Candidate) -> bool:
         each = ((case, trials.run(stage, [change], case.args, False)[0]) for case in (*_cases(stage), *_further(stage)))

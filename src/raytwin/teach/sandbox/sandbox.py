@@ -122,7 +122,7 @@ class Sandbox:
         self._with_uid = uid if uid is not None else probe().get("other uid") == HOLDS
 
     def __enter__(self) -> "Sandbox":
-        self._base = Path(tempfile.mkdtemp(prefix="raytwin-sandbox-"))
+        self._base = Path(tempfile.mkdtemp(prefix="raytwin-submission-"))
         self._work, self._copy = self._base / "work", self._base / "submission"
         self._work.mkdir(mode=0o700)
         self._copy.mkdir(mode=0o755)
