@@ -87,8 +87,8 @@ def write_light_page(found: "LightEstimate", path: str | os.PathLike[str]) -> No
 
 
 def _axes(found: "LightEstimate") -> tuple[list[Line], list[tuple[float, float, str]]]:
-    """Return the board's axes from its origin with a tick every TICK_METRES, and their labels: the names, and each
-    second tick's millimetres along x and y."""
+    """Return the board's axes from its origin with a tick every TICK_METRES, and their labels: the names with the last
+    tick's millimetres, and each second tick's along x and y."""
     far = np.max(list(found.board.centers().values()), axis=0)
     lines, labels = [], []
     for k, (name, colour) in enumerate((("x", "#f55"), ("y", "#3d3"), ("z", "#5af"))):
@@ -96,11 +96,11 @@ def _axes(found: "LightEstimate") -> tuple[list[Line], list[tuple[float, float, 
         count = max(2, int(np.ceil(far[k] / TICK_METRES))) if k < 2 else 2
         origin, end, beyond = found.photo.project(np.outer([0, count, count + 0.3], axis))
         lines.append((np.array([origin, end]), colour))
-        labels.append((*beyond.round(1).tolist(), name))
+        labels.append((*beyond.round(1).tolist(), f"{name} {round(1000 * count * TICK_METRES)}"))
         for i in range(1, count + 1):
             *tick, below = found.photo.project(i * axis + np.outer([-0.1, 0.1, -0.4], across))
             lines.append((np.array(tick), colour))
-            if i % 2 == 0 and k < 2:
+            if i % 2 == 0 and i < count and k < 2:
                 labels.append((*below.round(1).tolist(), str(round(1000 * i * TICK_METRES))))
     return lines, labels
 

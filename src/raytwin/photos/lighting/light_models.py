@@ -69,7 +69,7 @@ class Light:
 
 
 def received(around: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """(n, 3): irradiance over π that the map's upper half gives surfaces with such `normals` (n, 3)."""
+    """Return the irradiance over π (n, 3) that the map's upper half gives surfaces with `normals` (n, 3)."""
     rows, columns = around.shape[:2]
     edges = np.cos(np.linspace(0, np.pi, rows + 1))
     light = (around * ((edges[:-1] - edges[1:]) * 2 * np.pi / columns)[:, None, None])[: rows // 2]
@@ -78,7 +78,7 @@ def received(around: np.ndarray, normals: np.ndarray) -> np.ndarray:
 
 
 def upward(around: np.ndarray) -> np.ndarray:
-    """(3): the irradiance on level paper over π: the constant sky that gives it as much light."""
+    """Return the irradiance on level paper over π (3): the constant sky that gives it as much light."""
     return received(around, np.array([[0.0, 0.0, 1.0]]))[0]
 
 
