@@ -110,7 +110,7 @@ def test_a_board_alone_says_what_to_put_there_and_another_cameras_photo_is_refus
     light_page.write_light_page(refused.value.found, tmp_path / "light.html")
     page = (tmp_path / "light.html").read_text(encoding="utf-8")
     assert "got neither" in page
-    assert all(f">{label}</text>" in page for label in ("x 200", "y 250", "100"))
+    assert all(f">{label}</text>" in page for label in ("x 200", "y 250", "z 100"))
     with pytest.raises(InputError, match=r"expected \d+ x \d+ pixels, as the camera's, got \d+ x \d+"):
         estimate_light(plain, board, lit / "camera.toml")
     data = read_toml(lit / "camera.toml")

@@ -110,16 +110,10 @@ def _estimated(start: LightEstimate) -> LightEstimate:
     return replace(found, drawn=_drawn(found, light))
 
 
-def middle_of(board: boards.Board) -> tuple[float, float]:
-    """Return the middle of the board's tags."""
-    xy = np.array(list(board.centers().values()))
-    x, y = (xy.min(axis=0) + xy.max(axis=0)) / 2
-    return float(x), float(y)
-
-
 def _drawn(found: LightEstimate, light: Light) -> np.ndarray:
     """Draw a matt grey ball into the photo, on the middle of the board, as wide as the mirror ball, or three tags."""
-    photo, (x, y), mirror = found.photo, middle_of(found.board), found.mirror
+    photo, mirror, centers = found.photo, found.mirror, np.array(list(found.board.centers().values()))
+    x, y = ((centers.min(axis=0) + centers.max(axis=0)) / 2).tolist()
     radius = mirror.ball.radius if mirror else 1.5 * found.board.tag_edge
     ball, sheet = Sphere((x, y, radius), radius, (0.5, 0.5, 0.5)), sheet_of(draw_board(found.board, 100.0)[1])
     sun = Sun(tuple(light.to_light.tolist()), tuple(light.E.tolist())) if light.to_light is not None else NO_SUN

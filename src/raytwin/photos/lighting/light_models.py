@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from raytwin.photos.boards.board import PAPER
+from raytwin.photos.lighting.mirror_ball import SunSpot
 from raytwin.photos.lighting.mirror_map import MirrorBall
 from raytwin.photos.lighting.stand_shadow import SKY_SHARE_SD, Shadow
 from raytwin.scene import Environment, Sky
@@ -85,6 +86,7 @@ def upward(around: np.ndarray) -> np.ndarray:
 def light_of(paper: np.ndarray, by: Shadow | MirrorBall) -> Light:
     """Return the light by which paper in full light has radiance `paper` (3), with the map where a mirror shows one."""
     whole, zero = paper / PAPER, np.zeros(3)
+    sun: Shadow | SunSpot | None
     if isinstance(by, Shadow):
         sun, around, Ls, Ls_sd = by, None, by.sky_share * whole, SKY_SHARE_SD * whole
     else:
