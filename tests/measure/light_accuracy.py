@@ -71,7 +71,7 @@ def take(folder: Path, seed: int, samples: int) -> None:
     to_light, E, Ls, around = random_light(seed)
     sky = Sky(tuple(Ls)) if around is None else Environment(around.shape[1::-1], around.astype("<f4").tobytes())
     light_photos.photograph(
-        read_board(Path(__file__).parents[2] / "scenes" / "desk" / "board.toml"), a_camera(1008, 756), 1,
+        read_board(Path(__file__).parents[2] / "scenes" / "desk" / "board.toml"), a_camera(1008, 756),
         folder / "photos", (Sun(tuple(to_light), tuple(E)), sky), MIRROR, ORANGE, STAND, samples, seed + 1,
     )  # fmt: skip
 

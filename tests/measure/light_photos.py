@@ -1,4 +1,4 @@
-"""Photos for `raytwin photo light` under a known light: a mirror ball, a matt ball and a pin stand beside a board.
+"""A photo for `raytwin photo light` under a known light: a mirror ball, a matt ball and a pin stand beside a board.
 
 Mitsuba's own path tracer renders them. It sees no sun in a mirror, since that is a direction: `sun_glint` adds its
 image. The sunlight that the mirror throws on what surrounds it is left out.
@@ -38,10 +38,10 @@ BORDER = 5
 
 
 def photograph(
-    board: Board, camera: Camera, count: int, out: Path, lights: tuple[Sun, Sky | Environment], mirror: Sphere,
-    ball: Sphere, pin: tuple[float, float, float], samples: int, seed: int,
+    board: Board, camera: Camera, out: Path, lights: tuple[Sun, Sky | Environment], mirror: Sphere, ball: Sphere,
+    pin: tuple[float, float, float], samples: int, seed: int,
 ) -> None:  # fmt: skip
-    """Write `count` photos that show all of board, balls and pin, board.toml and truth.toml to `out`.
+    """Write a photo that shows all of board, balls and pin, photo_00.jpg, and board.toml and truth.toml to `out`.
 
     The camera's pose is not used. The mirror's albedo is its reflectance. `pin`: x and y of its foot, and its height.
     """
@@ -49,35 +49,32 @@ def photograph(
     rng = np.random.default_rng(seed)
     texture, extent = draw_board(board, TEXELS_PER_METRE)
     x, y, height = pin
-    around = (mirror, ball, Sphere((x, y, height / 2), height / 2))
     objects = (mirror, ball, sheet_of(extent), TABLE, *post(x, y, height))
-    taken = {}
-    for i, (R, t) in enumerate(stands(board, camera, count, around, rng)):
-        view = Camera(camera.image_size, camera.K, R, t, camera.dist)
-        light = rendered(scene_of("light", view, objects, lights), {2: texture}, samples, seed)
-        taken[f"photo_{i:02d}.jpg"] = R, t
-        pixels = expose(light + sun_glint(view, mirror, lights[0]), rng, view)
-        write_picture(out / f"photo_{i:02d}.jpg", pixels, quality=QUALITY)
+    R, t = pose_of(board, camera, (mirror, ball, Sphere((x, y, height / 2), height / 2)), rng)
+    view = Camera(camera.image_size, camera.K, R, t, camera.dist)
+    light = rendered(scene_of("light", view, objects, lights), {2: texture}, samples, seed)
+    pixels = expose(light + sun_glint(view, mirror, lights[0]), rng, view)
+    write_picture(out / "photo_00.jpg", pixels, quality=QUALITY)
     write_board(out / "board.toml", board)
-    write_truth(out / "truth.toml", Truth(camera.image_size, camera.K, camera.dist, taken))
+    write_truth(out / "truth.toml", Truth(camera.image_size, camera.K, camera.dist, {"photo_00.jpg": (R, t)}))
 
 
-def stands(
-    board: Board, camera: Camera, count: int, around: tuple[Sphere, ...], rng: np.random.Generator
-) -> list[tuple[Matrix, Vector]]:
-    """Poses that show all of the board and of the spheres: those of a wider board, which reaches as far as they do."""
+def pose_of(
+    board: Board, camera: Camera, around: tuple[Sphere, ...], rng: np.random.Generator
+) -> tuple[Matrix, Vector]:
+    """Return a pose that shows all of the board and of the spheres: one of a wider board, which reaches as far."""
     corners = np.array(list(itertools.product((-1, 1), repeat=3)))
     points = np.concatenate([np.array(s.center) + s.radius * corners for s in around])
     flat = np.concatenate([points[:, :2], list(board.centers().values())])
     ends = zip(flat.min(axis=0).tolist(), flat.max(axis=0).tolist(), strict=True)
-    tags = tuple(BoardTag(i, place) for i, place in enumerate(itertools.product(*ends)))
-    wide, found = Board(board.family, board.tag_edge, tags=tags), []
-    while len(found) < count:
+    wide = Board(
+        board.family, board.tag_edge, tags=tuple(BoardTag(i, at) for i, at in enumerate(itertools.product(*ends)))
+    )
+    while True:
         ((R, t),) = poses(wide, camera, 1, rng)
         at = lens_model.project(points, R, t, camera.K, camera.dist)
         if (at > BORDER).all() and (at < np.array(camera.image_size) - 1 - BORDER).all():
-            found.append((R, t))
-    return found
+            return R, t
 
 
 def post(x: float, y: float, height: float) -> tuple[Rectangle, ...]:

@@ -87,8 +87,8 @@ def write_light_page(found: "LightEstimate", path: str | os.PathLike[str]) -> No
 
 
 def _axes(found: "LightEstimate") -> tuple[list[Line], list[tuple[float, float, str]]]:
-    """Return the board's axes from its origin with a tick every TICK_METRES, and their labels: the names, and each
-    second tick's millimetres along x and y."""
+    """Return the board's axes from its origin with a tick every TICK_METRES, and their labels: the axis with the last
+    tick's millimetres."""
     far = np.max(list(found.board.centers().values()), axis=0)
     lines, labels = [], []
     for k, (name, colour) in enumerate((("x", "#f55"), ("y", "#3d3"), ("z", "#5af"))):
@@ -96,18 +96,14 @@ def _axes(found: "LightEstimate") -> tuple[list[Line], list[tuple[float, float, 
         count = max(2, int(np.ceil(far[k] / TICK_METRES))) if k < 2 else 2
         origin, end, beyond = found.photo.project(np.outer([0, count, count + 0.3], axis))
         lines.append((np.array([origin, end]), colour))
-        labels.append((*beyond.round(1).tolist(), name))
-        for i in range(1, count + 1):
-            *tick, below = found.photo.project(i * axis + np.outer([-0.1, 0.1, -0.4], across))
-            lines.append((np.array(tick), colour))
-            if i % 2 == 0 and k < 2:
-                labels.append((*below.round(1).tolist(), str(round(1000 * i * TICK_METRES))))
+        labels.append((*beyond.round(1).tolist(), f"{name} {round(1000 * count * TICK_METRES)}"))
+        ticks = (i * axis + np.outer([-0.1, 0.1], across) for i in range(1, count + 1))
+        lines += [(found.photo.project(tick), colour) for tick in ticks]
     return lines, labels
 
 
 def _evidence(found: "LightEstimate") -> list[Line]:
     """Return the ball's outline with a cross at the sun's spot, and an upright with its shadow."""
-    from raytwin.photos.lighting.estimate_light import middle_of
     from raytwin.photos.lighting.mirror_ball import Ball, outline
 
     photo, mirror, lines = found.photo, found.mirror, []
@@ -118,13 +114,12 @@ def _evidence(found: "LightEstimate") -> list[Line]:
             lines.append((mirror.spot.middle + cross, "#fd0"))
     elif found.ball:
         lines.append((outline(photo, Ball(np.array(found.ball[:3]), found.ball[3], np.zeros(4))), "#f22"))
-    sun = found.light.to_light if found.light else None
-    x, y, height = found.stand or (*middle_of(found.board), found.board.tag_edge)
-    foot, top = np.array([x, y, 0.0]), np.array([x, y, height])
-    if found.stand or sun is not None:
+    if found.stand:
+        x, y, height = found.stand
+        foot, top = np.array([x, y, 0.0]), np.array([x, y, height])
         lines.append((photo.project(np.array([top, foot])), "#c6f"))
-    if sun is not None:
-        lines.append((photo.project(np.array([foot, top - sun * height / sun[2]])), "#28f"))
+        if found.light and (sun := found.light.to_light) is not None:
+            lines.append((photo.project(np.array([foot, top - sun * height / sun[2]])), "#28f"))
     return lines
 
 

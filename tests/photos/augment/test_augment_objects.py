@@ -88,14 +88,6 @@ def test_a_print_darkens_the_board_that_it_lies_on_and_no_table():
     assert made.objects[::2] == (ball, table)
 
 
-def test_a_shadow_that_the_photo_shows_already_is_not_cast_twice():
-    sheet = Rectangle((0.05, 0.0, 0.03), (0.02, 0.0, 0.0), (0.0, 0.02, 0.0), in_photo=True)
-    scene = changed(stage(), objects=(*stage().spheres, FLOOR, sheet))
-    before = augment(grey(), scene.with_(objects=scene.planes))
-    assert (before.ratio == 1).all()
-    assert np.array_equal(before.pixels, grey())
-
-
 @pytest.mark.nightly
 @pytest.mark.parametrize("to_light", [(1.0, 0.0, 1.0), (-0.4, -1.0, 0.15), (1.0, 0.0, 0.0005)])
 def test_what_is_left_out_of_the_work_would_not_have_changed(to_light, monkeypatch):
@@ -131,13 +123,11 @@ def test_far_from_all_objects_nothing_is_noisy():
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("first", [True, False])
-def test_a_sphere_in_a_photographed_walls_shade_takes_no_sun_a_second_time(first):
+def test_a_sphere_in_a_photographed_walls_shade_takes_no_sun_a_second_time():
     """Where the wall shades the floor in the photo already, the sphere hides some of the sky and nothing else."""
     wall = Rectangle((0.1, 0.0, 0.1), (0.0, 0.5, 0.0), (0.0, 0.0, 0.1), in_photo=True)
     scene = stage(center=(0.03, 0.0, 0.03), radius=0.02)
-    both = (wall, *scene.objects) if first else (*scene.objects, wall)
-    shaded = augment(grey(), changed(scene, objects=both))
+    shaded = augment(grey(), changed(scene, objects=(*scene.objects, wall)))
     alone = augment(grey(), scene)
     core = (alone.ratio[..., 0] < 0.4) & (alone.coverage == 0)
     assert core.sum() > 100

@@ -4,18 +4,16 @@ import html
 
 import numpy as np
 import pytest
-from scene_of import changed
 
 from raytwin.errors import InputError
 from raytwin.images.image_formats import read_image
-from raytwin.photos.augment import augment
 from raytwin.photos.boards import read_board
 from raytwin.photos.lighting import stand_shadow
 from raytwin.photos.lighting.estimate_light import LightRefused, estimate_light
 from raytwin.photos.lighting.light_file import photo_exposure, read_light, write_light
 from raytwin.photos.lighting.light_models import upward
 from raytwin.photos.synthetic_photos import read_truth
-from raytwin.scene import Camera, Environment, Sky, Sun
+from raytwin.scene import Camera
 from raytwin.scene.scene_files import read_camera, read_scene, write_camera
 from raytwin.scene.toml_json import json_text, read_toml, write_toml
 from raytwin.show import light_page
@@ -55,8 +53,12 @@ def test_sun_and_sky_are_the_true_ones_and_the_map_is_the_right_way_round(found,
     level = np.array(lighting(true).sky.diffuse_irradiance((0.0, 0.0, 1.0)))
     white = 0.85 * (np.array(sun.irradiance) * sun.to_light[2] / np.pi + level) @ REC_709
     light = found.light
-    for by in (light, estimate_light(*inputs, stand=STAND).light):
-        assert np.degrees(np.arccos(by.to_light @ sun.to_light)) < 0.6
+    x, y, height = STAND
+    pin = estimate_light(*inputs, stand=(x + 5e-4, y - 5e-4, height)).light  # half a millimetre off
+    for by, degrees in ((light, 0.6), (pin, 1.5)):
+        assert np.degrees(np.arccos(by.to_light @ sun.to_light)) < degrees
+        turn = np.arctan2(*by.to_light[1::-1]) - np.arctan2(*sun.to_light[1::-1])
+        assert abs(np.degrees(turn)) < 0.5  # which the foot's place has no part in
         assert by.E * white == pytest.approx(np.array(sun.irradiance), rel=0.05)
         assert by.Ls * white == pytest.approx(level, rel=0.05)
     assert upward(light.around) == pytest.approx(light.Ls, rel=0.02)
@@ -108,7 +110,7 @@ def test_a_board_alone_says_what_to_put_there_and_another_cameras_photo_is_refus
     light_page.write_light_page(refused.value.found, tmp_path / "light.html")
     page = (tmp_path / "light.html").read_text(encoding="utf-8")
     assert "got neither" in page
-    assert all(f">{label}</text>" in page for label in ("x", "y", "100"))
+    assert all(f">{label}</text>" in page for label in ("x 200", "y 250", "z 100"))
     with pytest.raises(InputError, match=r"expected \d+ x \d+ pixels, as the camera's, got \d+ x \d+"):
         estimate_light(plain, board, lit / "camera.toml")
     data = read_toml(lit / "camera.toml")
@@ -116,20 +118,6 @@ def test_a_board_alone_says_what_to_put_there_and_another_cameras_photo_is_refus
     write_toml(tmp_path / "camera.toml", data)
     with pytest.raises(InputError, match="a photo by the camera of --camera"):
         estimate_light(lit / "photo_00.jpg", board, tmp_path / "camera.toml")
-
-
-def test_a_constant_map_shades_a_photo_as_a_constant_sky_does(true):
-    camera = true.camera.resized(126, 94)
-    photo = np.full((94, 126, 3), 150, np.uint8)
-    skies = [Environment((w, h), np.full((h, w, 3), 0.3, "<f4").tobytes()) for w, h in ((8, 4), (150, 101))]
-    *maps, even = (
-        augment(photo, changed(true, camera=camera, lights=(Sun((0.3, 0.5, 0.7)), sky))).ratio
-        for sky in (*skies, Sky((0.3,) * 3))
-    )
-    for ratio in maps:
-        assert np.sqrt(((ratio - even) ** 2).mean()) < 0.02  # the paths' noise, which falls otherwise
-        assert ratio.mean() == pytest.approx(even.mean(), abs=2e-3)
-    assert even.min() < 0.7
 
 
 def test_the_page_shows_what_the_light_was_found_by(found, tmp_path):

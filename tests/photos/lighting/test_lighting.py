@@ -1,7 +1,7 @@
 """Light from a mirror ball and a pin: each on pictures that closed forms made, no renderer.
 
-Mitsuba's mirror (test_light_photos.py) and the shipped photos (test_estimate_light.py) are the independent check of
-left and right, up and down.
+The shipped photos (test_estimate_light.py), which Mitsuba rendered, are the independent check of left and right, up and
+down, and of a shadow's length and darkness.
 """
 
 import numpy as np
@@ -181,44 +181,6 @@ def test_a_sun_that_is_no_stronger_than_its_uncertainty_is_not_taken():
         assert light.name == taken
         assert light.Ls == pytest.approx(np.full(3, 1 if light.to_light is None else share) / PAPER)
         assert light.E * SUN[2] / np.pi + light.Ls == pytest.approx(np.ones(3) / PAPER)
-
-
-@pytest.mark.nightly
-def test_a_pins_shadow_tells_the_sun_and_its_share_of_the_light_and_a_blocks_is_known_by_its_width(tmp_path):
-    """The shadow is painted on the sheet: a strip from the foot to where the sun's ray through the top meets it."""
-    foot, height, dark, camera = np.array([0.095, 0.095]), 0.03, 0.35, a_camera()
-    sheet, (x0, x1, y0, y1) = draw_board(BOARD, 4000.0)
-    h, w = sheet.shape
-    x, y = np.meshgrid(x0 + (np.arange(w) + 0.5) * (x1 - x0) / w, y1 - (np.arange(h) + 0.5) * (y1 - y0) / h)
-    rel, plain, tip = np.stack([x, y], axis=-1) - foot, PlainRenderer(), -SUN[:2] / SUN[2] * height
-
-    def strip(end, width):
-        along = np.clip(rel @ end / (end @ end), 0, 1)[..., None]
-        return np.linalg.norm(rel - along * end, axis=-1) < width / 2
-
-    for width in (0.0015, 0.012):
-
-        def render(c, texture, s, width=width):
-            """The sheet, its shadow, and what the upright hides: the strip from the foot to where its top is seen."""
-            to = (foot - c.eye[:2]) * height / (c.eye[2] - height)
-            return plain(c, np.where(strip(to, width), 0.3, np.where(strip(tip, width), dark, 1) * sheet), s)
-
-        photograph(BOARD, camera, 1, tmp_path / str(width), render, seed=3)
-        truth = read_truth(tmp_path / str(width) / "truth.toml")
-        (R, t), (path,) = truth.photos["photo_00.jpg"], list_photos(tmp_path / str(width))
-        photo, warnings = read_linear(path, Camera(truth.image_size, truth.K, R, t, truth.dist), BOARD)
-        assert warnings == []
-        assert photo.paper_colour == pytest.approx(np.ones(3), abs=0.01)
-        told = *(foot + 5e-4), 1.01 * height
-        if width > 0.002:
-            with pytest.raises(InputError, match=r"at most 0\.25 of its height wide"):
-                stand_shadow.find_shadow(photo, BOARD, told)
-            continue
-        found = stand_shadow.find_shadow(photo, BOARD, told)
-        assert np.degrees(np.arccos(found.to_light @ SUN)) < 1.5  # half a millimetre and one per cent off
-        assert found.sky_share == pytest.approx(np.full(3, dark), abs=0.04)
-        turn = np.arctan2(*found.to_light[1::-1]) - np.arctan2(*SUN[1::-1])
-        assert abs(np.degrees(turn)) < 0.5  # which the foot's place has no part in
 
 
 def test_no_shadow_is_found_on_a_bare_sheet(shoot):

@@ -1,7 +1,6 @@
-"""Convert photo colours to the scene's Rec. 709, by the primaries in the photo's ICC profile.
+"""Convert photo colours to the scene's Rec. 709: M = (Rec. 709 to XYZ)^-1 (photo to XYZ), from the ICC profiles.
 
-A phone writes Display P3: taken for Rec. 709, its colours are duller than they were. Both have sRGB's curve; between
-their linear values lies one matrix, M = (Rec. 709 to XYZ)^-1 (photo to XYZ), whose columns the profiles hold.
+A phone writes Display P3. Read as Rec. 709 its colours would be too dull. Both have sRGB's curve.
 """
 
 import io
@@ -11,14 +10,14 @@ import numpy as np
 
 
 def of_three_channels(extras: Mapping[str, bytes]) -> dict[str, bytes]:
-    """A photo's `files.photo_extras` without the profile of a grey photo or of four inks: what is drawn on is RGB."""
+    """Return what `photo_extras` read, without the profile of a grey photo or of four inks: the drawn photo is RGB."""
     return {key: value for key, value in extras.items() if key != "icc_profile" or value[16:20] == b"RGB "}
 
 
 def to_rec709(icc: bytes | None) -> np.ndarray:
-    """(3, 3): linear Rec. 709 of a photo's linear RGB; the identity without a profile, or where it holds no primaries.
+    """Return the matrix (3, 3) from a photo's linear RGB to Rec. 709; the identity where no profile tells primaries.
 
-    The profile's own curve is ignored; sRGB's is assumed.
+    The profile's own curve is ignored, and sRGB's assumed.
     """
     if icc is None:
         return np.eye(3)
@@ -35,7 +34,7 @@ def to_rec709(icc: bytes | None) -> np.ndarray:
 
 
 def _primaries(profile) -> np.ndarray | None:
-    """(3, 3): XYZ of red, green and blue in its columns, under D50 as all profiles have it."""
+    """Return the XYZ of red, green and blue under D50, the columns of (3, 3)."""
     of = profile.profile
     columns = [of.red_colorant, of.green_colorant, of.blue_colorant]
     return None if None in columns else np.array([xyz for xyz, _ in columns]).T

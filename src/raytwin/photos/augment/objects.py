@@ -111,8 +111,8 @@ def printed(scene: Scene, board: Board) -> Scene:
 def _light(
     scene: Scene, box: tuple[int, int, int, int], engine: str, n: int, paths: int, shadows: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of the pixels x0, y0, x1, y1 the light of drawn objects (h, w, 3), their coverage (h, w), and the photo's ratio
-    (h, w, 3), each over `n`² places per pixel."""
+    """Return for pixels x0, y0, x1, y1 the light of drawn objects (h, w, 3), their coverage (h, w), and the ratio that
+    scales the photo (h, w, 3), each over `n`² places per pixel."""
     x0, y0, x1, y1 = box
     w, h, first = x1 - x0, y1 - y0, (1 / n - 1) / 2
     pixels = scene.camera.grid(x0, y0, 1, (w, h))
@@ -129,7 +129,7 @@ def _light(
         return cv2.resize(np.float32(values), (w, h), interpolation=cv2.INTER_AREA).reshape(h, w, -1)
 
     def lit(of: Scene, sun: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The light of what is drawn, and of what the photo shows."""
+        """Return the light of what is drawn, and of what the photo shows."""
         here = of.with_(camera=pixels)
         whole = walk(here, "path", engine, sampling="center", samples=paths, seed=y0, depth=DEPTH, surface=False)
         soft = whole.mean - sunlit(of, pixels)[0]
@@ -151,7 +151,7 @@ def _light(
 
 
 def _touched(scene: Scene, shadows: bool) -> tuple[int, int, int, int]:
-    """x0, y0, x1, y1: the pixels that an object may cover, or its shadow on a photographed plane may reach."""
+    """Return x0, y0, x1, y1 of the pixels that an object may cover, or its shadow on a photographed plane may reach."""
     drawn = [thing for thing in scene.objects if not thing.in_photo]
     planes = [plane for plane in scene.planes if shadows and plane.in_photo]
     things = [*drawn, *(part for thing in drawn for plane in planes for part in _reach(thing, plane, scene))]

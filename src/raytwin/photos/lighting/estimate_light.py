@@ -77,7 +77,7 @@ def estimate_light(
     photo: Path, board: str | Path, camera: str | Path, *, ball: BallNumbers | None = None,
     stand: StandNumbers | None = None,
 ) -> LightEstimate:  # fmt: skip
-    """Sun and sky in which the photo was taken, relative to the board's white paper.
+    """Return the sun and the sky in which the photo was taken, relative to the board's white paper.
 
     `ball`: center and radius of a mirror ball, metres, roughly; `stand`: x, y of an upright's foot, and its height.
     Raises InputError where this is no photo of the board by the camera, LightRefused where it does not show its light.
@@ -110,16 +110,10 @@ def _estimated(start: LightEstimate) -> LightEstimate:
     return replace(found, drawn=_drawn(found, light))
 
 
-def middle_of(board: boards.Board) -> tuple[float, float]:
-    """The middle of the board's tags."""
-    xy = np.array(list(board.centers().values()))
-    x, y = (xy.min(axis=0) + xy.max(axis=0)) / 2
-    return float(x), float(y)
-
-
 def _drawn(found: LightEstimate, light: Light) -> np.ndarray:
-    """The photo with a matt grey ball on the middle of the board, as wide as the mirror ball, or three tags."""
-    photo, (x, y), mirror = found.photo, middle_of(found.board), found.mirror
+    """Draw a matt grey ball into the photo, on the middle of the board, as wide as the mirror ball, or three tags."""
+    photo, mirror, centers = found.photo, found.mirror, np.array(list(found.board.centers().values()))
+    x, y = ((centers.min(axis=0) + centers.max(axis=0)) / 2).tolist()
     radius = mirror.ball.radius if mirror else 1.5 * found.board.tag_edge
     ball, sheet = Sphere((x, y, radius), radius, (0.5, 0.5, 0.5)), sheet_of(draw_board(found.board, 100.0)[1])
     sun = Sun(tuple(light.to_light.tolist()), tuple(light.E.tolist())) if light.to_light is not None else NO_SUN
@@ -128,7 +122,7 @@ def _drawn(found: LightEstimate, light: Light) -> np.ndarray:
 
 
 def _placed(path: Path, lens: Camera, definition: boards.Board) -> Camera:
-    """The camera where it took the photo."""
+    """Return the camera at the pose from which it took the photo."""
     size = photo_size(path)
     if size != lens.image_size:
         raise InputError(path, f"{lens.width} x {lens.height} pixels, as the camera's", f"{size[0]} x {size[1]}")

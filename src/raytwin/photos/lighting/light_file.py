@@ -69,7 +69,7 @@ def read_light(path: str | os.PathLike) -> WrittenLight:
 
 
 def write_light(path: str | os.PathLike, light: Light, paper: np.ndarray, comment: str = "") -> None:
-    """The file, and its map beside it under the same name as EXR."""
+    """Write the file, and its map beside it under the same name as EXR."""
     path = Path(path)
     table: dict = {}
     if light.to_light is not None:
@@ -88,5 +88,5 @@ def write_light(path: str | os.PathLike, light: Light, paper: np.ndarray, commen
 
 
 def photo_exposure(path: str | os.PathLike, camera: Camera, board: Board, light: WrittenLight) -> np.ndarray:
-    """(H, W, 3): the photo's linear value of radiance 1, by its white paper in full light and the lens's falloff."""
+    """Return the photo's linear value of radiance 1 (H, W, 3), by its white paper and the lens's falloff."""
     return read_linear(Path(path), camera, board)[0].value_of_one(np.array(light.paper.color))

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from raytwin.photos.boards.board import PAPER
+from raytwin.photos.lighting.mirror_ball import SunSpot
 from raytwin.photos.lighting.mirror_map import MirrorBall
 from raytwin.photos.lighting.stand_shadow import SKY_SHARE_SD, Shadow
 from raytwin.scene import Environment, Sky
@@ -69,7 +70,7 @@ class Light:
 
 
 def received(around: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """(n, 3): irradiance over π that the map's upper half gives surfaces with such `normals` (n, 3)."""
+    """Return the irradiance over π (n, 3) that the map's upper half gives surfaces with `normals` (n, 3)."""
     rows, columns = around.shape[:2]
     edges = np.cos(np.linspace(0, np.pi, rows + 1))
     light = (around * ((edges[:-1] - edges[1:]) * 2 * np.pi / columns)[:, None, None])[: rows // 2]
@@ -78,13 +79,14 @@ def received(around: np.ndarray, normals: np.ndarray) -> np.ndarray:
 
 
 def upward(around: np.ndarray) -> np.ndarray:
-    """(3): the irradiance on level paper over π: the constant sky that gives it as much light."""
+    """Return the irradiance on level paper over π (3): the constant sky that gives it as much light."""
     return received(around, np.array([[0.0, 0.0, 1.0]]))[0]
 
 
 def light_of(paper: np.ndarray, by: Shadow | MirrorBall) -> Light:
     """Return the light by which paper in full light has radiance `paper` (3), with the map where a mirror shows one."""
     whole, zero = paper / PAPER, np.zeros(3)
+    sun: Shadow | SunSpot | None
     if isinstance(by, Shadow):
         sun, around, Ls, Ls_sd = by, None, by.sky_share * whole, SKY_SHARE_SD * whole
     else:

@@ -58,16 +58,16 @@ class LinearPhoto:
         return self.paper / (self.paper @ REC_709)
 
     def value_of_one(self, paper: np.ndarray) -> np.ndarray:
-        """(H, W, 3) float32: the photo's linear value of radiance 1, where paper in full light has `paper` (3)."""
+        """Return the photo's linear value of radiance 1 (H, W, 3), where `paper` (3) is that of paper in full light."""
         return self.shade[..., None] * (self.paper / paper).astype(np.float32)
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """(n, 2) pixels of board points (n, 3)."""
+        """Return the pixels (n, 2) of board points (n, 3)."""
         c = self.camera
         return lens_model.project(points, c.R_cam_board, c.t_cam_board, c.K, c.dist)
 
     def rays(self, pixels: np.ndarray) -> np.ndarray:
-        """(n, 3): unit directions of the pixels (n, 2), board's axes."""
+        """Return unit directions (n, 3), in the board's axes, of the pixels (n, 2)."""
         d = np.c_[lens_model.undistort(pixels, self.camera.K, self.camera.dist), np.ones(len(pixels))]
         return d / np.linalg.norm(d, axis=1, keepdims=True) @ np.array(self.camera.R_cam_board)
 
@@ -81,7 +81,7 @@ def sample(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
 
 
 def read_linear(path: Path, camera: Camera, board: Board) -> tuple[LinearPhoto, list[str]]:
-    """The photo taken by `camera`, and warnings in words. Raises InputError where its tags are too small."""
+    """Return the photo taken by `camera`, and warnings. Raises InputError where its tags are too small."""
     pixels, icc = read_photo(path), photo_extras(path).get("icc_profile")
     linear = from_bytes(pixels) @ to_rec709(icc).T.astype(np.float32)
     at, white = _cells(camera, board)
@@ -113,8 +113,8 @@ def read_linear(path: Path, camera: Camera, board: Board) -> tuple[LinearPhoto, 
 
 
 def _cells(camera: Camera, board: Board) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 2) pixels of places half a cell outside and inside the tags' edges that are seen large enough, and which are
-    white paper (n,): so a tag may be printed any way round."""
+    """Return the pixels (n, 2) of places half a cell outside and inside the tags' edges that are seen large enough, and
+    which are white paper (n,): these are the same however a tag is turned."""
     cells = len(tag_cells(board.family, 0))
     side = ((np.arange(cells) + 0.5) / cells - 0.5) * board.tag_edge
     across = np.array([[board.tag_edge * (0.5 + 0.5 / cells)], [board.tag_edge * (0.5 - 0.5 / cells)]]) + 0 * side

@@ -86,13 +86,9 @@ class Ball:
     radius: float
     sigma: np.ndarray
 
-    @property
-    def name(self) -> str:
-        return f"ball {','.join(f'{x:.4g}' for x in (*self.center, self.radius))}"
-
 
 def outline(photo: LinearPhoto, ball: Ball) -> np.ndarray:
-    """(OUTLINE_PLACES, 2): pixels of the ball's outline, in order."""
+    """Return the pixels (OUTLINE_PLACES, 2) of the ball's outline, in order."""
     away = ball.center - photo.camera.eye
     d = np.linalg.norm(away)
     r = min(ball.radius, float(0.999 * d))
@@ -103,8 +99,8 @@ def outline(photo: LinearPhoto, ball: Ball) -> np.ndarray:
 
 
 def reflect(photo: LinearPhoto, ball: Ball, d: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Of rays d (n, 3): points (n, 3), reflected directions (n, 3), cosine of ray and normal (n,); NaN where they miss
-    the ball."""
+    """Return where rays d (n, 3) meet the ball (n, 3), their reflected directions (n, 3), and the cosines of ray and
+    normal (n,); NaN where they miss it."""
     f = np.array(photo.camera.eye) - ball.center
     b = d @ f
     with np.errstate(invalid="ignore"):
@@ -114,8 +110,8 @@ def reflect(photo: LinearPhoto, ball: Ball, d: np.ndarray) -> tuple[np.ndarray, 
 
 
 def pixels_about(photo: LinearPhoto, ball: Ball, reach: float = 1.0, most: int = 1 << 30) -> np.ndarray:
-    """(h, w, 2): pixels of the box about `reach` times the ball's outline, within the frame: all of them, or every nth,
-    so that at most `most` lie across the ball."""
+    """Return the pixels (h, w, 2) of the box about `reach` times the ball's outline, within the frame: all of them, or
+    every nth, so that at most `most` lie across the ball."""
     rim = outline(photo, ball)
     middle, wide = rim.mean(axis=0), np.ptp(rim, axis=0)
     low = np.maximum(np.floor(middle - reach * wide / 2), 0).astype(int)
@@ -136,11 +132,11 @@ def check_seen(photo: LinearPhoto, ball: Ball) -> None:
         (wide >= LEAST_BALL_PX, f"at least {LEAST_BALL_PX:.0f} pixels wide", f"{wide:.0f} pixels"),
     ):
         if not seen:
-            raise InputError(f"{photo.name}: {ball.name}", f"a ball {expected}", got)
+            raise InputError(f"{photo.name}: --ball", f"a ball {expected}", got)
 
 
 class Search:
-    """A photo in which a ball is searched for: how well the outline and the mirrored board fit a ball of any place."""
+    """A photo in which a ball is searched for: scores a ball by its outline and by the board that it mirrors."""
 
     def __init__(self, photo: LinearPhoto, board: Board, given: Ball) -> None:
         self.photo, (x0, x1, y0, y1) = photo, draw_board(board, 100.0)[1]
@@ -156,7 +152,7 @@ class Search:
         self.seen = cv2.blur(layers, (step, step))[uv[..., 1], uv[..., 0]]
 
     def outline_score(self, ball: Ball) -> float:
-        """How much of the outline is an edge: about 1 where all of it is."""
+        """Return how much of the outline is an edge: about 1 where all of it is."""
         rim = outline(self.photo, ball)
         along = np.roll(rim, -1, axis=0) - np.roll(rim, 1, axis=0)
         across = 1.5 * np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
@@ -164,7 +160,7 @@ class Search:
         return float(np.mean(np.minimum(step, FULL_EDGE_CODES) / FULL_EDGE_CODES + 0.05 * step / (step + 30)))
 
     def mirrored_board(self, ball: Ball) -> tuple[float, float, np.ndarray]:
-        """How well the ball's pixels correlate with the board that they mirror, the log-likelihood of that over none,
+        """Return the correlation of the ball's pixels with the board that they mirror, its log-likelihood over none,
         and their light over the luminance of what they mirror (3)."""
         points, out, cosine = reflect(self.photo, ball, self.rays)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -183,14 +179,14 @@ class Search:
 
 
 def _detail(values: np.ndarray, good: np.ndarray) -> np.ndarray:
-    """(n,): the `good` ones of values (h, w), without their finest noise and their shading."""
+    """Return the `good` ones (n,) of values (h, w), without their finest noise and their shading."""
     layers = np.dstack([np.where(good, values, 0), good]).astype(np.float32)
     fine, coarse = (cv2.GaussianBlur(layers, (0, 0), sigma)[good] for sigma in (FINE_PX, COARSE_PX))
     return fine[:, 0] / np.maximum(fine[:, 1], 1e-6) - coarse[:, 0] / np.maximum(coarse[:, 1], 1e-6)
 
 
 def find_ball(photo: LinearPhoto, board: Board, center: np.ndarray, radius: float) -> tuple[Ball, np.ndarray]:
-    """The likeliest ball near the given one, and its reflectance (3).
+    """Return the likeliest ball near the given one, and its reflectance (3).
 
     Raises InputError where none is seen, where it does not show the board, or not in grey.
     """
@@ -220,7 +216,7 @@ def find_ball(photo: LinearPhoto, board: Board, center: np.ndarray, radius: floa
         (grey, "a grey mirror ball", f"one that reflects {by_colour} of red, green and blue"),
     ):
         if not seen:
-            raise InputError(f"{photo.name}: {given.name}", expected, got)
+            raise InputError(f"{photo.name}: --ball", expected, got)
     return ball, reflectance
 
 

@@ -53,7 +53,7 @@ def find_mirror(photo: LinearPhoto, board: Board, center: np.ndarray, radius: fl
 def mirrored_maps(
     photo: LinearPhoto, ball: Ball, reflectance: np.ndarray, spot: SunSpot | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(rows, 2 rows, 3) each: radiance without lamps, and that of the clipped lamps."""
+    """Return two maps (rows, 2 rows, 3): radiance without lamps, and that of the clipped lamps."""
     uv = pixels_about(photo, ball, most=MAX_PIXELS_ACROSS).reshape(-1, 2)
     uv = uv[np.nan_to_num(reflect(photo, ball, photo.rays(uv))[2]) > LEAST_COSINE]
     if spot:

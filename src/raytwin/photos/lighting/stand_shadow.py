@@ -126,8 +126,8 @@ def find_shadow(photo: LinearPhoto, board: Board, stand: tuple[float, float, flo
 def _around(
     photo: LinearPhoto, board: Board, foot: np.ndarray, height: float, turns: np.ndarray, far: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(turns, far, 3), (turns, far), (turns, far): the light of places around the foot; how much darker they are than
-    such paper or ink in full light, NaN where the upright, an edge of the print or clipping hides it; which are paper.
+    """Return of places around the foot the light (turns, far, 3); how much darker they are than such paper or ink in
+    full light (turns, far), NaN where the upright, an edge of the print or clipping hides it; and which are paper.
     """
     rel = (far[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)[:, None]).reshape(-1, 2)
     sheet, (x0, _, _, y1) = draw_board(board, PIXELS_PER_METRE)
