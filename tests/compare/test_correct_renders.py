@@ -44,14 +44,10 @@ def test_the_count_of_false_alarms_would_show_a_variance_that_is_too_small():
 # ------------------------------------------------------------------------------------------ pairs at the default rate
 
 
-def of_batches(rng, samples, stated=True):
+def of_batches(rng, samples):
     """Exponential noise of few samples, each a batch, beside a reference of 4096."""
-    runs = TRUTH * rng.exponential(1, (samples, *TRUTH.shape))
-    test = Image(runs.mean(axis=0).astype(np.float32), samples=samples, batches=samples)
-    if stated:
-        test = replace(test, variance=(runs.var(axis=0, ddof=1) / samples).astype(np.float32))
-    mean, spread = TRUTH * rng.gamma(4096, 1 / 4096, TRUTH.shape), rng.chisquare(63, TRUTH.shape) / 63
-    return test, Image(mean.astype(np.float32), (spread * TRUTH**2 / 4096).astype(np.float32), 4096, batches=64)
+    noise = {"kind": "exp", "sd": 1.0}
+    return render(rng, TRUTH, samples=samples, batches=samples, **noise), render(rng, TRUTH, samples=4096, **noise)
 
 
 def sky(rng, truth, samples, batches):
@@ -89,9 +85,7 @@ def occluded(rng, hidden):
     """A closed form beside samples that see all of the sky but for a share that nearly all of them miss."""
     truth = 1 - hidden * (1 - np.linspace(0, 1, 40)[:, None, None]) * np.ones((40, 56, 3))
     truth[-8:] = 0.5  # where the occluder is near, all is noisy
-    test = Image(truth.astype(np.float32), np.zeros(truth.shape, np.float32), 64, None, 16)
-    seen = rng.binomial(4, truth[None, ..., :1], (16, 40, 56, 1)).repeat(3, axis=-1) / 4
-    return test, Image(seen.mean(0).astype(np.float32), (seen.var(0, ddof=1) / 16).astype(np.float32), 64, None, 16)
+    return Image(truth.astype(np.float32), np.zeros(truth.shape, np.float32), 64, None, 16), sky(rng, truth, 64, 16)
 
 
 def of_events(rng, p, size, samples, truth=TRUTH):
@@ -101,25 +95,20 @@ def of_events(rng, p, size, samples, truth=TRUTH):
 
 def negative(rng, stated):
     """Noise that goes below 0 as far as above: hundreds of values."""
-    pair = [render(rng, TRUTH, sd=2.0) for _ in range(2)]
-    noisy = [replace(i, mean=(TRUTH + 0.5 * rng.normal(size=TRUTH.shape)).astype(np.float32)) for i in pair]
-    noisy = [replace(i, variance=np.full(TRUTH.shape, 0.25, np.float32)) for i in noisy]
+    means = (TRUTH + 0.5 * rng.normal(size=(2, *TRUTH.shape))).astype(np.float32)
+    noisy = [Image(mean, np.full(TRUTH.shape, 0.25, np.float32), 16, None, 16) for mean in means]
     return tuple(noisy if stated else map(untold, noisy))
 
 
 CORRECT = {
     "2 batches": lambda rng: of_batches(rng, 2),
-    "3 batches": lambda rng: of_batches(rng, 3),
     "1 sample of the sky": lambda rng: (sky(rng, SKY, 1, 1), sky(rng, SKY, 1, 1)),
     "3 samples of the sky": lambda rng: (sky(rng, SKY, 3, 3), sky(rng, SKY, 3, 3)),
     "a lamp that the reference meets seldom": lambda rng: lamp(rng),
     "a lamp that the test meets seldom": lambda rng: lamp(rng)[::-1],
     "7 samples of a lamp": lambda rng: seldom_lit(rng, 7),
-    "8 samples of a lamp": lambda rng: seldom_lit(rng, 8),
-    "an occluder of 1e-4": lambda rng: occluded(rng, 1e-4),
     "an occluder of 5e-3": lambda rng: occluded(rng, 5e-3),
     "3 events in a tile": lambda rng: of_events(rng, 0.003, 2.0, 16),
-    "10 events in a tile": lambda rng: of_events(rng, 0.01, 1.0, 16),
     "5 dark events in a tile": lambda rng: of_events(rng, 0.003, -0.9, 24),
     "12 events, and tiles that are cut": lambda rng: of_events(rng, 0.003, 3.0, 64, picture(41, 57)),
     "negative values": lambda rng: negative(rng, stated=True),
@@ -134,37 +123,24 @@ def test_a_correct_pair_does_not_fail(name):
     assert [compare(*CORRECT[name](rng)).verdict for _ in range(12)].count("fail") <= 1
 
 
-def test_a_sequence_of_few_large_events_does_not_fail():
-    """One of 40 sequences would fail with 4 % at 1e-3. Without what is granted for events, most do."""
-    for name, beside_exact in (
-        ("one sample in 200 shaded", True),
-        (".0003 x 300 everywhere", True),
-        (".0003 x 300 everywhere", False),
-        ("rare events in 10 x 14 pixels", True),
-    ):
-        rng, noise = np.random.default_rng([14, *name.encode()]), SAMPLED[name].noise
-        for _ in range(10):
-            other = Image(SAMPLED[name].mean(SMALL)) if beside_exact else noise(rng, SMALL, 24)
-            check = sequence(noise(rng, SMALL, 24), other, detectable_bias=1e-9)
-            assert last_verdict(check)[0] != "fail", (name, last_verdict(check))
+@pytest.mark.parametrize(
+    "name", ["one sample in 200 shaded", ".0003 x 300 everywhere", "rare events in 10 x 14 pixels"]
+)
+def test_a_sequence_of_few_large_events_does_not_fail(name):
+    """One of 30 sequences would fail with 3 % at 1e-3. Without what is granted for events, most do."""
+    rng, kind = np.random.default_rng([14, *name.encode()]), SAMPLED[name]
+    for _ in range(10):
+        check = sequence(kind.noise(rng, SMALL, 24), Image(kind.mean(SMALL)), detectable_bias=1e-9)
+        assert last_verdict(check)[0] != "fail", last_verdict(check)
 
 
 def test_rare_events_are_undecided_beside_the_truth_unless_hardly_one_was_met():
-    """60 renders with 4.9 events each: one in 23 meets at most one. A failure must be of these."""
-    make, truth, fails = KINDS["rare events against the exact image"], picture(48, 64), 0
-    rng = np.random.default_rng(41)
-    for _ in range(60):
-        test, reference = make(rng, truth, 1.0)
-        verdict = compare(test, reference).verdict
-        assert verdict == "undecided" or (test.mean > 10 * truth).any(axis=-1).sum() <= 1
-        fails += verdict == "fail"
-    assert fails <= 4  # 2 % of such renders fail; more than 4 of 60 would once in 100 times
-
-
-def test_a_render_that_missed_every_rare_event_is_excused_by_a_reference_that_saw_them():
-    rng = np.random.default_rng(19)
-    missed = Image(TRUTH.astype(np.float32), np.full(TRUTH.shape, 1e-34, np.float32), 16, None, 16)
-    assert compare(missed, render(rng, TRUTH, samples=4096, p=1e-4, size=1e2, sd=0.0)).verdict != "fail"
+    """40 renders with 4.9 events each: one in 23 meets at most one. A failure must be of these."""
+    rng, truth = np.random.default_rng(41), picture(48, 64)
+    for _ in range(40):
+        test, reference = KINDS["rare events against the exact image"](rng, truth, 1.0)
+        undecided = compare(test, reference).verdict == "undecided"
+        assert undecided or (test.mean > 10 * truth).any(axis=-1).sum() <= 1
 
 
 # ------------------------------------------------------------------------------------------ what fails
@@ -181,20 +157,6 @@ def test_few_samples_hide_no_gross_fault():
         c = compare(test, sky(rng, truth, 6400, 16))
         assert c.verdict == ("undecided" if samples < 4 else "fail")
         assert (f"a variance from {samples} batches is hardly known" in c.reasons[0]) == (samples < 4)
-
-
-def test_half_of_a_local_light_of_rare_events_is_missed():
-    """Events of 30 in one sample of 100, in 24 x 24 pixels: half the light fails, all of it does not."""
-    rng = np.random.default_rng(8)
-    chance = np.zeros((64, 96, 1))
-    chance[20:44, 30:54] = 0.01
-    reference = Image((0.5 + 30 * chance * np.ones(3)).astype(np.float32))
-    for gain, fails in ((1.0, False), (0.5, True)):
-        for _ in range(3):
-            batches = gain * (rng.normal(0.5, 0.01, (16, 64, 96, 3)) + rng.binomial(4, chance, (16, 64, 96, 1)) * 7.5)
-            variance = (batches.var(axis=0, ddof=1) / 16).astype(np.float32)
-            test = Image(batches.mean(axis=0).astype(np.float32), variance, 64, None, 16)
-            assert (compare(test, reference).verdict == "fail") == fails
 
 
 def test_the_reason_names_the_render_whose_light_is_rare():

@@ -26,14 +26,11 @@ def judged(test, tolerance=None):
     return geometry_findings(Image(MEAN, surface=test), Image(MEAN, surface=surface()), tolerance or Tolerance())
 
 
-def test_the_same_surface_has_no_geometric_error():
+def test_silhouette_pixels_are_counted_against_the_tolerance_and_located():
+    """Those that are tolerated may have another radiance, too."""
     geometry, found = judged(surface())
     assert (geometry.mask_mismatch_pixels, geometry.depth_max_rel, found) == (0, 0, [])
     assert geometry.normal_max_deg == pytest.approx(0, abs=1e-4)
-
-
-def test_silhouette_pixels_are_counted_against_the_tolerance_and_located():
-    """Those that are tolerated may have another radiance, too."""
     s, mean = surface(), MEAN.copy()
     s.ids[30, 10:13] = 4
     mean[30, 10:13] = 0.9
@@ -54,29 +51,21 @@ def wedge(edge: int) -> Surface:
     return Surface((x >= edge).astype(np.int32), (2 + 0.01 * np.abs(x - 40)).astype(np.float32), normal)
 
 
-def test_on_the_common_edge_of_two_objects_either_answer_is_right_and_is_counted():
+def test_on_the_common_edge_of_two_objects_either_answer_is_correct_and_no_other_pixel_is_taken_for_one():
     test, reference = wedge(41), wedge(40)
-    mean = np.where((test.ids == 0)[..., None], np.float32(0.5), np.float32(0.3)) * np.ones(3, np.float32)
-    shown = np.where((reference.ids == 0)[..., None], np.float32(0.5), np.float32(0.3)) * np.ones(3, np.float32)
+    mean, shown = (np.where((s.ids == 0)[..., None], 0.5, 0.3) * np.ones(3, np.float32) for s in (test, reference))
     c = compare(Image(mean, surface=test), Image(shown, surface=reference))
-    assert c.verdict == "pass"
-    assert c.geometry.mask_mismatch_pixels == 0
+    assert (c.verdict, c.geometry.mask_mismatch_pixels) == ("pass", 0)
     assert c.reasons[-1].startswith("60 pixels on the common edge of two objects")
     assert compare(Image(mean), Image(shown)).verdict == "fail"  # without surfaces nobody knows
-
-
-def test_no_other_pixel_is_taken_for_a_tie():
-    for wrong in ("nearer", "named otherwise", "another object"):
-        test, reference = wedge(41), wedge(40)
-        if wrong == "nearer":
-            test.depth[:, 40] *= np.float32(1 - 1.1e-4)
-        elif wrong == "named otherwise":
-            test.ids[:] = 1 - reference.ids
-        else:
-            test.ids[:, 40] = 7
-        c = compare(Image(MEAN, surface=test), Image(MEAN, surface=reference))
-        assert c.verdict == "fail", wrong
-        assert "another object is seen" in c.reasons[0], wrong
+    nearer, renamed, another = wedge(41), wedge(41), wedge(41)
+    nearer.depth[:, 40] *= np.float32(1 - 1.1e-4)
+    renamed.ids[:] = 1 - reference.ids
+    another.ids[:, 40] = 7
+    for wrong in (nearer, renamed, another):
+        c = compare(Image(MEAN, surface=wrong), Image(MEAN, surface=reference))
+        assert c.verdict == "fail"
+        assert "another object is seen" in c.reasons[0]
 
 
 def test_relative_depth_is_measured_where_both_see_the_same_object():
@@ -89,7 +78,7 @@ def test_relative_depth_is_measured_where_both_see_the_same_object():
     assert found[0].text.startswith("depth: ")
 
 
-@pytest.mark.parametrize("degrees", [1e-4, 0.05, 1.0, 90.0, 180.0])
+@pytest.mark.parametrize("degrees", [1e-4, 0.05, 1.0, 180.0])
 def test_a_turned_normal_has_the_angle_it_was_turned_by(degrees):
     s, a = surface(), np.radians(degrees)
     x, y, z = np.moveaxis(s.normal.astype(float), -1, 0)

@@ -2,18 +2,12 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 
 from raytwin.compare import METRICS, measure
-from raytwin.compare.metrics import CHUNK, nth_largest
+from raytwin.compare.metrics import nth_largest
 from raytwin.errors import InputError
 
 R = np.full((20, 30, 3), 0.5, np.float32)
-VALUES = hnp.arrays(
-    np.float32, st.tuples(st.integers(1, 9), st.integers(1, 9), st.just(3)), elements=st.floats(0, 8, width=32)
-)
 
 
 def of(name, test, reference):
@@ -40,41 +34,28 @@ def test_a_constant_error_has_the_closed_form_of_every_metric():
     assert math.isnan(of("mean_ratio", R, 0 * R))
 
 
-def test_chunks_change_nothing():
-    rng = np.random.default_rng(2)
-    t, r = rng.random((2, CHUNK + 12_345), np.float32)
-    d = t.astype(float) - r
-    assert of("rmse", t, r) == pytest.approx(np.sqrt(np.mean(d**2)), rel=1e-6)
-    assert of("relmse", t, r) == pytest.approx(np.mean(d**2 / (r.astype(float) ** 2 + 0.01)), rel=1e-5)
-    assert of("max_abs", t, r) == pytest.approx(np.abs(d).max(), rel=1e-6)
-
-
-def test_the_trimmed_relmse_is_that_of_all_values_but_the_worst():
-    rng = np.random.default_rng(3)
-    t, r = rng.random((2, CHUNK + 12_345), np.float32)
-    plain = of("relmse_trimmed", t, r)
-    t[::2000] = 1e4  # 72 fireflies in 143 thousand values
-    each = np.sort((t.astype(float) - r) ** 2 / (r.astype(float) ** 2 + 0.01))
-    assert of("relmse_trimmed", t, r) == pytest.approx(each[: -(t.size // 1000)].mean(), rel=1e-5)
+def test_uneven_errors_are_averaged_in_double_precision_and_the_worst_trimmed():
+    """72 fireflies in 143 thousand values."""
+    t, r = np.random.default_rng(3).random((2, 143_417), np.float32)
+    plain, d = of("relmse_trimmed", t, r), t.astype(float) - r
+    relative = d**2 / (r.astype(float) ** 2 + 0.01)
+    for name, value in (("rmse", np.sqrt(np.mean(d**2))), ("relmse", relative.mean()), ("max_abs", np.abs(d).max())):
+        assert of(name, t, r) == pytest.approx(value, rel=1e-5), name
+    t[::2000] = 1e4
+    relative = np.sort((t.astype(float) - r) ** 2 / (r.astype(float) ** 2 + 0.01))
+    assert of("relmse_trimmed", t, r) == pytest.approx(relative[: -(t.size // 1000)].mean(), rel=1e-5)
     assert of("relmse_trimmed", t, r) == pytest.approx(plain, rel=0.05)
     assert of("relmse", t, r) > 1e5 * plain
 
 
-@given(VALUES)
-def test_rmse_lies_between_the_mean_and_the_largest_error(x):
-    zero = np.zeros_like(x)
-    assert of("mae", x, zero) <= of("rmse", x, zero) * (1 + 1e-5) + 1e-18  # squares underflow
-    assert of("rmse", x, zero) <= of("max_abs", x, zero) * (1 + 1e-5) + 1e-18
-
-
-def test_flip_grows_with_an_error_and_a_bright_pixel_elsewhere_changes_little():
-    r = np.random.default_rng(5).random((32, 32, 3), np.float32)
-    found = [of("flip_hdr", r * np.float32(gain), r) for gain in (1, 0.9, 0.7, 0.4, 0)]
-    assert found == sorted(found)
-    assert found[0] == 0 < found[1] < found[-1] < 1
-    t = r * np.float32(0.9)
-    r[0, 0] = t[0, 0] = 1000
-    assert of("flip_hdr", t, r) == pytest.approx(found[1], rel=0.05)
+def test_the_nth_largest_is_that_of_sorting_whatever_the_sample_says():
+    rng, hidden = np.random.default_rng(4), np.full(300_000, 0.1)
+    hidden[::6] = 5
+    for values in (rng.random(200_003), hidden, np.zeros(1000), np.r_[np.zeros(99_999), 1.0], rng.random(3)):
+        t = values.astype(np.float32)
+        for above in (0, 1, len(t) // 1000, len(t) - 1):
+            assert nth_largest(above, t) == np.sort(t)[::-1][above]
+        assert of("p999_abs", t, 0 * t) == np.sort(t)[math.ceil(0.999 * len(t)) - 1]
 
 
 def test_flip_of_black_beside_white_follows_from_the_papers_equations():
@@ -85,19 +66,17 @@ def test_flip_of_black_beside_white_follows_from_the_papers_equations():
         assert of("flip_hdr", t, r) == pytest.approx(expected, abs=1e-4)
 
 
-def test_flip_sees_five_exposures_from_minus_2_to_2_stops():
+def test_flip_sees_five_exposures_from_minus_2_to_2_stops(monkeypatch):
     import OpenImageIO as oiio
 
-    made = []
-    wrapped = oiio.ImageBufAlgo.FLIP_diff
+    made, wrapped = [], oiio.ImageBufAlgo.FLIP_diff
 
     def keep(*images, **options):
         made.append(wrapped(*images, **options))
         return made[0]
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(oiio.ImageBufAlgo, "FLIP_diff", keep)
-        of("flip_hdr", R, 2 * R)
+    monkeypatch.setattr(oiio.ImageBufAlgo, "FLIP_diff", keep)
+    of("flip_hdr", R, 2 * R)
     told = {attribute.name: attribute.value for attribute in made[0].spec().extra_attribs}
     assert told["FLIP:startExposure"] == pytest.approx(-2, abs=1e-5)
     assert told["FLIP:stopExposure"] == pytest.approx(2, abs=2e-5)
@@ -124,13 +103,3 @@ def test_metrics_are_those_of_the_finite_values_and_null_without_any():
     assert measure(np.full_like(ones, np.nan), ones, names) == dict.fromkeys(names)
     assert measure(ones[:5], ones, names) == dict.fromkeys(names)
     assert measure(ones, ones, ["psnr"]) == {"psnr": None}  # infinite
-
-
-def test_the_nth_largest_is_that_of_sorting_whatever_the_sample_says():
-    rng, hidden = np.random.default_rng(4), np.full(300_000, 0.1)
-    hidden[::6] = 5
-    for values in (rng.random(200_003), hidden, np.zeros(1000), np.r_[np.zeros(99_999), 1.0], rng.random(3)):
-        t, r = values.astype(np.float32), rng.random(len(values), np.float32)
-        for above in (0, 1, len(t) // 1000, len(t) - 1):
-            assert nth_largest(above, np.subtract, t, r) == np.sort(t - r)[::-1][above]
-        assert of("p999_abs", t, 0 * t) == np.sort(t)[math.ceil(0.999 * len(t)) - 1]

@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
 from measure.noise_models import picture, quantised, render
 
 from raytwin.compare import compare
@@ -26,7 +24,6 @@ def pairs():
     a, b = render(rng, TRUTH), render(rng, TRUTH, samples=1024)
     bits = quantised(a)
     made = {
-        "equal": (Image(exact), Image(exact.copy())),
         "rounding": (Image(exact * np.float32(1 + 3e-6)), Image(exact)),
         "a little wrong": (Image(wrong), Image(exact)),
         "shifted": (Image(np.roll(exact, 1, axis=1)), Image(exact)),
@@ -35,7 +32,6 @@ def pairs():
         "noise, 3 % off": (replace(a, mean=a.mean * np.float32(1.03)), b),
         "near the tolerance": (render(rng, TRUTH, sd=2e-5), render(rng, TRUTH, sd=2e-5)),
         "nothing told": (replace(a, variance=None, samples=0), replace(b, variance=None, samples=0)),
-        "claims": (replace(a, variance=a.variance * np.float32(1e6)), b),
         "fireflies": (render(rng, TRUTH, p=1e-3, size=30.0), b),
         "8 bits": (bits, b),
     }
@@ -50,24 +46,21 @@ def times(image, k):
     return replace(image, mean=np.ldexp(image.mean, k), variance=variance)
 
 
-@settings(max_examples=50)
-@given(st.sampled_from(sorted(PAIRS)), st.integers(-30, 30))
-@example("noise", 30)
-@example("near the tolerance", -30)
-@example("8 bits", 12)
-def test_the_verdict_stays_when_both_images_are_multiplied_by_a_power_of_two(name, k):
-    a, b, step = PAIRS[name]
-    before = compare(a, b, half_steps=(step, None))
-    after = compare(times(a, k), times(b, k), half_steps=(None if step is None else np.ldexp(step, k), None))
-    assert after.verdict == before.verdict
-    assert len(after.reasons) == len(before.reasons)
-    for x, y in zip(vars_of(after), vars_of(before), strict=True):
-        assert x == (y if y is None else pytest.approx(y, rel=1e-4))
-
-
-def vars_of(c):
+def numbers(c):
     s = c.statistics
     return s.z_mean, s.z_tile_worst, s.pixel_fail_fraction, s.minimum_detectable_bias, c.geometry.shift_px
+
+
+@pytest.mark.parametrize("power", [-30, 7, 30])
+def test_the_verdict_stays_when_both_images_are_multiplied_by_a_power_of_two(power):
+    for name, (a, b, step) in PAIRS.items():
+        before = compare(a, b, half_steps=(step, None))
+        half = None if step is None else np.ldexp(step, power)
+        after = compare(times(a, power), times(b, power), half_steps=(half, None))
+        assert after.verdict == before.verdict, name
+        assert len(after.reasons) == len(before.reasons), name
+        for x, y in zip(numbers(after), numbers(before), strict=True):
+            assert x == (y if y is None else pytest.approx(y, rel=1e-4)), name
 
 
 def test_the_pairs_have_every_verdict():
@@ -84,22 +77,20 @@ def test_errors_are_told_in_the_images_own_units():
     assert f"the worst {worst * 2.0**20:.3g} at" in large[0]
 
 
-@pytest.mark.parametrize("share", [0.02, 0.5, 1.0])
-def test_the_scale_is_what_is_lit_best_whatever_share_is_background(share):
-    r = np.zeros((40, 50, 3), np.float32)
-    r[: int(40 * share) or 1] = np.float32(0.8)
-    r[0, 0, 0] = 1e6  # a highlight
-    assert scale_of(Image(r)) == pytest.approx(0.8)
-    assert scale_of(Image(np.zeros_like(r)), Image(r)) == pytest.approx(0.8)
-    assert scale_of(Image(np.zeros_like(r)), Image(np.zeros_like(r))) == 1
-
-
-def test_the_scale_is_the_99_per_cent_quantile_of_positive_values():
+def test_the_scale_is_what_is_lit_best_whatever_share_is_background():
+    for rows in (1, 20, 40):
+        r = np.zeros((40, 50, 3), np.float32)
+        r[:rows] = np.float32(0.8)
+        r[0, 0, 0] = 1e6  # a highlight
+        assert scale_of(Image(r)) == pytest.approx(0.8)
+    black = Image(np.zeros_like(r))
+    assert scale_of(black, Image(r)) == pytest.approx(0.8)
+    assert scale_of(black, black) == 1
     values = np.arange(-200, 1000, dtype=np.float32).reshape(20, 20, 3)
     assert scale_of(Image(values)) == pytest.approx(1 + 0.99 * 998, abs=1)
 
 
-@given(st.floats(1e-30, 1e30))
+@pytest.mark.parametrize("scale", [1e-30, 0.5, 0.7, 1.0, 3.0, 1e30])
 def test_the_unit_is_the_power_of_two_below(scale):
     unit = unit_of(scale)
     assert math.frexp(unit)[0] == 0.5

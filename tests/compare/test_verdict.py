@@ -4,11 +4,8 @@ import re
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from raytwin.compare import Comparison, Report, compare
-from raytwin.errors import InputError
 from raytwin.images.image import Image
 from raytwin.scene import Tolerance
 
@@ -32,22 +29,23 @@ def verdict(mean, **options):
 
 
 def said(comparison, pattern):
-    return any(re.search(pattern, reason) for reason in comparison.reasons)
+    return re.search(pattern, " ".join(comparison.reasons))
 
 
 def test_the_json_has_exactly_the_designed_keys_null_where_nothing_applies():
     data = json.loads(msgspec.json.encode(Report("desk", "shadow", verdict(P)).numbers()))
-    assert list(data) == [
-        "scene", "rung", "verdict", "reasons", "geometry", "radiance", "statistics", "perceptual", "ledger", "seconds",
-        "backend",
-    ]  # fmt: skip
-    assert (data["scene"], data["rung"], data["verdict"]) == ("desk", "shadow", "pass")
-    assert set(data["geometry"]) == {"mask_mismatch_pixels", "depth_max_rel", "normal_max_deg", "shift_px"}
-    assert set(data["radiance"]) == {"max_abs", "p999_abs", "rmse", "relmse", "relmse_trimmed", "mean_ratio"}
-    assert {"z_mean", "z_tile_worst", "pixel_fail_fraction", "minimum_detectable_bias"} <= set(data["statistics"])
-    assert data["perceptual"] == {"flip_mean": None}
-    assert data["ledger"] == []
-    assert set(data["seconds"]) == {"calibrate", "tracer", "twin", "compare"}
+    keys = "scene rung verdict reasons geometry radiance statistics perceptual ledger seconds backend"
+    assert list(data) == keys.split()
+    assert (data["scene"], data["rung"], data["verdict"], data["ledger"]) == ("desk", "shadow", "pass", [])
+    for key, names in (
+        ("geometry", "mask_mismatch_pixels depth_max_rel normal_max_deg shift_px"),
+        ("radiance", "max_abs p999_abs rmse relmse relmse_trimmed mean_ratio"),
+        ("statistics", "z_mean z_tile_worst pixel_fail_fraction minimum_detectable_bias minimum_detectable_tile_bias "
+                       "looks samples_to_certainty noise_of_samples"),
+        ("perceptual", "flip_mean"),
+        ("seconds", "calibrate tracer twin compare"),
+    ):  # fmt: skip
+        assert list(data[key]) == names.split()
     assert data["seconds"]["compare"] > 0
     assert data["statistics"]["z_mean"] is None
     assert data["geometry"]["mask_mismatch_pixels"] is None
@@ -81,33 +79,30 @@ def test_an_image_passes_within_the_tolerance_and_says_how_well_it_agrees():
         assert compare(Image(half.astype(dtype)), Image(half.astype(np.float32))).passed
 
 
-HARD = {
-    "NaN": (np.nan, r"1 NaN value in 1 pixel, the first at \(x=9, y=7\)"),
-    "infinity": (np.inf, r"1 infinite value in 1 pixel, the first at \(x=9, y=7\)"),
-    "negative infinity": (-np.inf, "1 infinite value"),
-    "a negative value": (-0.5, r"1 negative value in 1 pixel, the first at \(x=9, y=7\), the lowest -0\.5"),
-}
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [(np.nan, "1 NaN"), (np.inf, "1 infinite"), (-np.inf, "1 infinite"), (-0.5, "1 negative")],
+)
+def test_one_bad_value_of_an_image_or_its_variance_fails_is_counted_and_located(value, words):
+    for variance in (None, np.full_like(P, 1e-3)):
+        bad = P.copy()
+        bad[7, 9, 1] = value
+        pair = [Image(bad, variance), Image(P, variance)]
+        for whose, images in (("test", pair), ("reference", pair[::-1])):
+            c = compare(*images)
+            assert c.verdict == "fail"
+            assert c.reasons[0].startswith(f"the {whose} image has {words} value in 1 pixel, the first at (x=9, y=7)")
+            json.loads(msgspec.json.encode(c))
+    variance = np.full_like(P, 1e-4)
+    variance[3, 4] = value
+    c = compare(Image(P, variance, 16), REFERENCE)
+    assert c.verdict == "fail"
+    assert said(c, r"variance of the test image .*\(x=4, y=3\)")
 
 
-def test_one_bad_value_of_an_image_or_its_variance_fails_is_counted_and_located():
-    for name, (value, words) in HARD.items():
-        for noisy in (False, True):
-            bad, variance = P.copy(), np.full_like(P, 1e-2) if noisy else None
-            bad[7, 9, 1] = value
-            pair = [Image(bad, variance), Image(P, variance)]
-            for whose in ("test", "reference"):
-                c = compare(*(pair if whose == "test" else pair[::-1]))
-                assert not c.passed, name
-                assert re.search(f"the {whose} image has {words}", c.reasons[0]), name
-                json.loads(msgspec.json.encode(c))
-    for value in (np.nan, np.inf, -1.0):
-        variance = np.full_like(P, 1e-4)
-        variance[3, 4] = value
-        c = compare(Image(P, variance, 16), REFERENCE)
-        assert not c.passed
-        assert said(c, r"variance of the test image .*\(x=4, y=3\)")
-    c = compare(Image(0 * P, np.full_like(P, 100)), REFERENCE)  # whatever its variance would excuse
-    assert (c.passed, c.reasons) == (False, ("the test image is all black",))
+def test_a_black_image_fails_whatever_variance_it_states():
+    c = compare(Image(0 * P, np.full_like(P, 100)), REFERENCE)
+    assert (c.verdict, c.reasons) == ("fail", ("the test image is all black",))
 
 
 @pytest.mark.foreign
@@ -137,24 +132,11 @@ def test_inputs_are_left_as_they_were():
         assert np.array_equal(old, new)
 
 
-def test_a_false_alarm_rate_is_a_probability():
-    with pytest.raises(InputError, match="probability"):
-        verdict(P, false_alarm_rate=0.0)
-
-
-@settings(deadline=None, max_examples=60)
-@given(
-    st.integers(1, 20),
-    st.integers(1, 20),
-    st.integers(0, 2**32 - 1),
-    st.booleans(),
-    st.sampled_from([1e-40, 1e-3, 1, 1e37]),
-)
-def test_whatever_is_finite_gets_a_verdict_and_valid_json(h, w, seed, noisy, scale):
+@pytest.mark.parametrize("scale", [1e-40, 1e-3, 1, 1e37])
+@pytest.mark.parametrize(("h", "w", "seed"), [(1, 1, 1), (1, 20, 2), (7, 2, 3), (20, 19, 4)])
+def test_whatever_is_finite_gets_a_verdict_and_valid_json(h, w, seed, scale):
     rng = np.random.default_rng(seed)
     a, b, va, vb = (rng.random((4, h, w, 3)) * scale).astype(np.float32)
-    c = compare(Image(a, va if noisy else None, 4), Image(b, vb if noisy else None, 4))
-    json.loads(msgspec.json.encode(c))
-    assert c.reasons
-    if not noisy and scale == 1 and np.abs(a - b).min() > 1e-3:
-        assert not c.passed
+    for pair in ((Image(a), Image(b)), (Image(a, va, 4), Image(b, vb, 4)), (Image(a, va, 4), Image(b))):
+        c = compare(*pair)
+        assert json.loads(msgspec.json.encode(c))["findings"]

@@ -9,6 +9,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -67,26 +68,14 @@ def shipped(name: str, width: int) -> tuple[Scene, Tolerance]:
     return scene.with_camera(camera.resized(width, round(width * camera.height / camera.width))), scene.tolerance
 
 
-def shipped_cases(seeds: int = 3) -> Iterator[Case]:
-    for name in SHIPPED:
-        for width in SIZES:
-            scene, tolerance = shipped(name, width)
-            for level, rung in RUNGS.items():
-                if not rung.noisy:
-                    for engine in ("numpy64", "numpy32", "drjit32"):
-                        yield Case(name, scene, tolerance, level, engine)
-                    continue
-                for seed in range(seeds):
-                    for sampling in twin.SAMPLINGS:
-                        for samples in (16, 64):
-                            yield Case(name, scene, tolerance, level, "drjit32", sampling, samples, seed)
-
-
-def random_cases(count: int, first: int = 0) -> Iterator[Case]:
-    for kind in KINDS:
-        for seed in range(first, first + count):
-            for level in RUNGS:
-                yield random_case(kind, level, seed)
+def shipped_cases(seeds: int) -> Iterator[Case]:
+    for name, width, level in product(SHIPPED, SIZES, RUNGS):
+        scene, tolerance = shipped(name, width)
+        if RUNGS[level].noisy:
+            for seed, sampling, samples in product(range(seeds), twin.SAMPLINGS, (16, 64)):
+                yield Case(name, scene, tolerance, level, "drjit32", sampling, samples, seed)
+        else:
+            yield from (Case(name, scene, tolerance, level, engine) for engine in ("numpy64", "numpy32", "drjit32"))
 
 
 def random_case(kind: str, level: str, seed: int) -> Case:
@@ -114,17 +103,18 @@ def main(scenes: int = 40, seeds: int = 3) -> int:
     """Print the counts; return how many failed."""
     twin.activate()
     counts: dict[str, Counter] = {}
-    for case in (*shipped_cases(seeds), *random_cases(scenes)):
+    random = (random_case(kind, level, seed) for kind in KINDS for seed in range(scenes) for level in RUNGS)
+    for case in (*shipped_cases(seeds), *random):
         found = case.compared()
         group = f"{'random' if case.name in KINDS else 'shipped'} scenes, {case.level}"
         counts.setdefault(group, Counter())[found.verdict] += 1
         if found.verdict != "pass":
             print(f"{found.verdict}: {case}: {found.reasons[0]}", flush=True)
-    total = sum(counts.values(), Counter())
-    rows = [[group, *(c[v] for v in ("pass", "undecided", "fail"))] for group, c in (counts | {"all": total}).items()]
+    counts["all"] = sum(counts.values(), Counter())
+    rows = [[group, *(c[v] for v in ("pass", "undecided", "fail"))] for group, c in counts.items()]
     command = f"python -m measure.correct_pairs {scenes} {seeds}"
     record.table("verdict", "correct-pairs", ["pairs", "pass", "undecided", "fail"], rows, command)
-    return total["fail"]
+    return counts["all"]["fail"]
 
 
 if __name__ == "__main__":

@@ -9,10 +9,10 @@ each kind of noise (500). The tools, each at a setting its users take:
 """
 
 import functools
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -63,37 +63,21 @@ def scaled(factor: float) -> Fault:
     return fault
 
 
-def edited(edit: Callable[[np.ndarray], None]) -> Fault:
-    """The mean changed in place."""
+def edited(edit: Callable[[np.ndarray], np.ndarray]) -> Fault:
+    """The mean changed, and not its variance."""
 
     def fault(scene: Scene, samples: int, seed: int) -> Image:
         image = render(scene, samples, seed)
-        mean = image.mean.copy()
-        edit(mean)
-        return replace(image, mean=mean)
+        return replace(image, mean=edit(image.mean).astype(np.float32))
 
     return fault
 
 
-def _tile(mean: np.ndarray) -> None:
-    h, w = mean.shape[:2]
-    mean[h // 2 : h // 2 + 16, w // 2 : w // 2 + 16] *= np.float32(1.05)
-
-
-def _square(mean: np.ndarray) -> None:
-    mean[13:37, 19:43] *= np.float32(1.02)
-
-
-def _gamma(mean: np.ndarray) -> None:
-    mean[:] = mean ** np.float32(1 / 2.2)
-
-
-def _nan(mean: np.ndarray) -> None:
-    mean[mean.shape[0] // 3, mean.shape[1] // 3] = np.nan
-
-
-def _black(mean: np.ndarray) -> None:
-    mean[mean.shape[0] // 2 : mean.shape[0] // 2 + 2] = 0
+def box(mean: np.ndarray, y: int, x: int, high: int, wide: int = 0) -> np.ndarray:
+    """(H, W, 1): `high` x `wide` pixels at (x, y), or a square."""
+    there = np.zeros((*mean.shape[:2], 1), bool)
+    there[y : y + high, x : x + (wide or high)] = True
+    return there
 
 
 def _sun(scene: Scene, samples: int, seed: int) -> Image:
@@ -119,14 +103,14 @@ FAULTS: dict[str, Fault] = {
     "0.3 % too bright": scaled(1.003),
     "1 % too bright": scaled(1.01),
     "3 % too bright": scaled(1.03),
-    "a 16 x 16 tile 5 % too bright": edited(_tile),
-    "24 x 24 pixels 2 % too bright": edited(_square),
+    "a 16 x 16 tile 5 % too bright": edited(lambda mean: mean * np.where(box(mean, 60, 80, 16), 1.05, 1)),
+    "24 x 24 pixels 2 % too bright": edited(lambda mean: mean * np.where(box(mean, 13, 19, 24), 1.02, 1)),
     "a bounce missing": lambda scene, samples, seed: render(scene, samples, seed, DEPTH - 1),
     "sun 1 degree off": _sun,
     "a sphere 0.1 px off": _moved,
-    "gamma applied twice": edited(_gamma),
-    "one NaN pixel": edited(_nan),
-    "two black rows": edited(_black),
+    "gamma applied twice": edited(lambda mean: mean ** (1 / 2.2)),
+    "one NaN pixel": edited(lambda mean: np.where(box(mean, 40, 53, 1), np.nan, mean)),
+    "two black rows": edited(lambda mean: np.where(box(mean, 60, 0, 2, mean.shape[1]), 0, mean)),
 }
 
 
@@ -138,90 +122,65 @@ TOOLS = {"raytwin": sees_raytwin, "Welch": sees_welch_of_images, **ON_IMAGES}
 
 
 def power_table(
-    scene: Scene, samples=(16, 64, 256, 1024), seeds: int = 5, reference_samples: int = 16384
-) -> list[dict[str, object]]:
-    """Rows {"fault", "samples", tool: share of the seeds in which it saw the fault}; idiff None where not installed."""
+    scene: Scene, samples: Sequence[int], seeds: int = 5, reference_samples: int = 16384
+) -> list[list[str]]:
+    """Rows: fault, then for each tool in how many per cent of the seeds it was seen, at each number of samples."""
     reference = render(scene, reference_samples, seed=999_983)
     rows = []
     for name, fault in FAULTS.items():
-        for n in samples:
-            images = [fault(scene, n, seed) for seed in range(seeds)]
-            row: dict[str, object] = {"fault": name, "samples": n}
-            for tool, sees in TOOLS.items():
-                try:
-                    row[tool] = sum(sees(image, reference) for image in images) / seeds
-                except ImportError:
-                    row[tool] = None
-            rows.append(row)
+        images = [[fault(scene, n, seed) for seed in range(seeds)] for n in samples]
+        row = [name]
+        for sees in TOOLS.values():
+            try:
+                found = [sum(sees(image, reference) for image in of_count) / seeds for of_count in images]
+                row.append(" / ".join(f"{100 * share:.0f}" for share in found))
+            except ImportError:
+                row.append(" / ".join("-" for _ in samples))
+        rows.append(row)
     return rows
 
 
-def noise_table(count: int = 500, shape: tuple[int, int] = (48, 64), rate: float = 1e-3) -> list[dict[str, Any]]:
+def noise_table(count: int = 500, shape: tuple[int, int] = (48, 64), rate: float = 1e-3) -> list[list[str]]:
     """Made-up noise of every kind: how many of `count` correct pairs alarm or stay undecided, and what faults are seen.
 
-    Rows {"what", "comparisons", "alarms", "undecided", "detectable", "seen": {1.01: share, 1.03: ...}};
-    `detectable` is the median of the stated minimum detectable bias, `seen` of a tenth as many pairs each.
+    Rows: kind, alarms, undecided, the median of the stated minimum detectable bias, and in how many of a tenth as many
+    pairs 1 % and 3 % too much light is seen.
     """
     truth = picture(*shape)
-    rows: list[dict[str, Any]] = []
+    rows = []
     for name, make in KINDS.items():
-        rng = np.random.default_rng([20_000, *name.encode()])
+        rng, tenth = np.random.default_rng([20_000, *name.encode()]), max(count // 10, 1)
         found = {}
-        for fault, pairs in ((1.0, count), (1.01, max(count // 10, 1)), (1.03, max(count // 10, 1))):
+        for fault, pairs in ((1.0, count), (1.01, tenth), (1.03, tenth)):
             made = [make(rng, truth, fault) for _ in range(pairs)]
             found[fault] = [compare(*p, false_alarm_rate=rate, half_steps=half_steps(name, *p)) for p in made]
-        verdicts = {fault: [c.verdict for c in comparisons] for fault, comparisons in found.items()}
+        counts = {fault: Counter(c.verdict for c in comparisons) for fault, comparisons in found.items()}
         biases = [b for c in found[1.0] if (b := c.statistics.minimum_detectable_bias) is not None]
-        rows.append(
-            {
-                "what": name,
-                "comparisons": count,
-                "alarms": verdicts[1.0].count("fail"),
-                "undecided": verdicts[1.0].count("undecided"),
-                "detectable": float(np.median(biases or [np.nan])),
-                "seen": {f: verdicts[f].count("fail") / len(verdicts[f]) for f in (1.01, 1.03)},
-            }
-        )
+        shares = (f"{100 * counts[fault]['fail'] / tenth:.0f} %" for fault in (1.01, 1.03))
+        alarms, undecided = f"{counts[1.0]['fail']} of {count}", str(counts[1.0]["undecided"])
+        rows.append([name, alarms, undecided, percent(float(np.median(biases or [np.nan]))), *shares])
     return rows
-
-
-def by_fault(rows: list[dict[str, Any]], samples: list[int]) -> list[list[str]]:
-    """Return a row per fault: for each tool the share caught at each number of samples, in per cent."""
-    lines = []
-    for fault in FAULTS:
-        mine = {row["samples"]: row for row in rows if row["fault"] == fault}
-        shares = ([mine[n][tool] for n in samples] for tool in TOOLS)
-        lines.append([fault, *(" / ".join("-" if s is None else f"{100 * s:.0f}" for s in row) for row in shares)])
-    return lines
-
-
-def noise_cells(row: dict[str, Any]) -> list[str]:
-    shares = (f"{100 * share:.0f} %" for share in row["seen"].values())
-    alarms, undecided = f"{row['alarms']} of {row['comparisons']}", str(row["undecided"])
-    return [row["what"], alarms, undecided, percent(row["detectable"]), *shares]
 
 
 def main(*parts: str, scenes: str = str(Path(__file__).resolve().parents[2] / "scenes")) -> None:
-    def table(name: str, columns: Sequence[str], rows: list[list[str]]) -> None:
-        part = name.partition("-")[0]
-        counted = f" {count}" if part == "noise" else ""
-        record.table("verdict", name, columns, rows, f"python -m measure.power {part}{counted}")
-
-    count = next((int(part) for part in parts if part.isdecimal()), 500)
+    numbers = [int(part) for part in parts if part.isdecimal()]
     chosen = [part for part in parts if not part.isdecimal()] or ["faults", "noise"]
     if "faults" in chosen:
-        overlap = read_scene(f"{scenes}/overlap")
-        overlap, counts = overlap.with_camera(overlap.camera.resized(160, 120)), [16, 64, 256, 1024, 4096]
+        overlap, counts = read_scene(f"{scenes}/overlap"), [16, 64, 256, 1024, 4096]
+        overlap = overlap.with_camera(overlap.camera.resized(160, 120))
         tools = [f"{tool} at {' / '.join(map(str, counts))}" for tool in TOOLS]
-        table("faults", ["fault", *tools], by_fault(power_table(overlap, counts, seeds=3), counts))
+        rows = power_table(overlap, counts, seeds=3)
+        record.table("verdict", "faults", ["fault", *tools], rows, "python -m measure.power faults")
     if "noise" in chosen:
-        rows = noise_table(count)
+        count = (*numbers, 500)[0]
+        command, found = f"python -m measure.power noise {count}", noise_table(count)
         columns = ["noise", "alarms", "undecided", "detectable", "1 % caught", "3 % caught"]
-        table("noise", columns, [noise_cells(row) for row in rows])
-        counted = [row for row in rows if row["what"] not in EXPLAINED]
-        alarms, pairs = (sum(row[key] for row in counted) for key in ("alarms", "comparisons"))
+        record.table("verdict", "noise", columns, found, command)
+        alarms = sum(int(row[1].split(" of ")[0]) for row in found if row[0] not in EXPLAINED)
+        pairs = count * sum(row[0] not in EXPLAINED for row in found)
         total = ["all but the three", f"{alarms} of {pairs}", interval(alarms, pairs)]
-        table("noise-total", ["kinds of noise", "alarms", "95 % interval of the rate"], [total])
+        columns = ["kinds of noise", "alarms", "95 % interval of the rate"]
+        record.table("verdict", "noise-total", columns, [total], command)
 
 
 if __name__ == "__main__":

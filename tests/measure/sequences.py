@@ -1,26 +1,22 @@
-"""How often sequences of looks fail correct renders of skewed, rare or clustered noise, and what they find.
+"""How often sequences of looks fail correct renders of skewed, rare or clustered noise.
 
-`python -m measure.sequences [shaping] [held-out] [fresh] [power] [misses] [COUNT] [KIND ...]`, in tests/, prints tables
-of docs/measured.md: of COUNT (400) sequences of up to 64 renders of 24 x 32 pixels, added one by one beside the exact
-image and beside renders of the same kind (measure.kinds), how many fail, and how many are undecided in the end; in how
-many per cent of COUNT / 20 pairs planted faults are found; and how often an image passes that is off by just what a
-pass excludes. No sequence passes while alarms are counted: each is looked at until all its samples are there.
+`python -m measure.sequences [shaping] [held-out] [fresh] [COUNT] [KIND ...]`, in tests/, prints tables of
+docs/measured.md: of COUNT (400) sequences of up to 64 renders of 24 x 32 pixels, added one by one beside the exact
+image and beside renders of the same kind (measure.kinds), how many fail, and how many are undecided in the end. No
+sequence passes: each is looked at until all its samples are there. (What is found of faults: measure.power.)
 """
 
-import math
 from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from measure import record
-from measure.kinds import FRESH, HELD_OUT, KINDS, SHAPING, SMALL, Kind, Rng, Samples
-from measure.noise_models import picture, times
+from measure.kinds import FRESH, HELD_OUT, KINDS, SHAPING, SMALL, Samples
 from scipy.stats import binomtest
 
-from raytwin.compare import Comparison, SequentialComparison, compare
+from raytwin.compare import Comparison, SequentialComparison
 from raytwin.images.image import Image
-from raytwin.images.image_pool import ImagePool
 
 MOST = 64
 """Samples of a sequence: five octaves of looks."""
@@ -82,103 +78,17 @@ def interval(failed: int, of: int) -> str:
     return f"{found.low:.1e} to {found.high:.1e}"
 
 
-# ------------------------------------------------------------------------------------------ wrong renders
-
-ALL, CORNER = (slice(None), slice(None)), (slice(12, 28), slice(20, 36))
-FAULTS: dict[str, tuple[float, tuple[slice, slice]]] = {
-    "nothing": (1.0, ALL),
-    "1 % too bright": (1.01, ALL),
-    "1 % too dark": (0.99, ALL),
-    "5 % too bright": (1.05, ALL),
-    "16 x 16 pixels 5 % too bright": (1.05, CORNER),
-    "16 x 16 pixels 5 % too dark": (0.95, CORNER),
-    "16 x 16 pixels 20 % too dark": (0.8, CORNER),
-    "a pixel doubled": (2.0, (slice(17, 18), slice(30, 31))),
-}
-"""How many times too bright, and where."""
-
-SOUGHT = ("Gaussian", "exponential", "one sample in eight", "lognormal 1.5", "many fireflies")
-
-
-def faulty(image: Image, fault: str) -> Image:
-    """The render with its light, and so its noise, multiplied."""
-    factor, place = FAULTS[fault]
-    gain = np.ones(image.shape, np.float32)
-    gain[place] = factor
-    return times(image, gain)
-
-
-def rendered(kind: Kind, rng: Rng, truth: np.ndarray, samples: int, batches: int = 16) -> Image:
-    """`samples` in batches, without holding many samples at once."""
-    pool, each = ImagePool(), samples // batches
-    for _ in range(batches):
-        parts = [kind.noise(rng, truth, min(16, each - k)) for k in range(0, each, 16)]
-        batch = sum(part.sum(axis=0, dtype=np.float64) for part in parts) / each
-        pool.add(Image(batch.astype(np.float32), samples=each, batches=1))
-    return pool.image
-
-
-def power(count: int, samples: tuple[int, ...] = (16, 64, 256)) -> list[list[str]]:
-    """Rows: kind, fault, share of the pairs that fail at each number of samples beside the exact image, and a pair."""
-    truth = picture(40, 56).astype(np.float32)
-    rows = []
-    for name in SOUGHT:
-        kind, exact = KINDS[name], Image(KINDS[name].mean(truth))
-        found: dict[str, tuple[list[str], list[str]]] = {fault: ([], []) for fault in FAULTS}
-        for n in samples:
-            rng = np.random.default_rng([47_100, n, *name.encode()])
-            pairs = [[rendered(kind, rng, truth, n) for _ in range(2)] for _ in range(count)]
-            for fault, shares in found.items():
-                for share, others in zip(shares, ([exact] * count, [b for _, b in pairs]), strict=True):
-                    seen = [compare(faulty(a, fault), b).verdict for (a, _), b in zip(pairs, others, strict=True)]
-                    share.append(f"{100 * seen.count('fail') / count:.0f}")
-        for fault, shares in found.items():
-            rows.append([name, fault, *(" / ".join(s) for s in shares)])
-            print(" | ".join(rows[-1]), flush=True)
-    return rows
-
-
-def misses(count: int) -> list[list[str]]:
-    """Rows: noise, how often an image passes that is off by just what a pass excludes, and the median samples."""
-    rows = []
-    for name in ("Gaussian", "exponential"):
-        noise = KINDS[name].noise
-        for bias in (0.05, 0.02):
-            rng = np.random.default_rng([43_000, int(1e4 * bias), *name.encode()])
-            asked = {"detectable_bias": bias, "detectable_tile_bias": 9.0}
-            passed, at = 0, [list[int](), list[int]()]
-            for _ in range(count):
-                for wrong, truth in enumerate((SMALL, SMALL * (1 + bias))):
-                    check = sequence(noise(rng, truth, 512), noise(rng, SMALL, 512), **asked)
-                    passed += bool(wrong) and check.decided and last_verdict(check)[0] == "pass"
-                    at[wrong].append(check.samples)
-            high = binomtest(passed, count).proportion_ci().high
-            medians = [f"{np.median(samples):g}" for samples in at]
-            rows.append([name, f"{100 * bias:g} %", f"{passed} of {count}", f"{high:.2g}", *medians])
-            print(rows[-1], flush=True)
-    return rows
-
-
-COLUMNS = {
-    "power": ["noise", "fault", "beside the exact image, %", "beside renders, %"],
-    "misses": ["noise", "bias", "passed", "95 %, at most", "samples, correct", "samples, biased"],
-}
 BESIDE = ["fails beside the exact image", "undecided", "fails beside renders", "undecided"]
 
 
 def main(*words: str) -> None:
     count = next((int(w) for w in words if w.isdigit()), 400)
     named = [w for w in words if w in KINDS]
-    parts = [w for w in words if not w.isdigit() and w not in KINDS]
-    for part in parts or ["shaping", "held-out", "fresh", "power", "misses"]:
-        command, name = f"python -m measure.sequences {part} {count}", f"sequences-{part}"
-        if part in COLUMNS:
-            rows = power(max(count // 20, 1)) if part == "power" else misses(math.ceil(count / 10))
-            record.table("verdict", name, COLUMNS[part], rows, command)
-            continue
-        kinds = named or {"shaping": SHAPING, "held-out": HELD_OUT, "fresh": FRESH}[part]
+    sets = {"shaping": SHAPING, "held-out": HELD_OUT, "fresh": FRESH}
+    for part in [w for w in words if w in sets] or sets:
         columns = ["noise", *BESIDE, "95 % interval", "at samples: fails"]
-        record.table("verdict", name, columns, with_all(alarms(count, kinds)), command)
+        command = f"python -m measure.sequences {part} {count}"
+        record.table("verdict", f"sequences-{part}", columns, with_all(alarms(count, named or sets[part])), command)
 
 
 if __name__ == "__main__":

@@ -1,13 +1,12 @@
 """Measure whether an image full of wrong pixels can pass for noise where nobody says how noisy it is.
 
 `python -m measure.untold_patterns` multiplies correct images by 42 kinds of pattern at 5 amplitudes and compares
-them, without variance, samples or renders, with references of three kinds. No image may pass. Beside it, alarms and
-passes on genuine noise that has no variance either, and what is seen of 3 % too much light in it.
+them, without variance, samples or renders, with references of five kinds. No image may pass. (What passes of genuine
+noise that has no variance either: measure.power.)
 """
 
 from collections import Counter
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 from measure import record
@@ -129,31 +128,6 @@ def wrong(rng: Rng, mean: np.ndarray, pattern: Pattern, amplitude: float) -> Ima
     return Image((mean * factor).astype(np.float32), samples=0)
 
 
-def genuine(rng: Rng, factor: float = 1.0) -> dict[str, tuple[Image, Image]]:
-    """Name to a correct pair (but for `factor`) of which one side or both have no variance."""
-    truth = TRUTH * factor
-    one = {"kind": "exp", "sd": 1.0}
-    return {
-        "two files, 64 samples each": (
-            untold(render(rng, truth, samples=64, kind="exp")), untold(render(rng, TRUTH, samples=64, kind="exp")),
-        ),
-        "two noisy files, 16 samples each": (
-            untold(render(rng, truth, **one)), untold(render(rng, TRUTH, **one)),
-        ),
-        "16 samples beside a reference of 64": (untold(render(rng, truth)), render(rng, TRUTH, samples=64)),
-        "64 samples beside a reference of 4096": (
-            untold(render(rng, truth, samples=64)), render(rng, TRUTH, samples=4096),
-        ),
-        "64 samples beside the exact image": (untold(render(rng, truth, samples=64)), Image(TRUTH.astype(np.float32))),
-        "64 samples beside a file of the exact image": (
-            untold(render(rng, truth, samples=64)), untold(Image(TRUTH.astype(np.float32))),
-        ),
-        "a reference of 64 samples without variance": (
-            render(rng, truth, samples=64), untold(render(rng, TRUTH, samples=64)),
-        ),
-    }  # fmt: skip
-
-
 def measure_patterns(amplitudes: tuple[float, ...] = AMPLITUDES) -> tuple[dict[str, Counter], list[str]]:
     """Verdicts by base, and what passed."""
     rng = np.random.default_rng(41)
@@ -170,30 +144,12 @@ def measure_patterns(amplitudes: tuple[float, ...] = AMPLITUDES) -> tuple[dict[s
     return counts, passed
 
 
-def measure_noise(count: int = 60) -> dict[str, tuple[Counter, int]]:
-    """Verdicts on `count` correct pairs of each kind, and in how many of 24 pairs 3 % too much light is seen."""
-    rng = np.random.default_rng(42)
-    verdicts: dict[str, Counter] = {}
-    seen: Counter = Counter()
-    for _ in range(count):
-        for name, pair in genuine(rng).items():
-            verdicts.setdefault(name, Counter())[compare(*pair).verdict] += 1
-    for _ in range(24):
-        for name, pair in genuine(rng, 1.03).items():
-            seen[name] += compare(*pair).verdict == "fail"
-    return {name: (verdicts[name], seen[name]) for name in verdicts}
-
-
 def main() -> None:
-    table = partial(record.table, "verdict", command="python -m measure.untold_patterns")
-    print(f"{len(PATTERNS)} patterns x {len(AMPLITUDES)} amplitudes\n")
     counts, passed = measure_patterns()
     rows = [[name, *(c[v] for v in ("pass", "undecided", "fail"))] for name, c in counts.items()]
-    table("patterns", ["compared with", "pass", "undecided", "fail"], rows)
+    columns = ["compared with", "pass", "undecided", "fail"]
+    record.table("verdict", "patterns", columns, rows, "python -m measure.untold_patterns")
     print("".join(f"\npassed: {what}" for what in passed))
-    found = [[name, c["pass"], c["undecided"], c["fail"], seen] for name, (c, seen) in measure_noise().items()]
-    columns = ["genuine noise, 60 pairs each", "pass", "undecided", "alarms", "3 % caught of 24"]
-    table("genuine-noise", columns, found)
 
 
 if __name__ == "__main__":

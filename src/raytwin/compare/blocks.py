@@ -13,13 +13,10 @@ Blocks = Float[np.ndarray, "by bx 3"]
 """A value each for its blocks of 8 x 8 pixels."""
 
 Means = Float[np.ndarray, "*n 3"]
-"""A value each for any tiles, whose numbers of pixels are `Counts`."""
-
-Counts = Float[np.ndarray, "*n 1"]
+"""A value each for any tiles."""
 
 SIDE = 8
 """Pixels on the side of the smallest tile: small enough to be local, large enough for its mean to be near Gaussian."""
-
 
 CACHED = 64_000
 """Pixels of a strip: 768 kB an array of three floats."""
@@ -39,14 +36,9 @@ def strips(shape: tuple[int, ...], rows: int = 8 * SIDE) -> Iterator[tuple[int, 
         yield whole, height, height - whole
 
 
-def unblock(x: Float[np.ndarray, "h w c"], rows: int) -> Float[np.ndarray, "by {rows} w c"]:
-    """(h, w, c) as a view (h / rows, rows, w, c): blocks one above the other."""
-    return x.reshape(-1, rows, *x.shape[1:])
-
-
 def block_sums(x: Float[np.ndarray, "h w c"], rows: int) -> Float64[np.ndarray, "by bx c"]:
     """Sums over blocks of `rows` x 8 pixels: (h, w, c) -> (h / rows, ceil(w / 8), c) float64."""
-    columns = unblock(x, rows).sum(axis=1)
+    columns = x.reshape(-1, rows, *x.shape[1:]).sum(axis=1)
     return np.add.reduceat(columns, np.arange(0, x.shape[1], SIDE), axis=1).astype(np.float64)
 
 

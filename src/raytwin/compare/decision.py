@@ -1,11 +1,12 @@
-"""Is t - r more than noise? Three of the four tests of a comparison, made in two passes.
+"""Is t - r more than noise? Three of the four tests of a comparison.
 
-    values    z = (|t - r| - granted) / sqrt(va + vb)               every value: a wrong pixel
-    sums      z = (|Σ(t - r)| / n - granted) n / sqrt(Σva + Σvb)    tiles: a wrong corner; the image: its brightness
+    values   z = (|t - r| - granted) / sqrt(va + vb)               every value: a wrong pixel
+    tiles    z = (|Σ(t - r)| / n - granted) n / sqrt(Σva + Σvb)    of 8 x 8, 16 x 16, ... pixels: a wrong corner
+    image    the same over all pixels: its brightness
 
-Values, tiles and the image are three tests; the fourth, the shift between the images (shift.py), sees a wrong camera.
-Each gets the rate 1 - (1 - rate)^(1/4), and shares it among its own values by Sidak's formula. Tiles are of 8 x 8,
-16 x 16, ... pixels; from 16 on they overlap by half: any square of 24 pixels holds a whole one of 16.
+The fourth, the shift between the images (shift.py), sees a wrong camera. Each gets the rate 1 - (1 - rate)^(1/4), and
+shares it among its own values by Sidak's formula. From 16 pixels on tiles overlap by half: any square of 24 pixels
+holds a whole one of 16.
 
 These rules hold the rate. Behind each stands how many correct renders fail without it, and with which noise
 (tests/measure/sequences.py has the kinds):
@@ -33,16 +34,15 @@ import numpy as np
 
 from raytwin.array_types import Bool, Float, Float32
 from raytwin.compare.blocks import SIDE, Blocks, Means, Pixels, block_counts, block_sums, slide, strips, to_pixels
-from raytwin.compare.exact import NoiseFree
+from raytwin.compare.exact import NoiseFree, count_noise_free
 from raytwin.compare.finding import MOST_PLACES, Place, blocks_of
 from raytwin.compare.noise import (
     TINY,
+    Correlation,
     block_means,
+    correlation,
     degrees_of_freedom,
-    inflation,
     larger_variance,
-    regularised,
-    samples_behind,
     variance_ratio,
 )
 from raytwin.compare.scale import Bound
@@ -87,6 +87,7 @@ class Worst(NamedTuple):
     height: int = 1
     channel: int = 0
     error: float = 0.0
+    radiance: float = 0.0
 
     @property
     def signed(self) -> float:
@@ -97,8 +98,8 @@ class Worst(NamedTuple):
 class Family(NamedTuple):
     """Tests of one kind: the worst, the level that p-values must stay above, how many of how many fell below, where.
 
-    `sure`: how many of them not even events that no sample met explain. `detectable`: the relative error that the
-    family would have found with the probability POWER, and `excluded`: what the data speak against.
+    `detectable`: the relative error that the family would have found with the probability POWER, and `excluded`: what
+    the data speak against.
     """
 
     worst: Worst
@@ -108,7 +109,6 @@ class Family(NamedTuple):
     detectable: float = math.nan
     places: tuple[Place, ...] = ()
     excluded: float = math.nan
-    sure: int = 0
 
     @property
     def passed(self) -> bool:
@@ -118,7 +118,7 @@ class Family(NamedTuple):
 class Decision(NamedTuple):
     """What the three tests of radiance found, and the values without noise; `failed_pixels` hold a failed value.
 
-    `inflation`: of the variance of sums, because neighbours share samples.
+    `lacking`: shares of the light that the test, and the reference, may lack, since no sample met a rare event.
     """
 
     value: Family
@@ -126,12 +126,14 @@ class Decision(NamedTuple):
     image: Family
     noise_free: NoiseFree
     failed_pixels: int
-    inflation: float
+    shared: Correlation
+    lacking: tuple[float, float]
 
     @property
     def excusable(self) -> bool:
-        """Whether events that no sample met may explain all that noise does not."""
-        return not (self.value.sure or self.tile.sure or self.image.sure)
+        """Whether events that no sample met may explain the worst that noise does not."""
+        failed = [family.worst for family in (self.value, self.tile, self.image) if not family.passed]
+        return all(abs(w.error) < self.lacking[w.error >= 0] * abs(w.radiance) for w in failed)
 
 
 class Rounding(NamedTuple):
@@ -139,50 +141,6 @@ class Rounding(NamedTuple):
 
     value: Pixels
     mean: Pixels
-
-
-class Noisy(NamedTuple):
-    """An image with a variance: its number, 0 the test's; the mean variance of its blocks, its degrees of freedom."""
-
-    number: int
-    variance: Pixels
-    third: Pixels | None
-    blocks: Blocks
-    dof: float
-
-
-class Known(NamedTuple):
-    """Two images, test and reference, and what is known of their noise before anything is tested.
-
-    `share`: of the false-alarm rate, each of TESTS'; `look`: the rate as a share of a whole sequence's; `ratio` of the
-    variances; `unmet`: 1 / (samples per pixel), of the image with fewer samples, 0 if zero variance proves that there
-    is no noise; `proven` (H, W, 1): where it does; `lacking`: shares of the light that the test, and the reference, may
-    lack, since no sample met a rare event.
-    """
-
-    images: tuple[Image, Image]
-    noisy: tuple[Noisy, ...]
-    bound: Bound
-    rounding: Rounding | None
-    share: float
-    look: float
-    ratio: float | None
-    unmet: float
-    proven: Bool[np.ndarray, "h w 1"]
-    lacking: tuple[float, float]
-
-    def missed_events(self, level: float) -> float:
-        """The events that samples which all agree may have missed, at this level.
-
-        An event of probability p occurs n p times in n samples on average, and never with probability exp(-n p).
-        For two images exp(-n p - m q) allows the largest p + q if the image with fewer samples missed all of it.
-        What a later look has missed, the earlier looks missed too, so that all looks share one level.
-        """
-        return -math.log(level / self.look)
-
-    def excusable(self, error: Means, radiance: Means) -> Bool[np.ndarray, "..."]:
-        """Whether events that no sample met may explain the error."""
-        return np.asarray(np.abs(error) < np.where(error < 0, *self.lacking) * np.abs(radiance))
 
 
 def decide(
@@ -202,37 +160,71 @@ def decide(
     parts = list(_strips(known))
     sums, spread = _with_rare_events(_sums(known, parts), known)
     noise_free, failed_pixels = NoiseFree(), 0
+    if silent := sum(int(part.silent.sum()) for part in parts):
+        error = np.concatenate([np.where(part.silent, np.abs(part.error), np.float32(0)) for part in parts])
+        forgiven = None if rounding is None else rounding.value
+        noise_free = count_noise_free(error, silent, bound, reference.mean, forgiven)
     values = Family(Worst(), sidak(known.share, test.mean.size), 0, test.mean.size)
-    for part in parts:
-        noise_free = _exact_values(noise_free, part)
-        if by_value:
-            values, failed = _values(values, part, sums, spread, known)
-            failed_pixels += failed
-    shared = inflation(test.mean, reference.mean, (sums.variances.sum(axis=0) / sums.pixels).astype(np.float32))
-    tile, image = (family(sums, known, shared) for family in (_tiles, _image))
-    return Decision(values, tile, image, noise_free, failed_pixels, shared)
+    for part in parts if by_value else ():
+        values, failed = _values(values, part, sums, spread, known)
+        failed_pixels += failed
+    shared = correlation(test.mean, reference.mean, (sums.variances.sum(axis=0) / sums.pixels).astype(np.float32))
+    tile, image = (family(sums, known, shared.inflation) for family in (_tiles, _image))
+    lacking = _lacking(test, reference, known.share, look)
+    return Decision(values, tile, image, noise_free, failed_pixels, shared, lacking)
+
+
+# ------------------------------------------------------------------------------------------------ what is known
+
+
+class Noisy(NamedTuple):
+    """An image with a variance: its number, 0 the test's; the mean variance of its blocks, its degrees of freedom."""
+
+    number: int
+    variance: Pixels
+    third: Pixels | None
+    blocks: Blocks
+    dof: float
+
+
+class Known(NamedTuple):
+    """Two images, test and reference, and what is known of their noise before anything is tested.
+
+    `share`: of the false-alarm rate, each of TESTS'; `look`: the rate as a share of a whole sequence's; `ratio` of the
+    variances; `unmet`: 1 / (samples per pixel), of the image with fewer samples, 0 if zero variance proves that there
+    is no noise.
+    """
+
+    images: tuple[Image, Image]
+    noisy: tuple[Noisy, ...]
+    bound: Bound
+    rounding: Rounding | None
+    share: float
+    look: float
+    ratio: float | None
+    unmet: float
+
+    def missed_events(self, level: float) -> float:
+        """The events that samples which all agree may have missed, at this level.
+
+        An event of probability p occurs n p times in n samples on average, and never with probability exp(-n p).
+        For two images exp(-n p - m q) allows the largest p + q if the image with fewer samples missed all of it.
+        What a later look has missed, the earlier looks missed too, so that all looks share one level.
+        """
+        return -math.log(level / self.look)
 
 
 def _known(test: Image, reference: Image, bound: Bound, share: float, rounding: Rounding | None, look: float) -> Known:
-    silent, images = SILENT_SHARE * bound.least, (test, reference)
-    noisy = tuple(
-        Noisy(k, i.variance, i.third, block_means(i.variance).astype(np.float32), degrees_of_freedom(i))
-        for k, i in enumerate(images)
-        if i.variance is not None
-    )
-    behind = [samples_behind(images[i.number], i.blocks, silent) for i in noisy]
-    unmet = max((1 / n for n in behind if n), default=0.0)
-    ratio, lacking = variance_ratio(test, reference, silent**2), _lacking(test, reference, share, look)
-    return Known(images, noisy, bound, rounding, share, look, ratio, unmet, _proven(reference, unmet > 0), lacking)
-
-
-def _proven(reference: Image, sampled: bool) -> Bool[np.ndarray, "h w 1"]:
-    """Return (H, W, 1): where a variance of 0 proves no noise; in sampled images only well inside the background."""
-    from scipy.ndimage import binary_dilation
-
-    if not sampled or reference.surface is None:
-        return np.full((*reference.shape[:2], 1), not sampled)
-    return np.asarray(~binary_dilation(reference.surface.mask, np.ones((3, 3), bool))[..., None])
+    least, unmet = (SILENT_SHARE * bound.least) ** 2, 0.0
+    noisy = []
+    for number, image in enumerate((test, reference)):
+        if image.variance is not None:
+            blocks = block_means(image.variance).astype(np.float32)
+            noisy.append(Noisy(number, image.variance, image.third, blocks, degrees_of_freedom(image)))
+            if float(blocks.max()) > least:
+                unmet = max(unmet, 1 / (image.samples if image.samples > 1 else max(image.batches or 0, 2)))
+    ratio = variance_ratio(test, reference, least)
+    return Known((test, reference), tuple(noisy), bound, rounding, share, look, ratio, unmet)
 
 
 def enough_samples(look: float) -> int:
@@ -282,6 +274,10 @@ class Strip(NamedTuple):
         mine = blocks[self.top // SIDE : self.top // SIDE + len(self.error) // self.rows]
         return to_pixels(mine.astype(np.float32), *self.error.shape[:2])
 
+    def total(self, x: Pixels) -> Blocks:
+        """Sums over its blocks, to which values without noise add nothing."""
+        return block_sums(np.where(self.silent, np.float32(0), x) if self.silent.any() else x, self.rows)
+
 
 def _strips(known: Known) -> Iterator[Strip]:
     (test, reference), bound = known.images, known.bound
@@ -291,7 +287,8 @@ def _strips(known: Known) -> Iterator[Strip]:
         error = np.subtract(test.mean[top:end], radiance, dtype=np.float32)
         each = [np.zeros((), np.float32)] * 2
         for image in known.noisy:
-            each[image.number] = regularised(image.variance, image.blocks, top, end)
+            blocks = to_pixels(image.blocks[top // SIDE :], end - top, error.shape[1])
+            each[image.number] = np.maximum(image.variance[top:end], blocks, dtype=np.float32)
         granted = allowed = bound.of(radiance)
         least = np.square(np.float32(SILENT_SHARE) * allowed)
         silent, agreeing = each[0] + each[1] <= least, None
@@ -300,7 +297,7 @@ def _strips(known: Known) -> Iterator[Strip]:
             granted = granted + known.rounding.value[top:end]
         if known.unmet:
             own = sum((image.variance[top:end] for image in known.noisy), np.zeros_like(least))
-            agreeing = np.asarray(own <= least / 16) & ~known.proven[top:end]
+            agreeing = np.asarray(own <= least / 16)
             silent &= ~agreeing
             variance = np.where(agreeing, np.maximum(variance, least), variance)
             granted = np.where(agreeing, granted + np.float32(missed) * allowed, granted)
@@ -309,15 +306,6 @@ def _strips(known: Known) -> Iterator[Strip]:
 
 
 # ------------------------------------------------------------------------------------------------ values
-
-
-def _exact_values(found: NoiseFree, part: Strip) -> NoiseFree:
-    """|t - r| <= bound, of each value without noise."""
-    if not part.silent.any():
-        return found
-    error = np.where(part.silent, np.abs(part.error), np.float32(0))
-    count = int(np.count_nonzero(part.silent))
-    return found.plus(error, count, part.allowed, part.granted - part.allowed, part.top)
 
 
 def _values(
@@ -337,16 +325,15 @@ def _values(
     z = math.sqrt(square.flat[peak])
     if z > found.worst.z:
         y, x, c = (int(i) for i in np.unravel_index(peak, square.shape))
-        error = float(part.error[y, x, c])
-        found = found._replace(worst=Worst(z, float(two_sided(z, dof)), x, y + part.top, 1, 1, c, error))
+        error, radiance = float(part.error[y, x, c]), float(part.radiance[y, x, c])
+        found = found._replace(worst=Worst(z, float(two_sided(z, dof)), x, y + part.top, 1, 1, c, error, radiance))
     if not z > threshold:
         return found, 0
     failed = square > threshold**2
     pixels = np.asarray(failed.any(axis=-1))
-    places = (*found.places, *blocks_of(pixels, part.top))[:MOST_PLACES]
-    sure = int(np.count_nonzero(failed & ~known.excusable(part.error, part.radiance)))
+    places = (*found.places, *blocks_of(pixels, part.top, known.images[0].shape[0]))[:MOST_PLACES]
     count = found.failed + int(np.count_nonzero(failed))
-    return found._replace(failed=count, sure=found.sure + sure, places=places), int(np.count_nonzero(pixels))
+    return found._replace(failed=count, places=places), int(np.count_nonzero(pixels))
 
 
 # ------------------------------------------------------------------------------------------------ sums
@@ -378,35 +365,28 @@ class Sums(NamedTuple):
 
 
 def _sums(known: Known, parts: list[Strip]) -> Sums:
-    """Sums over all blocks of 8 x 8 pixels; values without noise count as having no error.
+    """Sums over all blocks of 8 x 8 pixels.
 
     A third moment that is not known is the covariance of v and t - r: a mean and its own variance share just that.
     """
     found = []
     for part in parts:
-        some_silent = bool(part.silent.any())
-
-        def total(x: Pixels, part: Strip = part, some_silent: bool = some_silent) -> np.ndarray:
-            return block_sums(np.where(part.silent, np.float32(0), x) if some_silent else x, part.rows)
-
-        pixels, error = block_counts(part.error, part.rows), total(part.error)
-        variances, thirds = np.zeros((2, 2, *error.shape))
-        squares = np.zeros_like(error)
+        pixels, error = block_counts(part.error, part.rows), part.total(part.error)
+        squares, rounding, agreeing = np.zeros((3, *error.shape))
+        variances, thirds, none = np.zeros((3, 2, *error.shape))
         for image in known.noisy:
             k, v = image.number, image.variance[part.here]
-            variances[k] = total(v)
-            squares += total(np.square(v)) / image.dof
+            variances[k] = part.total(v)
+            squares += part.total(np.square(v)) / image.dof
             if image.third is not None:
-                thirds[k] = total(image.third[part.here])
+                thirds[k] = part.total(image.third[part.here])
             else:
-                thirds[k] = (1 - 2 * k) * (total(v * part.error) - error * variances[k] / pixels)
-        rounding = np.zeros_like(error)
+                thirds[k] = (1 - 2 * k) * (part.total(v * part.error) - error * variances[k] / pixels)
         if known.rounding is not None:
             rounding = block_sums(known.rounding.mean[part.here], part.rows)
-        agreeing = np.zeros_like(error)
         if part.agreeing is not None:
             agreeing = block_sums(part.agreeing.astype(np.float32), part.rows)
-        radiance, none = block_sums(part.radiance, part.rows), np.zeros((2, *error.shape))
+        radiance = block_sums(part.radiance, part.rows)
         found.append(Sums(pixels, error, radiance, variances, thirds, squares, rounding, agreeing, none, none, none))
     return Sums(*(np.concatenate(x, axis=-3) for x in zip(*found, strict=True)))
 
@@ -468,18 +448,12 @@ def _with_rare_events(sums: Sums, known: Known) -> tuple[Sums, Float[np.ndarray,
     return sums, maximum_filter(variance / sums.pixels, (1, 3, 3, 1))
 
 
-# ------------------------------------------------------------------------------------------------ tiles and the image
-
-
 Tests = Float[np.ndarray, "*n"]
 """A value for each of several tests."""
 
 
 class Deviations(NamedTuple):
-    """|mean error| beyond the allowance, in standard deviations, for sums (..., 3), and what it was computed from.
-
-    `always`: granted whatever the level; `event`: by how much one event that all samples missed would have changed it.
-    """
+    """|mean error| beyond what is `granted`, in standard deviations, for sums (..., 3), and what it comes from."""
 
     z: Tests
     sd: Tests
@@ -487,12 +461,10 @@ class Deviations(NamedTuple):
     granted: Tests
     radiance: Tests
     error: Tests
-    always: Tests
-    event: Tests
     skewness: Tests
 
     def least(self, level: float) -> Tests:
-        """The standard deviations beyond the allowance from which on each fails."""
+        """The standard deviations beyond what is granted from which on each fails."""
         return as_skewed(quantile(level, self.dof), self.skewness)
 
 
@@ -505,23 +477,27 @@ def _deviations(sums: Sums, known: Known, shared: float, level: float) -> Deviat
     sd = np.maximum(np.sqrt(variance * shared) / n, 1e-3 * bound.least)  # where all agree: no division by 0
     error, radiance = sums.error / n, sums.radiance / n
     event = np.where(sums.agreeing > 0, known.unmet * bound.of(radiance) / bound.share / n, 0.0)
-    missing = known.missed_events(level) * event
+    granted = bound.of(radiance) + sums.rounding / n + known.missed_events(level) * event
     # The light of the few events that a sum may have missed: all, unless it shows their variance.
     spread = sums.missed_variance
     shown = np.divide(variance, spread, out=np.zeros_like(spread), where=spread > 0)
     missed = sums.missed_light * np.maximum(1 - shown, 0) * (sums.missed_number < FEW_EVENTS) / n
-    always = bound.of(radiance) + sums.rounding / n
     with np.errstate(divide="ignore", invalid="ignore"):
         skewness = np.nan_to_num(third_against(sums.thirds, known) * shared**2 / (sd * n) ** 3)
-    beyond = np.maximum(np.abs(error) - always - np.where(error < 0, *missed) - missing, 0)
+    beyond = np.maximum(np.abs(error) - granted - np.where(error < 0, *missed), 0)
     z = less_skewed(np.nan_to_num(beyond / sd, nan=np.inf, posinf=np.inf), np.where(error < 0, *skewness))
     z = np.nan_to_num(z, nan=np.inf, posinf=np.inf)
-    always = always + missed.max(axis=0)
-    return Deviations(z, sd, dof, always + missing, radiance, error, always, event, skewness.max(axis=0))
+    return Deviations(z, sd, dof, granted + missed.max(axis=0), radiance, error, skewness.max(axis=0))
+
+
+# ------------------------------------------------------------------------------------------------ tiles
 
 
 def _tiles(sums: Sums, known: Known, shared: float) -> Family:
-    """Tiles of 8, 16, 32, ... pixels, up to half of the image's longer side; `detectable` is for 24 x 24, anywhere."""
+    """Tiles of 8, 16, 32, ... pixels, up to half of the image's longer side; `detectable` is for 24 x 24, anywhere.
+
+    `places`: those of the smallest side at which any fails.
+    """
     height, width = known.images[0].shape[:2]
     scales = [(SIDE, SIDE, sums)]
     while 4 * scales[-1][0] <= max(height, width):
@@ -532,47 +508,42 @@ def _tiles(sums: Sums, known: Known, shared: float) -> Family:
     tests = sum(here.error.size for _, _, here in scales)
     level = sidak(known.share, tests)
     gaussian_limit = float(quantile(level, math.inf))
-    worst, failed, sure, detectable = Worst(width=SIDE, height=SIDE), 0, 0, math.nan
-    found: list[Place] = []
+    worst, failed, detectable = Worst(width=SIDE, height=SIDE), 0, math.nan
+    found: tuple[Place, ...] = ()
     for k, (side, step, here) in enumerate(scales):
-        t = _deviations(here, known, shared, level)
+        tested = _deviations(here, known, shared, level)
         # Student's tails are wider than the Gaussian's: only what a Gaussian would doubt needs them.
-        needs_student_t = t.z >= min(gaussian_limit, float(t.z.max()))
-        p = np.ones_like(t.z)
-        p[needs_student_t] = two_sided(t.z[needs_student_t], t.dof[needs_student_t])
+        needs_student_t = tested.z >= min(gaussian_limit, float(tested.z.max()))
+        p = np.ones_like(tested.z)
+        p[needs_student_t] = two_sided(tested.z[needs_student_t], tested.dof[needs_student_t])
         below = p < level
         failed += int(np.count_nonzero(below))
-        sure += int(np.count_nonzero(below & ~known.excusable(t.error, t.radiance)))
 
         def place(y: int, x: int, side: int = side, step: int = step) -> Place:
             return Place(x * step, y * step, min(side, width - x * step), min(side, height - y * step))
 
-        for y, x in np.argwhere(below.any(axis=-1))[: MOST_PLACES - len(found)].tolist():
-            if not any(_holds(place(y, x), finer) for finer in found):
-                found.append(place(y, x))
+        found = found or tuple(place(y, x) for y, x in np.argwhere(below.any(axis=-1))[:MOST_PLACES].tolist())
         # The least plausible, and of equals the farthest off.
-        y, x, c = min(np.argwhere(p == p.min()).tolist(), key=lambda at, t=t: -t.z[tuple(at)])  # type: ignore[misc]
-        if (p[y, x, c], -t.z[y, x, c]) < (worst.p, -worst.z):
-            worst = Worst(float(t.z[y, x, c]), float(p[y, x, c]), *place(y, x), c, float(t.error[y, x, c]))
+        y, x, c = min(np.argwhere(p == p.min()).tolist(), key=lambda at, tested=tested: -tested.z[tuple(at)])  # type: ignore[misc]
+        if (p[y, x, c], -tested.z[y, x, c]) < (worst.p, -worst.z):
+            z, p_value, error, radiance = (
+                float(values[y, x, c]) for values in (tested.z, p, tested.error, tested.radiance)
+            )
+            worst = Worst(z, p_value, *place(y, x), c, error, radiance)
         if k == min(1, len(scales) - 1):
-            detectable = _seen_somewhere(t, level)
-    return Family(worst, level, failed, tests, detectable, tuple(found), sure=sure)
+            detectable = _seen_somewhere(tested, level)
+    return Family(worst, level, failed, tests, detectable, found)
 
 
-def _holds(outer: Place, inner: Place) -> bool:
-    across = outer.x <= inner.x and inner.x + inner.width <= outer.x + outer.width
-    return across and outer.y <= inner.y and inner.y + inner.height <= outer.y + outer.height
-
-
-def _seen_somewhere(t: Deviations, level: float) -> float:
+def _seen_somewhere(tested: Deviations, level: float) -> float:
     """Return the relative error of the mean of a random tile that is found with probability POWER."""
     from scipy.optimize import brentq
     from scipy.special import ndtr
 
-    lit = t.radiance > 0
+    lit = tested.radiance > 0
     if not lit.any():
         return math.nan
-    some = Deviations(*(x[lit][:: max(1, int(lit.sum()) // 3000)] for x in t))
+    some = Deviations(*(x[lit][:: max(1, int(lit.sum()) // 3000)] for x in tested))
     least = some.least(level)
 
     def lacks(log_bias: float) -> float:
@@ -583,35 +554,35 @@ def _seen_somewhere(t: Deviations, level: float) -> float:
     return math.inf if lacks(high) > 0 else math.exp(brentq(lacks, low, high, xtol=1e-3))
 
 
+# ------------------------------------------------------------------------------------------------ the image
+
+
 def _image(sums: Sums, known: Known, shared: float) -> Family:
     """The mean over everything; `detectable`: relative to its mean, in the worst channel of those that are not dim."""
     from scipy.special import ndtri
 
     level, (height, width) = sidak(known.share, 3), known.images[0].shape[:2]
-    t = _deviations(sums.each(lambda x: x.sum(axis=(-3, -2))), known, shared, level)
-    p = two_sided(t.z, t.dof)
-    c = int(t.z.argmax())
-    worst = Worst(float(t.z[c]), float(p[c]), 0, 0, width, height, c, float(t.error[c]))
-    failed, lit = p < level, t.radiance > DIM_SHARE * t.radiance.mean()
-    sure = int((failed & ~known.excusable(t.error, t.radiance)).sum())
-    found = (t.granted + t.sd * (t.least(level) + ndtri(POWER)), excluded_bias(t))
-    detectable, excluded = (float((x / t.radiance)[lit].max()) if lit.any() else math.nan for x in found)
-    return Family(worst, level, int(failed.sum()), 3, detectable, excluded=excluded, sure=sure)
+    tested = _deviations(sums.each(lambda x: x.sum(axis=(-3, -2))), known, shared, level)
+    p = two_sided(tested.z, tested.dof)
+    c = int(tested.z.argmax())
+    worst = Worst(
+        float(tested.z[c]), float(p[c]), 0, 0, width, height, c, float(tested.error[c]), float(tested.radiance[c])
+    )
+    lit = tested.radiance > DIM_SHARE * tested.radiance.mean()
+    found = (tested.granted + tested.sd * (tested.least(level) + ndtri(POWER)), excluded_bias(tested))
+    detectable, excluded = (float((x / tested.radiance)[lit].max()) if lit.any() else math.nan for x in found)
+    return Family(worst, level, int((p < level).sum()), 3, detectable, excluded=excluded)
 
 
-def excluded_bias(t: Deviations) -> Means:
+def excluded_bias(tested: Deviations) -> Means:
     """Return the smallest bias b of means that the data rule out by a likelihood ratio of 1 / (1 - POWER).
 
-    The likelihood ratio of b, of which M events hide M t.event, and of none is exp(-M - (b' |e| - b'² / 2) / sd²) with
-    b' = b - M t.event (Wald 1945): a correct mean excludes b with a third of the samples that a test of a fixed number
-    needs to find it. At every look anew, an image with the bias b passes with 1 - POWER at most.
+    The likelihood ratio of b and of none is exp(-(b' |e| - b'² / 2) / sd²), b' what b has beyond the granted error e
+    (Wald 1945): a correct mean excludes b with a third of the samples that a test of a fixed number needs to find it.
+    At every look anew, an image with the bias b passes with 1 - POWER at most.
     """
-    most = -math.log(1 - POWER)
-    error, sd = np.abs(t.error), t.sd * quantile(2 * (1 - POWER), t.dof) / quantile(2 * (1 - POWER), math.inf)
-    variance = np.square(sd)
-    # The largest b over all M: b' - |e| = sd² / t.event, where M is neither 0 nor all of the ratio.
-    apart = np.divide(variance, t.event, out=np.full_like(variance, np.inf), where=t.event > 0)
-    apart = np.clip(apart, error, np.sqrt(np.square(error) + 2 * variance * most))
-    rise = np.square(apart) - np.square(error)
-    hidden = most - np.divide(rise, 2 * variance, out=np.zeros_like(variance), where=variance > 0)
-    return np.asarray(t.always + error + apart + hidden * t.event)
+    error, sd = (
+        np.abs(tested.error),
+        tested.sd * quantile(2 * (1 - POWER), tested.dof) / quantile(2 * (1 - POWER), math.inf),
+    )
+    return np.asarray(tested.granted + error + np.sqrt(np.square(error) - 2 * np.square(sd) * math.log(1 - POWER)))

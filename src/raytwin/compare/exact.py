@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytwin.compare.blocks import Pixels, strips
-from raytwin.compare.finding import CHANNELS, MOST_PLACES, Finding, Place, at, blocks_of, plural
+from raytwin.compare.blocks import Pixels
+from raytwin.compare.finding import CHANNELS, Finding, Place, at, blocks_of, plural
 from raytwin.compare.scale import Bound
 from raytwin.scene import Tolerance
 
@@ -25,28 +25,6 @@ class NoiseFree(NamedTuple):
     channel: int = 0
     places: tuple[Place, ...] = ()
 
-    def plus(self, error: Pixels, values: int, bound: Pixels, granted: Pixels | float, y0: int) -> "NoiseFree":
-        """With the rows from y0 on: `error` (h, W, 3) is |t - r|, 0 where there is noise.
-
-        `bound` is what a value may err by, `granted` what is forgiven beyond it, once, not ten times.
-        """
-        peak = int(error.argmax())
-        place = self[3:-1]
-        if error.flat[peak] > self.error:
-            y, x, c = (int(i) for i in np.unravel_index(peak, error.shape))
-            place = (float(error.flat[peak]), x, y + y0, c)
-        over, outliers, places = 0, 0, self.places
-        if float(error.flat[peak]) > bound.min():
-            wrong = error > bound + granted
-            over = int(np.count_nonzero(wrong))
-            if over and len(places) < MOST_PLACES:
-                places = tuple(dict.fromkeys((*places, *blocks_of(np.any(np.atleast_3d(wrong), axis=-1), y0))))[
-                    :MOST_PLACES
-                ]
-            beyond = error > OUTLIER * bound + granted
-            outliers = int(np.count_nonzero(beyond.any(axis=-1)))
-        return NoiseFree(self.values + values, self.over + over, self.outliers + outliers, *place, places)
-
     def findings(self, tolerance: Tolerance, scale: float, pixels: int, excused: int) -> list[Finding]:
         """The two bounds of the tolerance; `excused` pixels see another object, and may."""
         findings = []
@@ -64,12 +42,19 @@ class NoiseFree(NamedTuple):
         return findings
 
 
-def count_noise_free(test: Pixels, reference: Pixels, bound: Bound, granted: Pixels | None = None) -> NoiseFree:
-    """Every value of two noise-free images of one shape; `granted` (H, W, 3) is forgiven beyond the bound."""
-    noise_free = NoiseFree()
-    for y0, y1, _ in strips(test.shape):
-        d = np.subtract(test[y0:y1], reference[y0:y1])
-        np.abs(d, out=d)
-        more = 0.0 if granted is None else granted[y0:y1]
-        noise_free = noise_free.plus(d, d.size, bound.of(reference[y0:y1]), more, y0)
-    return noise_free
+def count_noise_free(
+    error: Pixels, values: int, bound: Bound, radiance: Pixels, forgiven: Pixels | None = None
+) -> NoiseFree:
+    """Count the errors of so many noise-free `values`; `error` (H, W, 3) is |t - r|, 0 where there is noise.
+
+    `forgiven` is added to the bound: the outlier test multiplies only the bound.
+    """
+    y, x, channel = (int(i) for i in np.unravel_index(int(error.argmax()), error.shape))
+    worst = float(error[y, x, channel])
+    if worst <= bound.least:
+        return NoiseFree(values, 0, 0, worst, x, y, channel)
+    allowed, more = bound.of(radiance), 0 if forgiven is None else forgiven
+    wrong, beyond = error > allowed + more, error > OUTLIER * allowed + more
+    outliers = int(np.count_nonzero(beyond.any(axis=-1)))
+    places = blocks_of(np.asarray(wrong.any(axis=-1)), 0, len(error))
+    return NoiseFree(values, int(np.count_nonzero(wrong)), outliers, worst, x, y, channel, places)

@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from raytwin.array_types import Bool
+
 CHANNELS = ("red", "green", "blue")
 
 
@@ -56,10 +58,6 @@ class Place(NamedTuple):
     width: int = 1
     height: int = 1
 
-    def above(self, edge: int) -> "Place":
-        """Itself, cut at the image's lower edge."""
-        return self._replace(height=min(self.height, edge - self.y))
-
 
 class Finding(NamedTuple):
     """`kind`: a row of KINDS; `text`: a sentence with pixel coordinates (x, y), x to the right; `place`: of what."""
@@ -91,11 +89,12 @@ BLOCK, MOST_PLACES = 16, 400
 """Pixels of the side of a place that holds single values; at most this many places of a kind are reported."""
 
 
-def blocks_of(wrong: np.ndarray, y0: int) -> tuple[Place, ...]:
-    """Where pixels (h, w) bool of the rows from y0 on are `wrong`: blocks of BLOCK x BLOCK, cut at the right alone."""
+def blocks_of(wrong: Bool[np.ndarray, "h w"], top: int, image_height: int) -> tuple[Place, ...]:
+    """Where pixels of the rows from `top` on are `wrong`: blocks of BLOCK x BLOCK, cut at the image's edges."""
     ys, xs = np.nonzero(wrong)
-    at_ = np.unique(np.stack([(ys + y0) // BLOCK, xs // BLOCK], axis=1), axis=0)[:MOST_PLACES] * BLOCK
-    return tuple(Place(x, y, min(BLOCK, wrong.shape[1] - x), BLOCK) for y, x in at_.tolist())
+    corners = np.unique(np.stack([(ys + top) // BLOCK, xs // BLOCK], axis=1), axis=0)[:MOST_PLACES] * BLOCK
+    width = wrong.shape[1]
+    return tuple(Place(x, y, min(BLOCK, width - x), min(BLOCK, image_height - y)) for y, x in corners.tolist())
 
 
 def at(x: int, y: int) -> str:

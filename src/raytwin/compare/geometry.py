@@ -7,7 +7,7 @@ import numpy as np
 from raytwin.array_types import Bool, Float32
 from raytwin.compare.comparison import Geometry
 from raytwin.compare.finding import Finding, Place, at, plural
-from raytwin.compare.metrics import all_finite, nth_largest
+from raytwin.compare.metrics import nth_largest
 from raytwin.images.image import BACKGROUND, Image, Surface
 from raytwin.scene import Tolerance
 
@@ -25,14 +25,14 @@ def geometry_findings(test: Image, reference: Image, tolerance: Tolerance) -> tu
     """Geometry without the shift, and what is wrong with it; nulls where an image has no surface."""
     if test.surface is None or reference.surface is None:
         return Geometry(), []
-    t, r = test.surface, reference.surface
+    mine, theirs = test.surface, reference.surface
     findings = []
-    differ = t.ids != r.ids
+    differ = mine.ids != theirs.ids
     mismatch = int(np.count_nonzero(differ))
     if mismatch > tolerance.mask_pixels:
         ys, xs = np.nonzero(differ)
         y, x = int(ys[0]), int(xs[0])
-        seen = f"the test sees {_named(int(t.ids[y, x]))}, the reference {_named(int(r.ids[y, x]))}"
+        seen = f"the test sees {_named(int(mine.ids[y, x]))}, the reference {_named(int(theirs.ids[y, x]))}"
         findings.append(
             Finding(
                 "silhouettes",
@@ -41,39 +41,26 @@ def geometry_findings(test: Image, reference: Image, tolerance: Tolerance) -> tu
                 Place(x, y),
             )
         )
-    same = ~differ & (r.ids != BACKGROUND)
+    same = ~differ & (theirs.ids != BACKGROUND)
     if not same.any():
         return Geometry(mask_mismatch_pixels=mismatch), findings
-    depth, chord = _errors(t, r, same)
-    above = int(np.count_nonzero(same)) // 1000
-    largest = {}
-    for kind, what, error, bound, unit in (
-        ("depth", "depth", depth, DEPTH_REL, ""),
-        ("normals", "normal", chord, NORMAL_DEG, " degrees"),
+    depth, angle = _errors(mine, theirs, same)
+    above, largest = int(np.count_nonzero(same)) // 1000, []
+    for kind, what, measured, error, bound, unit in (
+        ("depth", "depth", "relative error", depth, DEPTH_REL, ""),
+        ("normals", "normal", "angle", angle, NORMAL_DEG, " degrees"),
     ):
-        in_units = _degrees if what == "normal" else float
-        if not all_finite(error):
-            finite = np.isfinite(error)
-            largest[what] = in_units(float(error[finite].max())) if (finite & same).any() else None
-            y, x = (int(i) for i in np.argwhere(~finite)[0])
-            count = plural(int((~finite).sum()), "pixel")
-            text = f"the {what} of {count} is not finite, first at {at(x, y)}"
+        finite = np.isfinite(error)
+        largest.append(float(error[finite & same].max()) if (finite & same).any() else None)
+        if not finite.all():
+            y, x = np.argwhere(~finite)[0].tolist()
+            text = f"the {what} of {plural(int((~finite).sum()), 'pixel')} is not finite, first at {at(x, y)}"
             findings.append(Finding("NaN", text, Place(x, y)))
-            continue
-        y, x = (int(i) for i in np.unravel_index(int(error.argmax()), error.shape))
-        largest[what] = in_units(float(error[y, x]))
-        p999 = in_units(nth_largest(above, np.asarray, error))
-        if p999 > bound:
-            measured = "relative error" if what == "depth" else "angle"
-            findings.append(
-                Finding(
-                    kind,
-                    f"{what}: the 99.9 % quantile of the {measured} is {p999:.3g}{unit} (allowed {bound:g}), "
-                    f"the largest {largest[what]:.3g}{unit} at {at(x, y)}",
-                    Place(x, y),
-                )
-            )
-    return Geometry(mismatch, largest["depth"], largest["normal"]), findings
+        elif (p999 := nth_largest(above, error)) > bound:
+            y, x = (int(i) for i in np.unravel_index(int(error.argmax()), error.shape))
+            text = f"{what}: the 99.9 % quantile of the {measured} is {p999:.3g}{unit} (allowed {bound:g}), the largest"
+            findings.append(Finding(kind, f"{text} {largest[-1]:.3g}{unit} at {at(x, y)}", Place(x, y)))
+    return Geometry(mismatch, *largest), findings
 
 
 def ties(test: Surface, reference: Surface) -> Bool[np.ndarray, "h w"]:
@@ -110,11 +97,11 @@ def without_ties(test: Image, reference: Image) -> tuple[Image, int]:
 def _errors(
     t: Surface, r: Surface, same: Bool[np.ndarray, "h w"]
 ) -> tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
-    """(H, W) float32 each, 0 where not `same`: |t - t_ref| / t_ref; the chord between the normals' ends.
+    """(H, W) float32 each, 0 where not `same`: |t - t_ref| / t_ref; the angle between the normals, degrees.
 
-    arccos(a . b) loses half of the digits of a small angle; the chord does not.
+    arccos(a . b) loses half of the digits of a small angle; the chord between their ends does not.
     """
-    depth, chord = np.zeros(same.shape, np.float32), np.zeros(same.shape, np.float32)
+    depth, angle = np.zeros((2, *same.shape), np.float32)
     rows = max(1, PIXELS_PER_PASS // same.shape[1])
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         for y in range(0, len(same), rows):
@@ -126,13 +113,9 @@ def _errors(
                 n[part] / np.sqrt(np.einsum("ijk,ijk->ij", n[part], n[part]))[..., None] for n in (t.normal, r.normal)
             )
             apart = np.subtract(a, b)
-            np.copyto(chord[part], np.sqrt(np.einsum("ijk,ijk->ij", apart, apart)), where=same[part])
-    return depth, chord
-
-
-def _degrees(chord: float) -> float:
-    """The angle of a chord of the unit circle."""
-    return float(np.degrees(2 * np.arcsin(min(chord / 2, 1.0))))
+            chord = np.sqrt(np.einsum("ijk,ijk->ij", apart, apart))
+            np.copyto(angle[part], np.degrees(2 * np.arcsin(np.minimum(chord / 2, 1))), where=same[part])
+    return depth, angle
 
 
 def _named(index: int) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from raytwin.compare.blocks import Pixels, to_pixels
 from raytwin.compare.finding import Finding, Place, at, plural
-from raytwin.compare.noise import FIREFLY, block_means, degrees_of_freedom, estimated, residual
+from raytwin.compare.noise import block_means, degrees_of_freedom
 from raytwin.compare.significance import quantile
 from raytwin.images.image import Image
 
@@ -26,18 +26,17 @@ def shape_findings(test: Image, reference: Image) -> list[Finding]:
     """Whatever makes the two arrays impossible to compare: kind, dtype, shape."""
     findings = []
     for name, image in (("test", test), ("reference", reference)):
-        parts = {"image": image.mean, "variance": image.variance}
-        for what, array in parts.items():
-            if what == "variance" and array is None:
-                continue
-            whose = f"the {name} {what}" if what == "image" else f"the {name}'s {what}"
+        arrays = {f"the {name} image": image.mean}
+        if image.variance is not None:
+            arrays[f"the {name}'s variance"] = image.variance
+        for whose, array in arrays.items():
             if not isinstance(array, np.ndarray):
                 findings.append(Finding("shape", f"{whose} is no array but {type(array).__name__}"))
             elif not np.issubdtype(array.dtype, np.floating):
                 findings.append(Finding("shape", f"{whose} holds {array.dtype}, not floating-point radiance"))
             elif array.ndim != 3 or array.shape[-1] != 3 or 0 in array.shape:
                 findings.append(Finding("shape", f"{whose} has the shape {array.shape}, not (height, width, 3)"))
-            elif what == "variance" and array.shape != np.shape(image.mean):
+            elif array.shape != np.shape(image.mean):
                 own = np.shape(image.mean)
                 findings.append(Finding("shape", f"{whose} has the shape {array.shape}, its mean {own}"))
         s = image.surface
@@ -58,10 +57,10 @@ def value_findings(test: Image, reference: Image, least: float, noisy: bool = Tr
     noise only if `noisy`. Where an image's noise is not known, those that are left are "below zero": not proven wrong.
     """
     findings = []
-    for name, image, other in (("test image", test, reference), ("reference image", reference, test)):
-        negative = noisy or image is reference
-        found = bad_values(name, image.mean, least, partial(_noise_of, image, other) if negative else float)
-        if negative and image.variance is None and image.samples != 1:
+    for name, image in (("test image", test), ("reference image", reference)):
+        has_noise = noisy or image is reference
+        found = bad_values(name, image.mean, least, partial(_noise_of, image) if has_noise else float)
+        if has_noise and image.variance is None and image.samples != 1:
             found = [f._replace(kind="below zero", text=f.text + LOBES) if f.kind == "negative" else f for f in found]
         findings += found
         if image.variance is not None:
@@ -71,29 +70,14 @@ def value_findings(test: Image, reference: Image, least: float, noisy: bool = Tr
     return findings
 
 
-def _noise_of(image: Image, other: Image) -> Pixels | float:
-    """How far below 0 noise may take a value: as its block or a neighbour scatters, and its variance, if any."""
-    from scipy.ndimage import maximum_filter
-
-    if image.variance is None and image.samples == 1:
+def _noise_of(image: Image) -> Pixels | float:
+    """How far below 0 noise may take a value, by its own variance or its block's."""
+    if image.variance is None:
         return 0.0
-    shown = residual(image.mean, other.mean)
-    squares = np.where(np.isfinite(shown.square), shown.square * (shown.pixels - 1), 0)
-    total, count = (to_pixels(x, *image.shape[:2]) for x in (squares, shown.pixels))
-    # Without the value itself, which would otherwise excuse itself.
-    square = np.maximum(total - estimated(image.mean, other.mean), 0) / np.maximum(count - 2, 1)
-    around = np.ones((3, 3, 1), bool)
-    around[1, 1] = False
-    scatter = np.where(np.isfinite(shown.square), shown.square, 0)
-    square = np.maximum(square, to_pixels(maximum_filter(scatter, footprint=around, mode="constant"), *image.shape[:2]))
-    if image.variance is not None:
-        square = np.minimum(square, maximum_filter(image.variance, (3, 3, 1)))
-        # A sample far below 0 shows in the variance of its own pixel, where a claim is alike in all.
-        typical = to_pixels(np.square(block_means(np.sqrt(np.maximum(image.variance, 0)))), *image.shape[:2])
-        square = np.where(image.variance > FIREFLY * typical, image.variance, square)
+    blocks = to_pixels(block_means(image.variance), *image.shape[:2])
     # A variance of few batches may be far too small: Student's t in the place of the Gaussian.
     few = quantile(CHANCE, degrees_of_freedom(image)) / quantile(CHANCE, math.inf)
-    return np.asarray(float(few) * NOISE_BELOW * np.sqrt(np.maximum(square, 0)))
+    return np.asarray(float(few) * NOISE_BELOW * np.sqrt(np.maximum(np.maximum(image.variance, blocks), 0)))
 
 
 def bad_values(name: str, x: Pixels, least: float, noise: Callable[[], Pixels | float] = float) -> list[Finding]:

@@ -6,7 +6,6 @@ from raytwin.compare.decision import POWER, Decision, Family, Worst
 from raytwin.compare.exact import NoiseFree
 from raytwin.compare.finding import CHANNELS, Finding, Place, at, notes, plural
 from raytwin.compare.significance import quantile
-from raytwin.images.image import Image
 
 HARDLY_LIT = 1e4
 """Times too bright; beyond this the reference is nearly black, and the absolute error is written instead."""
@@ -35,15 +34,14 @@ def deviations(z: float) -> str:
     return "far beyond noise" if z >= 1000 else f"{z:.{2 if z < 10 else 0}f} standard deviations"
 
 
-def noise_findings(made: Decision, reference: Image, unit: float) -> list[Finding]:
+def noise_findings(made: Decision, unit: float) -> list[Finding]:
     """Return a finding per family that noise does not explain: how large, where, how sure. `unit`: of radiance."""
     findings = []
     for kind, family in (("image", made.image), ("tile", made.tile), ("value", made.value)):
         if family.passed:
             continue
         w = family.worst
-        area = reference.mean[w.y : w.y + w.height, w.x : w.x + w.width, w.channel].mean(dtype=float)
-        off = f"{_amount(w.error, float(area), unit)} in {CHANNELS[w.channel]}"
+        off = f"{_amount(w.error, w.radiance, unit)} in {CHANNELS[w.channel]}"
         sure = deviations(w.z)
         if w.p >= CERTAIN:
             sure += f", p = {w.p:.1g} where noise may have {family.level:.1g}"

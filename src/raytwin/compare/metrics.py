@@ -4,7 +4,8 @@ One more metric is one more row of METRICS.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
+from functools import partial
 from importlib.util import find_spec
 from typing import NamedTuple
 
@@ -12,9 +13,6 @@ import numpy as np
 
 from raytwin.array_types import Float
 from raytwin.errors import InputError
-
-CHUNK = 1 << 17
-"""Values worked on at a time: they stay in the cache, where one pass over 12 megapixels would not."""
 
 FLIP_PIXELS_PER_DEGREE = 67.0
 """Pixels per degree of the observer's view: FLIP's default."""
@@ -41,71 +39,57 @@ class Metric(NamedTuple):
     function: Callable[[np.ndarray, np.ndarray], float]
 
 
-def chunks(*arrays: Float[np.ndarray, "..."]) -> Iterator[tuple[Float[np.ndarray, " n"], ...]]:
-    """The same stretch of each array, flat, CHUNK values at a time."""
-    flat = [a.ravel() for a in arrays]
-    for i in range(0, flat[0].size, CHUNK):
-        yield tuple(f[i : i + CHUNK] for f in flat)
+Pair = Float[np.ndarray, "*n"]
+"""A test's or a reference's values: two arrays of one shape."""
+
+Term = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""What a metric computes of each value t and r."""
 
 
-def mean_of(
-    term: Callable[[np.ndarray, np.ndarray], np.ndarray],
-    test: Float[np.ndarray, "*n"],
-    reference: Float[np.ndarray, "*n"],
-) -> float:
-    """mean(term(t, r)) over all values, summed in float64."""
-    return sum(float(term(t, r).sum(dtype=np.float64)) for t, r in chunks(test, reference)) / max(test.size, 1)
+def mean_of(term: Term, test: Pair, reference: Pair) -> float:
+    return float(term(test, reference).mean(dtype=np.float64))
 
 
-def mse(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
-    return mean_of(lambda t, r: np.square(t - r), test, reference)
+def p999(term: Term, test: Pair, reference: Pair) -> float:
+    """The value of term(t, r) that a thousandth of the others are at or above."""
+    return nth_largest(test.size // 1000, term(test, reference))
 
 
-def rmse(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
-    return float(np.sqrt(mse(test, reference)))
+def absolute(test: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    return np.asarray(np.abs(test - reference))
 
 
-def relmse(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
-    return mean_of(_relative_square, test, reference)
+def relative(test: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    return np.asarray(np.abs(test - reference) / (np.abs(reference) + test.dtype.type(0.01)))
 
 
-def relmse_trimmed(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
+def relative_square(test: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    return np.asarray(np.square(test - reference) / (np.square(reference) + test.dtype.type(0.01)))
+
+
+def rmse(test: Pair, reference: Pair) -> float:
+    return math.sqrt(mean_of(lambda t, r: np.square(t - r), test, reference))
+
+
+def relmse_trimmed(test: Pair, reference: Pair) -> float:
     """relMSE without the 0.1 % of the values whose terms are largest: what a few fireflies do not decide."""
-    worst = largest(test.size // 1000, _relative_square, test, reference)
-    total = relmse(test, reference) * test.size - float(worst.sum(dtype=np.float64))
-    return max(0.0, total) / max(test.size - worst.size, 1)
+    terms = relative_square(test, reference)
+    worst = largest(terms.size // 1000, terms)
+    total = float(terms.sum(dtype=np.float64)) - float(worst.sum(dtype=np.float64))
+    return max(0.0, total) / max(terms.size - worst.size, 1)
 
 
-def _relative_square(t: np.ndarray, r: np.ndarray) -> np.ndarray:
-    return np.asarray(np.square(t - r) / (np.square(r) + t.dtype.type(0.01)))
+def max_abs(test: Pair, reference: Pair) -> float:
+    return float(absolute(test, reference).max())
 
 
-def mae(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
-    return mean_of(lambda t, r: np.abs(t - r), test, reference)
-
-
-def max_abs(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
-    return max((float(np.abs(t - r).max()) for t, r in chunks(test, reference)), default=0.0)
-
-
-def p999_abs(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
-    return nth_largest(test.size // 1000, lambda t, r: np.abs(t - r), test, reference)
-
-
-def p999_rel(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
-    def relative(t: np.ndarray, r: np.ndarray) -> np.ndarray:
-        return np.asarray(np.abs(t - r) / (np.abs(r) + t.dtype.type(0.01)))
-
-    return nth_largest(test.size // 1000, relative, test, reference)
-
-
-def psnr(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
+def psnr(test: Pair, reference: Pair) -> float:
     error = rmse(test, reference)
     with np.errstate(divide="ignore"):
         return float(20 * np.log10(np.max(reference) / error)) if error > 0 else float("inf")
 
 
-def mean_ratio(test: Float[np.ndarray, "*n"], reference: Float[np.ndarray, "*n"]) -> float:
+def mean_ratio(test: Pair, reference: Pair) -> float:
     below = float(np.mean(reference, dtype=np.float64))
     return float(np.mean(test, dtype=np.float64)) / below if below else float("nan")
 
@@ -139,19 +123,18 @@ def flip_is_installed() -> bool:
     return find_spec("OpenImageIO") is not None
 
 
-def nth_largest(above: int, term: Callable[..., np.ndarray], *arrays: Float[np.ndarray, "..."]) -> float:
-    """The value of `term(*arrays)` that `above` others are at or above."""
-    return float(largest(above + 1, term, *arrays).min())
+def nth_largest(above: int, values: Float[np.ndarray, "..."]) -> float:
+    """The value that `above` others are at or above."""
+    return float(largest(above + 1, values).min())
 
 
-def largest(count: int, term: Callable[..., np.ndarray], *arrays: Float[np.ndarray, "..."]) -> np.ndarray:
-    """The `count` largest values of `term(*arrays)`, in any order, without sorting what lies far below them."""
-    size = arrays[0].size
-    sample = term(*(a.ravel()[:: max(1, size // 50_000)] for a in arrays))
-    guess = np.quantile(sample, max(0.0, 1 - 2 * count / size))
-    top = np.concatenate([x[x >= guess] for x in (term(*part) for part in chunks(*arrays))])
+def largest(count: int, values: Float[np.ndarray, "..."]) -> Float[np.ndarray, " count"]:
+    """The `count` largest values, in any order, without sorting what lies far below them."""
+    flat = values.ravel()
+    guess = np.quantile(flat[:: max(1, flat.size // 50_000)], max(0.0, 1 - 2 * count / flat.size))
+    top = flat[flat >= guess]
     if top.size < count:  # the sample misled
-        top = np.concatenate([term(*part) for part in chunks(*arrays)])
+        top = flat
     return np.asarray(np.partition(top, top.size - count)[top.size - count :]) if count else top[:0]
 
 
@@ -159,15 +142,17 @@ METRICS: dict[str, Metric] = {
     m.name: m
     for m in (
         Metric("rmse", "RMSE", "radiance", "sqrt(mean((t - r)^2))", "the same everywhere", rmse),
-        Metric("relmse", "relMSE", "", "mean((t - r)^2 / (r^2 + 0.01))", "tev's; pbrt divides by (r + 0.01)^2", relmse),
+        Metric("relmse", "relMSE", "", "mean((t - r)^2 / (r^2 + 0.01))", "tev's; pbrt divides by (r + 0.01)^2",
+               partial(mean_of, relative_square)),
         Metric("relmse_trimmed", "relMSE, trimmed", "", "relMSE without the 0.1 % of the values that are largest in it",
                "this project's", relmse_trimmed),
-        Metric("mae", "Mean error", "radiance", "mean(|t - r|)", "the same everywhere", mae),
+        Metric("mae", "Mean error", "radiance", "mean(|t - r|)", "the same everywhere", partial(mean_of, absolute)),
         Metric("max_abs", "Error, worst", "radiance", "max(|t - r|)", "the same everywhere", max_abs),
         Metric("p999_abs", "Error, 99.9 % quantile", "radiance",
-               "99.9 % quantile of |t - r|, an order statistic", "this project's", p999_abs),
+               "99.9 % quantile of |t - r|, an order statistic", "this project's",
+               partial(p999, absolute)),
         Metric("p999_rel", "Relative error, 99.9 % quantile", "",
-               "99.9 % quantile of |t - r| / (|r| + 0.01)", "this project's", p999_rel),
+               "99.9 % quantile of |t - r| / (|r| + 0.01)", "this project's", partial(p999, relative)),
         Metric("psnr", "PSNR", "dB", "20 log10(max(r) / rmse), dB", "peak is the reference's maximum, not 1", psnr),
         Metric("mean_ratio", "Ratio of means", "", "mean(t) / mean(r)", "the same everywhere", mean_ratio),
         Metric("flip_hdr", "FLIP, mean", "0 to 1",
@@ -189,8 +174,8 @@ def measure(
     wanted = list(missing)
     if test.shape != reference.shape:
         return missing
-    finite = np.isfinite(test) & np.isfinite(reference) if not all_finite(test, reference) else None
-    if finite is not None:
+    if not all_finite(test, reference):
+        finite = np.isfinite(test) & np.isfinite(reference)
         test, reference = test[finite], reference[finite]
         wanted = [n for n in wanted if n != "flip_hdr"]
     if not test.size:

@@ -12,7 +12,6 @@ from raytwin.compare.significance import sidak, two_sided
 GRANTED_SHIFT = 0.01
 """Pixels by which two images may be shifted: a tenth of what calibration can tell."""
 
-
 LIGHT = 16
 """Pixels on the side of the blocks whose brightness may change."""
 
@@ -66,9 +65,8 @@ def find_shift(
         levels.append((coarse, other))
     dx = dy = 0.0
     step: Shift | None = None
-    for k, (t, r) in enumerate(reversed(levels)):
-        if k:
-            dx, dy = 2 * dx, 2 * dy
+    for t, r in reversed(levels):
+        dx, dy = 2 * dx, 2 * dy
         for _ in range(2):
             step = _step(t, r, round(dx), round(dy))
             if step is None:
@@ -79,20 +77,20 @@ def find_shift(
                 break
     if step is None:
         return None
-    shift = Shift(factor * step.dx, factor * step.dy, factor * step.sigma, step.dof, step.explained, step.light)
-    return shift if _explains(step, *levels[0]) else None
+    if not _explains(step, *levels[0]):
+        return None
+    return step._replace(dx=factor * step.dx, dy=factor * step.dy, sigma=factor * step.sigma)
 
 
 def _explains(shift: Shift, t: Float[np.ndarray, "h w"], r: Float[np.ndarray, "h w"]) -> bool:
     """A shift of more than a pixel is one only if it makes the images more alike: two different pictures have none."""
     if shift.length <= 1:
         return True
-
-    def unlike(dx: int, dy: int) -> float:
-        a, b = _overlap(t, r, dx, dy)
-        return 1 - float(np.corrcoef(a.ravel(), b.ravel())[0, 1])
-
-    return unlike(round(shift.dx), round(shift.dy)) < unlike(0, 0) / 2
+    moved, still = (
+        1 - float(np.corrcoef(np.stack([part.ravel() for part in _overlap(t, r, dx, dy)]))[0, 1])
+        for dx, dy in ((round(shift.dx), round(shift.dy)), (0, 0))
+    )
+    return moved < still / 2
 
 
 def _overlap(

@@ -52,7 +52,7 @@ def dense(shown: Residual, known: Float[np.ndarray, "*blocks 3"], least: float) 
 
 
 def unexplained(shown: Residual, known: Float[np.ndarray, "*blocks 3"]) -> bool:
-    """Whether most blocks scatter clearly more than what is known of: by 20 % of the variance."""
+    """Whether most blocks scatter clearly more than the `known` variance: by 20 %."""
     known = np.broadcast_to(known, shown.square.shape)
     noisy = known > 0
     return bool(noisy.any()) and float(np.median(shown.square[noisy] / known[noisy])) > 1.2
@@ -63,13 +63,12 @@ def borne_out(test: Pixels, reference: Pixels, shown: Residual, least: float) ->
     scatter = shown.square.sum(axis=-1)
     scatters = (shown.square > least**2).any(axis=-1) & (shown.pixels[..., 0] >= 16)
     share = np.divide(_own_noise(test, reference), scatter, out=np.zeros_like(scatter), where=scatters)
-    high, wide = share.shape
-    places = [
-        (slice(y, y + REGION_BLOCKS), slice(x, x + REGION_BLOCKS))
-        for y in range(0, high, REGION_BLOCKS)
-        for x in range(0, wide, REGION_BLOCKS)
-    ]
-    medians = [np.median(share[p][scatters[p]]) for p in places if np.count_nonzero(scatters[p]) > 1]
+    medians = []
+    for y in range(0, share.shape[0], REGION_BLOCKS):
+        for x in range(0, share.shape[1], REGION_BLOCKS):
+            region = np.s_[y : y + REGION_BLOCKS, x : x + REGION_BLOCKS]
+            if np.count_nonzero(scatters[region]) > 1:
+                medians.append(np.median(share[region][scatters[region]]))
     return bool(medians) and float(np.mean(np.array(medians) >= MIN_REFERENCE_SHARE)) >= MIN_REGIONS
 
 
@@ -78,9 +77,9 @@ def _own_noise(test: Pixels, reference: Pixels) -> Float64[np.ndarray, "by bx"]:
     found = []
     for y0, y1, rows in strips(test.shape):
         r = np.asarray(reference[y0:y1], np.float32)
-        d = _within_cells(np.subtract(test[y0:y1], r, dtype=np.float32))
+        error = _within_cells(np.subtract(test[y0:y1], r, dtype=np.float32))
         product = np.zeros((*r.shape[:2], 1), np.float32)
-        product[: len(d), : d.shape[1]] = -(d * _within_cells(r)).sum(axis=-1, keepdims=True)
+        product[: len(error), : error.shape[1]] = -(error * _within_cells(r)).sum(axis=-1, keepdims=True)
         # Three of the four differences from a cell's mean are free.
         found.append(block_sums(product, rows)[..., 0] / (0.75 * block_counts(product, rows)[..., 0]))
     return np.concatenate(found)

@@ -16,7 +16,6 @@ from raytwin.compare.finding import HARD, Finding, notes, plural
 from raytwin.compare.geometry import geometry_findings, without_ties
 from raytwin.compare.invalid import shape_findings, value_findings
 from raytwin.compare.metrics import measure
-from raytwin.compare.noise import equivalent_samples
 from raytwin.compare.radiance_test import RadianceTest
 from raytwin.compare.scale import Bound, scale_of, unit_of
 from raytwin.compare.shift import find_shift, shift_finding
@@ -27,9 +26,6 @@ SURE_SHIFT = 0.5
 """A shift whose standard deviation is larger, pixels, is not reported."""
 
 TIED = "both are equally far, either is correct, and these were not compared"
-
-SAFE_UNITS = 2.0**-10, 2.0**10
-"""Scales whose squares and fourth powers float32 holds: others are brought to 1, by a power of two, which is exact."""
 
 
 # Finite values near float32's end may overflow when squared: infinite errors fail, and need no warning.
@@ -69,19 +65,14 @@ def compare(
         return made(findings, geometry=geometry, radiance=radiance)
     perceptual = Perceptual(measure(test.mean, reference.mean, ["flip_hdr"])["flip_hdr"] if flip else None)
 
-    of_samples = None if noise == "none" else equivalent_samples(test, reference)
     if noise != "both":
         test = replace(test, variance=None, samples=0, batches=None)
     if noise == "none":
         reference = replace(reference, variance=None)
-    unit = unit_of(scale)
-    if not SAFE_UNITS[0] <= unit <= SAFE_UNITS[1]:
-        test, reference = _scaled(test, unit), _scaled(reference, unit)
-        mine, theirs = (None if s is None else s / unit for s in half_steps)
-        half_steps = mine, theirs
-        scale /= unit
-    else:
-        unit = 1.0
+    # float32 does not hold the fourth powers of all scales.
+    unit = 1.0 if 1e-3 <= scale <= 1e3 else unit_of(scale)
+    test, reference = _scaled(test, unit), _scaled(reference, unit)
+    mine, theirs = (None if half is None else half / np.float32(unit) for half in half_steps)
     # Where both report what they see, and see the same, nothing is shifted.
     aligned = geometry.mask_mismatch_pixels is not None and not any(f.kind == "silhouettes" for f in findings)
     shift = None if aligned or noise == "none" else find_shift(test.mean, reference.mean)
@@ -90,8 +81,8 @@ def compare(
         geometry = msgspec.structs.replace(geometry, shift_px=shift.length)
     mismatch = geometry.mask_mismatch_pixels or 0
     excused = mismatch if mismatch <= tolerance.mask_pixels else 0
-    bound = Bound(tolerance.p999_abs, scale)
-    asked = RadianceTest(test, reference, judging, bound, unit, look, half_steps, excused, shift, of_samples)
+    bound = Bound(tolerance.p999_abs, scale / unit)
+    asked = RadianceTest(test, reference, judging, bound, unit, look, (mine, theirs), excused, shift)
     outcome = asked.exactly() if noise == "none" else asked.run()
     findings += outcome.findings
     different, unknown = alpha_findings(test, reference, judging, half_steps)
@@ -99,19 +90,18 @@ def compare(
     doubts = () if misplaced else outcome.doubts
     if findings and all(f.kind == "below zero" for f in findings):
         doubts, findings = (*(f"undecided: {f.text}" for f in findings), *doubts), []
-    shift_named = any(f.kind == "shift" for f in findings)
-    if findings and not outcome.doubts and shift is not None and shift.certain and not shift_named:
-        findings.append(shift_finding(shift))
+    if findings and not outcome.doubts and shift is not None and shift.certain:
+        findings = [*(f for f in findings if f.kind != "shift"), shift_finding(shift)]
     comparison = made(
         findings,
         outcome.notes,
         doubts,
         geometry=geometry,
         radiance=radiance,
-        statistics=msgspec.structs.replace(outcome.statistics, noise_of_samples=of_samples),
+        statistics=msgspec.structs.replace(outcome.statistics, noise_of_samples=asked.of_samples),
         perceptual=perceptual,
         excluded_bias=outcome.excluded_bias,
-        failing=tuple(p.above(reference.shape[0]) for p in outcome.failing) if findings and not outcome.doubts else (),
+        failing=outcome.failing if findings and not outcome.doubts else (),
     )
     tie = (f"{plural(tied, 'pixel')} on the common edge of two objects: {TIED}",) if tied else ()
     return comparison.saying(*tie, *unknown)
@@ -136,6 +126,8 @@ def _single(image: Image) -> Image:
 
 def _scaled(image: Image, unit: float) -> Image:
     """In units of a power of two: every digit stays."""
+    if unit == 1:
+        return image
     k = math.frexp(unit)[1] - 1
     variance = None if image.variance is None else np.ldexp(image.variance, -2 * k)
     third = None if image.third is None else np.ldexp(image.third, -3 * k)
