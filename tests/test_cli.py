@@ -24,7 +24,6 @@ from raytwin.images.image import Image
 from raytwin.images.image_formats import write_image
 from raytwin.photos.boards import Board, Grid, write_board
 from raytwin.progress import Stages
-from raytwin.scene.scene_files import read_camera
 
 
 def test_compare_passes_and_writes_every_file(scenes, tmp_path):
@@ -50,25 +49,6 @@ def test_compare_fails_with_1_where_the_images_differ_and_says_with_0_that_a_low
         run = raytwin("compare", scenes / "overlap", "--size", "80x60", *options, "-o", tmp_path)
         assert run.returncode == code, run.stderr
         assert run.stdout.startswith(verdict)
-
-
-@pytest.mark.nightly
-def test_calibrate_takes_photos_one_by_one_and_the_camera_stands_where_asked(scenes, tmp_path):
-    photos = [scenes / "desk" / "photos" / f"photo_{i:02d}.jpg" for i in range(8)]
-    outputs = "--json", tmp_path / "c.json", "-o", tmp_path / "c.toml", "--photo", photos[3].name
-    run = raytwin("photo", "calibrate", *photos, "--board", scenes / "desk" / "board.toml", *outputs)
-    assert run.returncode == 0, run.stderr
-    assert "photo_03.jpg" in run.stdout
-    found = json.loads((tmp_path / "c.json").read_text())
-    assert list(found) == ["image_size", "model", "K", "dist", "sigma", "rms_px", "views", "warnings", "boards"]
-    views = {view["photo"]: view for view in found["views"]}
-    assert views.keys() == {p.name for p in photos}
-    camera, view = read_camera(tmp_path / "c.toml"), views[photos[3].name]
-    assert list(view) == ["photo", "tags", "rms_px", "R_cam_board", "t_cam_board", "influence"]
-    assert camera.image_size == (2016, 1512)
-    assert camera.fx == pytest.approx(1560, rel=0.01)
-    assert np.allclose(camera.R_cam_board, view["R_cam_board"], atol=5e-3)
-    assert np.allclose(camera.t_cam_board, view["t_cam_board"], atol=5e-3)
 
 
 def test_misused_words_are_told_in_one_line_that_names_the_help():

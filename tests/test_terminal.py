@@ -15,9 +15,6 @@ from raytwin.cli.terminal import say
 from raytwin.images.image import Image
 from raytwin.images.image_formats import write_image
 
-ESCAPE = "a\x1b[2J\x1b]0;owned\x07b"
-"""Clears the screen, then renames the window."""
-
 
 def picture(path: Path, value: float = 0.5) -> Path:
     write_image(path, Image(np.full((24, 24, 3), value, np.float32)))
@@ -46,34 +43,6 @@ def test_no_sentence_is_wider_than_the_terminal_and_a_path_stays_whole(monkeypat
     monkeypatch.setattr("sys.__stdout__", None)  # no terminal: a log is searched by lines
     say("word " * 40)
     assert capsys.readouterr().out.count("\n") == 1
-
-
-@pytest.mark.nightly
-@pytest.mark.skipif(os.name == "nt", reason="Windows has no such names")
-def test_no_command_sends_a_names_escapes_to_the_terminal(scenes, tmp_path):
-    a, b = picture(tmp_path / f"{ESCAPE}.pfm"), picture(tmp_path / "b.pfm")
-    (tmp_path / "scenes" / ESCAPE).mkdir(parents=True)
-    text = (scenes / "single" / "scene.toml").read_text()
-    (tmp_path / "scenes" / ESCAPE / "scene.toml").write_text(f"# {ESCAPE}\n{text}".replace("\x1b", "\u009b"))
-    for folder in ("one", "other"):
-        (tmp_path / folder).mkdir()
-        picture(tmp_path / folder / f"{ESCAPE}.pfm")
-    (tmp_path / "class").mkdir()
-    (tmp_path / "class" / f"{ESCAPE}.py").write_text("def tag_centers(: no Python\n")
-    raytwin("grade", "starter", "--rubric", "-o", tmp_path / "rubric.toml")
-    for command in (
-        ("diff", a, b),
-        ("diff", tmp_path / "one", tmp_path / "other"),
-        ("diff", tmp_path / f"{ESCAPE}.none", b),
-        ("scenes",),
-        ("compare", ESCAPE, "--size", "16x12", "-o", tmp_path / "out"),
-        ("compare", f"--{ESCAPE}"),
-        ("grade", tmp_path / "class", "--rubric", tmp_path / "rubric.toml", "-o", tmp_path / "grades"),
-    ):
-        run = raytwin(*command, cwd=tmp_path)
-        said = run.stdout + run.stderr
-        assert "owned" in said, command
-        assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", said), (command, said)
 
 
 def test_only_say_prints():

@@ -19,7 +19,7 @@ from raytwin.explain.explanation import Cause, Explanation
 from raytwin.images.exr import write_exr
 from raytwin.images.image import Image
 from raytwin.images.image_formats import read_image, write_image
-from raytwin.images.photo_files import from_bytes, to_bytes, write_picture
+from raytwin.images.photo_files import to_bytes, write_picture
 from raytwin.renderers import references
 from raytwin.show.terminal_text import diff_summary
 from raytwin.study.diff_files import compare as diff
@@ -76,15 +76,6 @@ def test_json_junit_report_and_heat_map_are_written(folder):
     assert {p.name for p in (folder / "out").iterdir()} == {"report.html", "heatmap.png", "comparison.json"}
     for name, value in numbers["metrics"].items():
         assert re.search(rf"^  {name} +{re.escape(f'{value:.6g}')} ", run.stdout, re.MULTILINE), name
-
-
-def test_every_kind_of_image_can_be_one_of_the_two(folder):
-    codes = to_bytes(A)
-    write_picture(folder / "x.png", codes)
-    for name in ("x.exr", "x.pfm"):
-        write_image(folder / name, Image(from_bytes(codes)))
-        assert diff(folder / name, folder / "x.png").passed
-        assert diff(folder / "x.png", folder / name).passed
 
 
 def test_each_side_names_its_own_layer(folder):
