@@ -28,8 +28,7 @@ def make_result(scenes) -> Callable[..., Result]:
 
     def make(size=(160, 120), photos=False, spoil=None) -> Result:
         written, rung = read_scene(scenes / "overlap"), "shadow"
-        stage = written.scene
-        stage = stage.with_camera(stage.camera.resized(*size))
+        stage = written.with_camera(written.camera.resized(*size))
         tracer, twin = trace(stage, rung, "numpy64"), trace(stage, rung, "numpy32")
         if spoil is not None:
             tracer = spoil(copied(tracer))

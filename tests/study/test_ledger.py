@@ -43,7 +43,7 @@ def test_parts_add_up_to_what_is_shown_less_the_whole_light(overlap, fast, rung)
     shares = [part.share_of_error for part in found.parts if part.share_of_error is not None]
     assert sum(shares) == pytest.approx(1, abs=1e-5)
     # What a rung has is not among what it leaves out.
-    left = {name for name in found.pictures if name in ledger.LEFT_OUT}
+    left = {name for name in found.pictures if name in ledger.LIGHT_LEFT_OUT}
     assert len(left) == {"lambert": 5, "shadow": 4, "sky": 3, "path": 0}[rung]
 
 

@@ -58,9 +58,9 @@ def test_a_shape_that_is_none_is_refused_with_its_place(tmp_path):
         ),
         (
             head + grid + "offsets = [[0.0, nan, 0.0]]",
-            r"c.toml: board.offsets\[0\]\[1\]: expected a finite number, got",
+            r"c.toml: board.offsets\[0\]\[1\]: expected a number, got",
         ),
-        (head + "heights = 1", r"c.toml: board.heights .* is no known key"),
+        (head + "heights = 1", r"c.toml: board.heights is no known key"),
         ("board = 3", "c.toml: board: expected a table, got 3"),
     ):
         file.write_text(text)
