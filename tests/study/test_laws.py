@@ -274,10 +274,9 @@ def test_a_students_file_is_judged_in_a_process_of_its_own(tmp_path):
     assert done.returncode == 1, done.stderr
     assert done.stdout.startswith("FAIL  tracer.py, shadow: The sun's part is not albedo/π E cos θ.")
     (tmp_path / "tracer.py").write_text(tracer())
-    assert raytwin("laws", "--subject", "tracer.py", "--size", "48x36", cwd=tmp_path).returncode == 0
+    assert raytwin("laws", "tracer.py", "--size", "48x36", cwd=tmp_path).returncode == 0
 
 
-def test_one_renderer_is_asked_for():
-    for words in ([], ["numpy64-shadow-conic", "--subject", "numpy64-shadow-conic"]):
-        refused(raytwin("laws", *words), "--subject: expected the one renderer to judge")
+def test_a_renderer_and_a_light_level_are_asked_for():
+    refused(raytwin("laws"), "Missing argument 'WHAT'")
     refused(raytwin("laws", "x.py", "--rung", "sun"), "--rung: expected one of surface")

@@ -67,5 +67,5 @@ def test_a_wrong_sky_still_fails_and_no_objects_at_all_still_pass(tmp_path):
     black = np.zeros((24, 32, 3), np.float32)
     found = compare_scene(scene, rung="path", subject=lambda told: black).comparison
     assert found.verdict == "fail"
-    assert found.reasons[-1].startswith("the camera sees no object")
+    assert any(reason.startswith("the camera sees no object") for reason in found.reasons)
     assert compare_scene(scene.with_(objects=()), rung="lambert").comparison.verdict == "pass"
