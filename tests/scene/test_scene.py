@@ -101,7 +101,7 @@ TABLE = Rectangle((0.1, 0.05, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 OVER = Rectangle((0.5, 0.4, 0.0), (0.21, 0.21, 0.0), (0.3, -0.3, 0.0))
 ACROSS = Rectangle((1.3, 0.0, 0.0), (0.25, 0.0, 0.0), (0.0, 5.0, 0.0))
 BESIDE = Rectangle((1.5, 0.05, 0.0), (0.4, 0.0, 0.0), (0.0, 1.0, 0.0))
-STANDING = Rectangle((0.1, 1.05, 0.5), (1.0, 0.0, 0.0), (0.0, 0.0, 0.5))
+THROUGH = Rectangle((0.1, 0.05, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 0.5))
 DIAGONAL = Rectangle((1.5, 1.95, 0.0), (0.4, 0.4, 0.0), (0.4, -0.4, 0.0))
 TWICE = r"objects\[1\] of scene places: expected a surface apart from all others"
 WITHIN = r"camera of scene places: expected an eye off every surface"
@@ -117,7 +117,7 @@ def raised(sheet: Rectangle, height: float) -> Rectangle:
         ((TABLE, OVER), (0.1, 0.2, 0.5), TWICE), ((OVER, TABLE), (0.1, 0.2, 0.5), TWICE),
         ((TABLE, ACROSS), (0.1, 0.2, 0.5), TWICE), ((TABLE, raised(ACROSS, 1e-8)), (0.1, 0.2, 0.5), TWICE),
         ((TABLE, raised(OVER, 1e-4)), (0.1, 0.2, 0.5), None),
-        ((TABLE, BESIDE, STANDING, DIAGONAL), (0.1, 0.2, 0.5), None),
+        ((TABLE, BESIDE, THROUGH, DIAGONAL), (0.1, 0.2, 0.5), None),
         ((TABLE,), (0.3, 0.4, 0.0), WITHIN), ((TABLE,), (1.3, 0.4, 0.0), None), ((TABLE,), (0.3, 0.4, 1e-4), None),
     ],
 )  # fmt: skip

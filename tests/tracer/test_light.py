@@ -10,6 +10,7 @@ from truths import camera_above
 from raytwin.fast import trace
 from raytwin.scene import Lambert, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.tracer import STAGES, Hit, PlainWorld, back_project, first_hit, intersect_rectangle, lambert, sun_visible
+from raytwin.tracer.arrays import cross
 from raytwin.tracer.lights import lighting
 from raytwin.tracer.pixel_to_ray import to_board
 
@@ -43,6 +44,11 @@ def free_by_geometry(p: np.ndarray, scene: Scene, own: int) -> bool:
             if s > 0 and abs(a) < 1 and abs(b) < 1:
                 return False
     return True
+
+
+def test_a_cross_product_is_numpys(rng):
+    a, b = rng.normal(size=(2, 3, 50))
+    np.testing.assert_allclose(np.stack(cross(tuple(a), tuple(b))), np.cross(a.T, b.T).T, rtol=0, atol=1e-14)
 
 
 def test_lambert_is_the_formula():

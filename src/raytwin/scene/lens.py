@@ -105,7 +105,7 @@ def without_ray(camera: Camera) -> Bool[np.ndarray, "h w"] | None:
     lost.flags.writeable = False
     if 0 < lost.mean() <= MAX_SHARE_WITHOUT_RAYS:
         text = f"no ray belongs to {lost.sum()} of {lost.size} pixels ({100 * lost.mean():.2g} %): left black"
-        warnings.warn(text, Folds, stacklevel=3)
+        warnings.warn(f"camera.dist: {list(camera.dist)} cannot be undone there, and {text}", Folds, stacklevel=2)
     return lost if lost.any() else None
 
 
