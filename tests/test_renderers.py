@@ -58,6 +58,16 @@ def test_what_a_function_does_wrong_is_told_in_one_line(theirs, single):
             find_subject(f"{theirs}:{function}", "shadow")(single)
 
 
+def test_a_function_of_a_seed_is_called_with_other_seeds_in_each_render(single):
+    def noisy(scene, seed):
+        seeds.append(seed)
+        return np.random.default_rng(seed).random((480, 640, 3))
+
+    seeds = []
+    assert method(noisy, renders=4)(single, 2).batches == 4
+    assert seeds == [8, 9, 10, 11]
+
+
 def test_an_image_and_a_folder_of_images_are_subjects(tmp_path, single):
     image = tracer.trace(single)
     write_exr(tmp_path / "single.exr", Image(image.mean))
