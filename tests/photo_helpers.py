@@ -160,7 +160,7 @@ def seen(camera: Camera, stands, board: Board = SMALL, noise: float = 0.0, rng=N
             centers = centers + rng.normal(0, noise, centers.shape)
         inside = ((centers > 0) & (centers < np.array(camera.image_size) - 1)).all(axis=1)
         found[f"view_{i:02d}"] = [
-            Tag(tag, tuple(c), tuple(tuple(p) for p in q), 100.0)
+            Tag(tag, tuple(c), tuple(tuple(p) for p in q))
             for tag, c, q, ok in zip(ids, centers.tolist(), corners.reshape(-1, 4, 2).tolist(), inside, strict=True)
             if ok
         ]
@@ -182,7 +182,7 @@ def stored_tags(folder: Path, name: str) -> tuple[dict[str, list[Tag]], tuple[in
         return point[0] - 0.5, point[1] - 0.5
 
     tags = {
-        photo: [Tag(t["id"], moved(t["center"]), tuple(map(moved, t["corners"])), t["margin"]) for t in image["tags"]]
+        photo: [Tag(t["id"], moved(t["center"]), tuple(map(moved, t["corners"]))) for t in image["tags"]]
         for photo, image in images.items()
     }
     return tags, tuple(next(iter(images.values()))["size_wh"])

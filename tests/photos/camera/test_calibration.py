@@ -161,7 +161,7 @@ def test_photos_without_tags_and_files_that_cannot_be_read_are_left_out_and_name
     with pytest.raises(InputError, match=r"a\.heic: expected a photo"):
         calibrate(sorted(tmp_path.glob("*.heic")), BOARD)
     write_picture(tmp_path / "turned.jpg", np.swapaxes(read_photo(photos[0]), 0, 1))
-    with pytest.raises(InputError, match=r"turned.jpg: expected 1008 x 756 pixels, as most .*, got 756 x 1008"):
+    with pytest.raises(InputError, match=r"turned.jpg: expected 1008 x 756 pixels, as the first .*, got 756 x 1008"):
         calibrate(tmp_path, BOARD)
     mirrored = [tmp_path / f"mirrored_{i}.jpg" for i in range(3)]
     for photo in mirrored:

@@ -3,7 +3,6 @@
 import itertools
 import math
 import os
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -54,7 +53,11 @@ def calibrate(
     unique = len({p.name for p in paths}) == len(paths)
     shown = {str(p): p.name if unique else str(p) for p in paths}
     paths, broken = readable_photos(paths)
-    image_size = _size_of_all(paths)
+    image_size = photo_size(paths[0])
+    for path in paths:
+        if (size := photo_size(path)) != image_size:
+            want = "{} x {} pixels, as the first photo has: leave out one of the two".format(*image_size)
+            raise InputError(path, want, "{} x {}".format(*size))
     found, without = detect_photos(paths, board.family, progress)
     wrong = {shown[str(photo)]: why for photo, why in (broken | without).items()}
     progress("fit", 0, 1)
@@ -141,17 +144,3 @@ def _calibration(
         board=bent,
         evidence=Evidence(held_out, str(result.form), shaped, seen, off),
     )
-
-
-def _size_of_all(paths: Sequence[Path]) -> tuple[int, int]:
-    """The size of all photos; InputError about one that has not the size of most.
-
-    Those a quarter turn from the others are refused, too: their pixels were turned after the lens had drawn them.
-    """
-    sizes = dict(zip(paths, map(photo_size, paths), strict=True))
-    (most, _), *others = Counter(sizes.values()).most_common()
-    if others:
-        odd, size = next((path, size) for path, size in sizes.items() if size != most)
-        want = "{} x {} pixels, as most photos have: leave it out".format(*most)
-        raise InputError(odd, want, "{} x {}".format(*size))
-    return most

@@ -23,14 +23,12 @@ class Tag(Record, frozen=True):
     """A tag seen in a photo, in OpenCV's pixels: (0, 0) is the centre of the top-left pixel.
 
     `center` is where the tag's diagonals cross, the image of its centre: under perspective not the mean of its corners.
-    `corners`: lower left, lower right, upper right, upper left of the upright tag. `margin`: AprilTag's decision
-    margin, grey levels.
+    `corners`: lower left, lower right, upper right, upper left of the upright tag.
     """
 
     id: int
     center: tuple[float, float]
     corners: tuple[tuple[float, float], ...]
-    margin: float
 
 
 class _Detector(pupil_apriltags.Detector):
@@ -70,9 +68,7 @@ def detect(pixels: np.ndarray, family: str = "tag36h11", reductions: Sequence[fl
     times = Counter(d.tag_id for d in whole)
     # AprilTag's (0, 0) is the corner of the first pixel, OpenCV's is its centre.
     tags = [
-        Tag(
-            d.tag_id, tuple((d.center - 0.5).tolist()), tuple(map(tuple, (d.corners - 0.5).tolist())), d.decision_margin
-        )
+        Tag(d.tag_id, tuple((d.center - 0.5).tolist()), tuple(map(tuple, (d.corners - 0.5).tolist())))
         for d in whole
         if times[d.tag_id] == 1
     ]

@@ -26,8 +26,8 @@ from raytwin.photos.boards import Board
 from raytwin.photos.camera import lens_model
 from raytwin.photos.camera.detection import Tag
 
-NAMES = ("fx", "fy", "cx", "cy", *lens_model.NAMES)
-"""The lens's numbers: the first of the shared ones."""
+NAMES = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+"""The lens's numbers, in OpenCV's order: the first of the shared ones."""
 
 LENS = len(NAMES)
 

@@ -8,9 +8,6 @@ import numpy as np
 
 from raytwin.scene.lens import ALONG, LEAST_DETERMINANT, determinant, newton
 
-NAMES = ("k1", "k2", "p1", "p2", "k3")
-"""The coefficients, in OpenCV's order."""
-
 
 def project(points: np.ndarray, R: Any, t: Any, K: Any, dist: Sequence[float]) -> np.ndarray:
     """Pixels (n, 2) of board points (n, 3): cv2.projectPoints with a rotation matrix."""
@@ -21,8 +18,8 @@ def project(points: np.ndarray, R: Any, t: Any, K: Any, dist: Sequence[float]) -
 def linearise(
     points: np.ndarray, pixels: np.ndarray, K: np.ndarray, dist: Sequence[float] | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Residuals (..., 2) of camera points (..., 3), and their derivatives by fx, fy, cx, cy, NAMES (..., 2, 9) and by
-    the point (..., 2, 3)."""
+    """Residuals (..., 2) of camera points (..., 3), and their derivatives by the nine numbers of the lens
+    (..., 2, 9) and by the point (..., 2, 3)."""
     none = np.zeros(3)
     there, J = cv2.projectPoints(points.reshape(-1, 1, 3), none, none, np.asarray(K, float), five(dist))
     # Its columns: a turn, a shift (which moves every point alike), fx, fy, cx, cy, and the coefficients.

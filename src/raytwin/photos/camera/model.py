@@ -11,20 +11,22 @@ from raytwin.photos.camera.fit import LENS, MODELS, Fit, ModelSpec, Views, fit
 from raytwin.scene.lens import undone
 
 RELATIVE_SLACK, SLACK_PX = 1.01, 0.002
-"""As good as the best: within 1 % of its held-out error, or within this many pixels. Of these the smallest lens and the
-flat board are taken."""
+"""As good as the best: within 1 % of its held-out error, or within this many pixels."""
 
 EQUALLY_GOOD = 1.1
-"""Models that predict within this factor of the best add to sigma how far their K lies apart."""
-
-FEW_PHOTOS = 12
-"""With fewer photos, which lens predicts best is chance, and all five coefficients are fitted."""
+"""If the richest lens's error is within this factor of the best, the distance of its K from the chosen one's adds to
+sigma."""
 
 
 def select_model(
     views: Views, image_size: tuple[int, int], board: Board, model: str, start: Fit
 ) -> tuple[Fit, dict[str, float], np.ndarray]:
-    """Choose whether the board is bent, then the lens: the fit, each model's held-out error (pixels), and `_gap`."""
+    """Choose whether the board is bent, by the richest lens, then the smallest lens that predicts as well.
+
+    Returns the fit, each model's held-out error (pixels), and `gap` (9,): how far the richest lens's numbers lie from
+    the fit's. The fit's own covariance assumes that the coefficients it leaves out are 0: without p1 and p2 the centre
+    may lie ten standard deviations off and predict as well.
+    """
     fits: dict[ModelSpec, Fit] = {}
     errors: dict[ModelSpec, float] = {}
 
@@ -36,14 +38,15 @@ def select_model(
     lenses = [*MODELS][::-1] if model == "auto" else [model]
     for bent in (False, True):
         attempt(ModelSpec(lenses[0], bent), start)
-    taken = _as_good(errors)[0]
+    richest = _as_good(errors)[0]
     for lens in lenses[1:]:
-        attempt(ModelSpec(lens, taken.bent), fits[taken])
-    good = _as_good({form: errors[form] for form in fits if form.bent == taken.bent})
-    good = [taken, *good] if len(views) < FEW_PHOTOS else good[::-1]
+        attempt(ModelSpec(lens, richest.bent), fits[richest])
+    good = _as_good({form: error for form, error in errors.items() if form.bent == richest.bent})[::-1]
     # A lens that folds back inside the frame is the last choice.
-    best = next((f for f in good if not undone(fits[f].K, fits[f].dist, image_size).fault), good[0])
-    return fits[best], {str(form): error for form, error in errors.items()}, _gap(fits, errors, fits[best])
+    best = next((form for form in good if not undone(fits[form].K, fits[form].dist, image_size).fault), good[0])
+    gap = (fits[richest].shared - fits[best].shared)[:LENS]
+    counts = errors[richest] <= EQUALLY_GOOD * min(errors.values())
+    return fits[best], {str(form): error for form, error in errors.items()}, gap * counts
 
 
 def _as_good(errors: Mapping[ModelSpec, float]) -> list[ModelSpec]:
@@ -51,22 +54,7 @@ def _as_good(errors: Mapping[ModelSpec, float]) -> list[ModelSpec]:
     return [form for form, error in errors.items() if error <= max(RELATIVE_SLACK * best, best + SLACK_PX)]
 
 
-def _gap(fits: Mapping[ModelSpec, Fit], errors: Mapping[ModelSpec, float], taken: Fit) -> np.ndarray:
-    """(9, 9): the mean square of how far K and distortion move between the models that predict alike.
-
-    Each model's own covariance assumes that the coefficients it leaves out are 0. With few photos, which do not show
-    which model is correct, all models count; with more, only the richest lens: without p1 and p2 the centre may lie ten
-    standard deviations off and predict as well.
-    """
-    limit, richest = EQUALLY_GOOD * min(errors.values()), ModelSpec([*MODELS][-1], taken.form.bent)
-    alike = [found for form, found in fits.items() if errors[form] <= limit]
-    if len(taken.R) >= FEW_PHOTOS:
-        alike = [found for found in alike if found.form == richest]
-    moved = [found.shared[:LENS] - taken.shared[:LENS] for found in alike or [taken]]
-    return np.mean([np.outer(m, m) for m in moved], axis=0)
-
-
-def covariance(found: Fit, moves: np.ndarray, gap: np.ndarray | float = 0.0) -> np.ndarray:
+def covariance(found: Fit, moves: np.ndarray, gap: np.ndarray) -> np.ndarray:
     """(m, m): that of `Fit.shared`, from how the photos disagree, and how the models do (`gap`).
 
     Blur, a focus that moved and the like pull all tags of a photo the same way. So the photo is the unit. Where photos
@@ -81,5 +69,5 @@ def covariance(found: Fit, moves: np.ndarray, gap: np.ndarray | float = 0.0) -> 
     variance, jackknife = np.diag(alike), (1 - 1 / len(moves)) * (moves**2).sum(axis=0)
     wider = np.maximum(jackknife / np.where(variance > 0, variance, np.inf), 1)
     made = alike * np.sqrt(np.outer(wider, wider))
-    made[:LENS, :LENS] += gap
+    made[:LENS, :LENS] += np.outer(gap, gap)
     return made

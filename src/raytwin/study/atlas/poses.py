@@ -77,7 +77,7 @@ def trials(
         R, t = photo.pose(azimuth)
         points = np.array(list(chosen.values()))
         pixels = project(points, R, t, K, ()) + rng.normal(0, photo.noise, (len(points), 2))
-        tags = [Tag(i, (u, v), ((u, v),) * 4, 100.0) for i, (u, v) in zip(chosen, pixels.tolist(), strict=True)]
+        tags = [Tag(i, (u, v), ((u, v),) * 4) for i, (u, v) in zip(chosen, pixels.tolist(), strict=True)]
         yield R, points, pixels, board_of(chosen), tags
 
 
