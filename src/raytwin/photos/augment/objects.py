@@ -136,13 +136,13 @@ def _light(
         whole = walk(here, "path", engine, sampling="center", samples=paths, seed=y0, depth=DEPTH, surface=False)
         soft = whole.mean - sunlit(of, pixels)[0]
         found = [over := pooled(np.where(drawn[..., None], sun, 0)), pooled(sun) - over]
-        for k in np.unique(centre[centre >= 0]):
-            seen = (centre == k).astype(np.float32)
+        for k in np.unique(ids_at_pixels[ids_at_pixels >= 0]):
+            seen = (ids_at_pixels == k).astype(np.float32)
             total, weight = cv2.blur(soft * seen[..., None], side), np.maximum(cv2.blur(seen, side), 1e-6)
             found[0 if ours[k] else 1] += pooled(ids == k) * total / weight[..., None]
         return found[0], found[1]
 
-    (sun, ids), centre = sunlit(scene, places), sunlit(scene, pixels)[1]
+    (sun, ids), ids_at_pixels = sunlit(scene, places), sunlit(scene, pixels)[1]
     drawn = ours[ids]
     over, after = lit(scene, sun)
     ratio = np.ones_like(after)
