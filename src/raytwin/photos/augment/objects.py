@@ -70,12 +70,13 @@ def augment(
     photo is taken to show the objects already. `engine`: a row of ENGINES, as for `compare_scene`. Raises InputError
     for a photo of another size than the camera's.
     """
-    h, w = photo.shape[:2]
-    if scene.camera.image_size != (w, h):
-        raise InputError("photo", f"{scene.camera.width} x {scene.camera.height} pixels, as the camera's", f"{w} x {h}")
+    height, width = photo.shape[:2]
+    if scene.camera.image_size != (width, height):
+        expected = f"{scene.camera.width} x {scene.camera.height} pixels, as the camera's"
+        raise InputError("photo", expected, f"{width} x {height}")
     space = np.eye(3) if space is None else space
-    value_of_one = np.broadcast_to(np.asarray(exposure, np.float32), (h, w, 3))
-    out, coverage, ratio = photo.copy(), np.zeros((h, w), np.float32), np.ones((h, w, 3), np.float32)
+    value_of_one = np.broadcast_to(np.asarray(exposure, np.float32), photo.shape)
+    out, coverage, ratio = photo.copy(), np.zeros((height, width), np.float32), np.ones(photo.shape, np.float32)
     x0, y0, x1, y1 = _touched(scene, shadows)
     rows = max(1, STRIP_PIXELS // max(x1 - x0, 1))
     paths = min(max(PATHS // max((x1 - x0) * (y1 - y0), 1), 1), MAX_PATHS_PER_PIXEL)
@@ -109,14 +110,15 @@ def printed(scene: Scene, board: Board) -> Scene:
 
 
 def _light(
-    scene: Scene, box: tuple[int, int, int, int], engine: str, n: int, paths: int, shadows: bool
+    scene: Scene, box: tuple[int, int, int, int], engine: str, subsamples: int, paths: int, shadows: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return for pixels x0, y0, x1, y1 the light of drawn objects (h, w, 3), their coverage (h, w), and the ratio that
-    scales the photo (h, w, 3), each over `n`² places per pixel."""
+    scales the photo (h, w, 3), each over `subsamples`² places per pixel."""
     x0, y0, x1, y1 = box
-    w, h, first = x1 - x0, y1 - y0, (1 / n - 1) / 2
-    pixels = scene.camera.grid(x0, y0, 1, (w, h))
-    places = scene.camera.grid(x0 + first, y0 + first, 1 / n, (n * w, n * h))
+    size, step = (x1 - x0, y1 - y0), 1 / subsamples
+    first = (step - 1) / 2
+    pixels = scene.camera.grid(x0, y0, 1, size)
+    places = scene.camera.grid(x0 + first, y0 + first, step, (subsamples * size[0], subsamples * size[1]))
     side = (max(1, round(BLUR_PX / math.sqrt(paths))),) * 2
     ours = np.array([*(not thing.in_photo for thing in scene.objects), False])  # the last: the background's, of id -1
 
@@ -126,7 +128,7 @@ def _light(
         return image.mean, image.surface.ids
 
     def pooled(values: np.ndarray) -> np.ndarray:
-        return cv2.resize(np.float32(values), (w, h), interpolation=cv2.INTER_AREA).reshape(h, w, -1)
+        return cv2.resize(np.float32(values), size, interpolation=cv2.INTER_AREA).reshape(*size[::-1], -1)
 
     def lit(of: Scene, sun: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the light of what is drawn, and of what the photo shows."""
@@ -134,15 +136,16 @@ def _light(
         whole = walk(here, "path", engine, sampling="center", samples=paths, seed=y0, depth=DEPTH, surface=False)
         soft = whole.mean - sunlit(of, pixels)[0]
         found = [over := pooled(np.where(drawn[..., None], sun, 0)), pooled(sun) - over]
-        for k in np.unique(centre[centre >= 0]):
-            seen = (centre == k).astype(np.float32)
+        for k in np.unique(ids_at_pixels[ids_at_pixels >= 0]):
+            seen = (ids_at_pixels == k).astype(np.float32)
             total, weight = cv2.blur(soft * seen[..., None], side), np.maximum(cv2.blur(seen, side), 1e-6)
             found[0 if ours[k] else 1] += pooled(ids == k) * total / weight[..., None]
         return found[0], found[1]
 
-    (sun, ids), centre = sunlit(scene, places), sunlit(scene, pixels)[1]
+    (sun, ids), ids_at_pixels = sunlit(scene, places), sunlit(scene, pixels)[1]
     drawn = ours[ids]
-    (over, after), ratio = lit(scene, sun), np.ones((h, w, 3), np.float32)
+    over, after = lit(scene, sun)
+    ratio = np.ones_like(after)
     if shadows and (after > 0).any():
         bare = scene.with_(objects=[thing for thing in scene.objects if thing.in_photo])
         before = lit(bare, sunlit(bare, places)[0])[1]

@@ -34,8 +34,8 @@ SKY_SHARE_SD = 0.02
 STEP_METRES, DIRECTIONS = 4e-4, 720
 """Spacing of the places along a direction from the foot; number of directions."""
 
-LOWEST_SUN_DEGREES = 8.0
-"""Lowest sun above the board whose shadow is searched for."""
+LOWEST_SUN_DEGREES, LONGEST_SHADOW_METRES = 8.0, 1.0
+"""Lowest sun above the board, and the longest shadow, that is searched for."""
 
 SIDE_DIRECTIONS = DIRECTIONS // 30
 """Directions (12 degrees) from a streak to either side of it, which must be brighter."""
@@ -71,8 +71,11 @@ def find_shadow(photo: LinearPhoto, board: Board, stand: tuple[float, float, flo
     Raises InputError where it has none on the sheet, where it is thick, or where too little white paper is seen.
     """
     foot, height = np.array(stand[:2]), stand[2]
+    if height >= LONGEST_SHADOW_METRES:
+        raise InputError("--stand", f"an upright lower than {LONGEST_SHADOW_METRES:g} m", f"{height:g} m")
     turns = np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
-    far = np.arange(0.12 * height, height / np.tan(np.radians(LOWEST_SUN_DEGREES)), STEP_METRES)
+    end = min(height / np.tan(np.radians(LOWEST_SUN_DEGREES)), LONGEST_SHADOW_METRES)
+    far = np.arange(0.12 * height, end, STEP_METRES)
     light, dark, white = _around(photo, board, foot, height, turns, far)
     if white.sum() < LEAST_WHITE_PLACES:
         raise InputError(
@@ -86,9 +89,10 @@ def find_shadow(photo: LinearPhoto, board: Board, stand: tuple[float, float, flo
     top = np.nanquantile(streaks[:, far < 0.5 * height], 0.8, axis=1)[:, None]
     gain = np.nancumsum(np.minimum(streaks, top) - top / 2, axis=1) * (top > LEAST_DARKNESS)
     turn, last = np.unravel_index(gain.argmax(), gain.shape)
+    got = f"no shadow of it on the sheet: no sun, or one below {LOWEST_SUN_DEGREES:g} degrees"
+    no_shadow = InputError("--stand", "an upright that casts a shadow", got)
     if gain[turn, last] <= 0:
-        got = f"no shadow of it on the sheet: no sun, or one below {LOWEST_SUN_DEGREES:g} degrees"
-        raise InputError("--stand", "an upright that casts a shadow", got)
+        raise no_shadow
     near = np.arange(turn - 2 * SIDE_DIRECTIONS, turn + 2 * SIDE_DIRECTIONS + 1) % DIRECTIONS
     place = (far < 1.5 * far[last]) & np.isfinite(dark[near])
     angle = turns[near][:, None] - turns[turn]
@@ -107,7 +111,7 @@ def find_shadow(photo: LinearPhoto, board: Board, stand: tuple[float, float, flo
 
     start = np.array([far[last], 0, 0, 0.05 * height, 0.4 * pixel, top[turn, 0]])
     sd = np.array([0.3 * far[last], 0.1, FOOT_SD_METRES, 0.05 * height, 0.1 * pixel, 0.3])
-    low = np.array([0, -1, -0.1, 1e-4, 0.1 * pixel, 0])
+    low = np.array([0, -1, -0.1, 0.005 * height, 0.1 * pixel, 0])
     bar = least_squares(off, start, loss="soft_l1", bounds=(low, np.inf), x_scale=sd).x
     length, slope, _, width, _, _ = bar
     if width > MAX_WIDTH * height:
@@ -117,6 +121,8 @@ def find_shadow(photo: LinearPhoto, board: Board, stand: tuple[float, float, flo
     size, paper, share = np.linalg.norm(to_light), white[near][place], cover(bar)
     of_bar = np.stack([1 - share, share], axis=1)
     lit, shaded = np.linalg.lstsq(of_bar[paper], light[near][place][paper], rcond=None)[0]
+    if (shaded > lit).any():
+        raise no_shadow
     distance = 0.6 * length
     sky_left = 1 - width / (2 * np.pi * distance) * height**2 / (distance**2 + height**2)
     sigma = float(np.hypot(FOOT_SD_METRES / size, np.radians(END_SD_DEGREES)))
