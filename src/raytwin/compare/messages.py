@@ -51,7 +51,8 @@ def noise_findings(made: Decision, unit: float) -> list[Finding]:
             "value": f"the pixel {at(w.x, w.y)}",
         }[kind]
         if kind != "value" and (share := shared_share(w, family.level)) < COMMON_SHARE:
-            sure += f", unless {'all' if kind == 'image' else 'its'} pixels share {percent(share)} of their variance"
+            sure += f", unless {'all' if kind == 'image' else 'its'} pixels share {percent(share)} of their variance: "
+            sure += "seed each pixel apart"
         text = f"{where} is {off} ({sure}){_others(kind, family, made.failed_pixels)}"
         findings.append(Finding(kind, text, Place(w.x, w.y, w.width, w.height)))
     return findings
