@@ -54,7 +54,7 @@ def test_the_nth_largest_is_that_of_sorting_whatever_the_sample_says():
     for values in (rng.random(200_003), hidden, np.zeros(1000), np.r_[np.zeros(99_999), 1.0], rng.random(3)):
         t = values.astype(np.float32)
         for above in (0, 1, len(t) // 1000, len(t) - 1):
-            assert nth_largest(above, t) == np.sort(t)[::-1][above]
+            assert nth_largest(above, np.asarray, t) == np.sort(t)[::-1][above]
         assert of("p999_abs", t, 0 * t) == np.sort(t)[math.ceil(0.999 * len(t)) - 1]
 
 

@@ -56,7 +56,7 @@ def geometry_findings(test: Image, reference: Image, tolerance: Tolerance) -> tu
             y, x = np.argwhere(~finite)[0].tolist()
             text = f"the {what} of {plural(int((~finite).sum()), 'pixel')} is not finite, first at {at(x, y)}"
             findings.append(Finding("NaN", text, Place(x, y)))
-        elif (p999 := nth_largest(above, error)) > bound:
+        elif (p999 := nth_largest(above, np.asarray, error)) > bound:
             y, x = (int(i) for i in np.unravel_index(int(error.argmax()), error.shape))
             text = f"{what}: the 99.9 % quantile of the {measured} is {p999:.3g}{unit} (allowed {bound:g}), the largest"
             findings.append(Finding(kind, f"{text} {largest[-1]:.3g}{unit} at {at(x, y)}", Place(x, y)))

@@ -51,7 +51,8 @@ def noise_findings(made: Decision, unit: float) -> list[Finding]:
             "value": f"the pixel {at(w.x, w.y)}",
         }[kind]
         if kind != "value" and (share := shared_share(w, family.level)) < COMMON_SHARE:
-            sure += f", unless {'all' if kind == 'image' else 'its'} pixels share {percent(share)} of their variance"
+            sure += f", unless {'all' if kind == 'image' else 'its'} pixels share {percent(share)} of their variance: "
+            sure += "seed each pixel apart"
         text = f"{where} is {off} ({sure}){_others(kind, family, made.failed_pixels)}"
         findings.append(Finding(kind, text, Place(w.x, w.y, w.width, w.height)))
     return findings
@@ -76,21 +77,10 @@ def _amount(error: float, area: float, unit: float) -> str:
 
 def _others(kind: str, family: Family, failed_pixels: int) -> str:
     if kind == "tile" and family.failed > 1:
-        return f"; {_share(family.failed, family.tests)} tiles are beyond noise"
+        return f"; {family.failed} of {family.tests} tiles are beyond noise"
     if kind == "value" and failed_pixels > 1:
-        few = f"; so {'is' if failed_pixels == 2 else 'are'} {plural(failed_pixels - 1, 'other pixel')}"
-        share = 3 * failed_pixels / family.tests
-        return few if share < 0.01 else f"; {_share(3 * failed_pixels, family.tests)} pixels are beyond noise"
+        return f"; so {'is' if failed_pixels == 2 else 'are'} {plural(failed_pixels - 1, 'other pixel')}"
     return ""
-
-
-def _share(part: int, whole: int) -> str:
-    """
-    >>> _share(7, 7), _share(3, 4), _share(1, 400)
-    ('all', '75 % of all', '0.25 % of all')
-    """
-    share = 100 * part / whole
-    return "all" if part >= whole else f"{share:.{0 if share >= 1 else 2}f} % of all"
 
 
 def what_could_be_seen(image: float, tile: float, inflation: float, rate: float) -> tuple[Finding, ...]:

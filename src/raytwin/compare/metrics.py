@@ -4,7 +4,7 @@ One more metric is one more row of METRICS.
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from importlib.util import find_spec
 from typing import NamedTuple
@@ -13,6 +13,9 @@ import numpy as np
 
 from raytwin.array_types import Float
 from raytwin.errors import InputError
+
+CHUNK = 1 << 17
+"""Values computed at a time, so that they stay in the cache."""
 
 FLIP_PIXELS_PER_DEGREE = 67.0
 """Pixels per degree of the observer's view: FLIP's default."""
@@ -42,17 +45,25 @@ class Metric(NamedTuple):
 Pair = Float[np.ndarray, "*n"]
 """A test's or a reference's values: two arrays of one shape."""
 
-Term = Callable[[np.ndarray, np.ndarray], np.ndarray]
+Term = Callable[..., np.ndarray]
 """What a metric computes of each value t and r."""
 
 
+def in_chunks(term: Term, *arrays: Pair) -> Iterator[Float[np.ndarray, " n"]]:
+    """term(*arrays), flat, CHUNK values at a time."""
+    flat = [a.ravel() for a in arrays]
+    for i in range(0, flat[0].size, CHUNK):
+        yield term(*(f[i : i + CHUNK] for f in flat))
+
+
 def mean_of(term: Term, test: Pair, reference: Pair) -> float:
-    return float(term(test, reference).mean(dtype=np.float64))
+    """mean(term(t, r)) over all values, summed in float64."""
+    return sum(float(x.sum(dtype=np.float64)) for x in in_chunks(term, test, reference)) / test.size
 
 
 def p999(term: Term, test: Pair, reference: Pair) -> float:
     """The value of term(t, r) that a thousandth of the others are at or above."""
-    return nth_largest(test.size // 1000, term(test, reference))
+    return nth_largest(test.size // 1000, term, test, reference)
 
 
 def absolute(test: np.ndarray, reference: np.ndarray) -> np.ndarray:
@@ -73,14 +84,13 @@ def rmse(test: Pair, reference: Pair) -> float:
 
 def relmse_trimmed(test: Pair, reference: Pair) -> float:
     """relMSE without the 0.1 % of the values whose terms are largest: what a few fireflies do not decide."""
-    terms = relative_square(test, reference)
-    worst = largest(terms.size // 1000, terms)
-    total = float(terms.sum(dtype=np.float64)) - float(worst.sum(dtype=np.float64))
-    return max(0.0, total) / max(terms.size - worst.size, 1)
+    worst = largest(test.size // 1000, relative_square, test, reference)
+    total = mean_of(relative_square, test, reference) * test.size - float(worst.sum(dtype=np.float64))
+    return max(0.0, total) / max(test.size - worst.size, 1)
 
 
 def max_abs(test: Pair, reference: Pair) -> float:
-    return float(absolute(test, reference).max())
+    return max(float(x.max()) for x in in_chunks(absolute, test, reference))
 
 
 def psnr(test: Pair, reference: Pair) -> float:
@@ -123,18 +133,19 @@ def flip_is_installed() -> bool:
     return find_spec("OpenImageIO") is not None
 
 
-def nth_largest(above: int, values: Float[np.ndarray, "..."]) -> float:
-    """The value that `above` others are at or above."""
-    return float(largest(above + 1, values).min())
+def nth_largest(above: int, term: Term, *arrays: Pair) -> float:
+    """The value of `term(*arrays)` that `above` others are at or above."""
+    return float(largest(above + 1, term, *arrays).min())
 
 
-def largest(count: int, values: Float[np.ndarray, "..."]) -> Float[np.ndarray, " count"]:
-    """The `count` largest values, in any order, without sorting what lies far below them."""
-    flat = values.ravel()
-    guess = np.quantile(flat[:: max(1, flat.size // 50_000)], max(0.0, 1 - 2 * count / flat.size))
-    top = flat[flat >= guess]
+def largest(count: int, term: Term, *arrays: Pair) -> Float[np.ndarray, " {count}"]:
+    """The `count` largest values of `term(*arrays)`, in any order, without sorting what lies far below them."""
+    size = arrays[0].size
+    sample = term(*(a.ravel()[:: max(1, size // 50_000)] for a in arrays))
+    guess = np.quantile(sample, max(0.0, 1 - 2 * count / size))
+    top = np.concatenate([x[x >= guess] for x in in_chunks(term, *arrays)])
     if top.size < count:  # the sample misled
-        top = flat
+        top = np.concatenate(list(in_chunks(term, *arrays)))
     return np.asarray(np.partition(top, top.size - count)[top.size - count :]) if count else top[:0]
 
 

@@ -146,14 +146,14 @@ CHANCE = 3.1
 """Times 1 / sqrt(values): correlations below are chance. A median scatters 1.25 times as much as a mean."""
 
 OPPOSITE = -0.3
-"""A correlation of errors below this is no renderer's noise, but a pattern, such as stripes."""
+"""A correlation of neighbours' errors below this is no renderer's noise, but a pattern, such as stripes."""
 
 PIXELS_CORRELATED = 200_000
 """At most so many pixels of the image's middle rows are correlated."""
 
 
 class Correlation(NamedTuple):
-    """`inflation`: how many times the variance of independent pixels a mean over many has; `patterned`: see `noise`."""
+    """How many times the variance of independent pixels a mean over many has, and whether errors form a pattern."""
 
     inflation: float
     patterned: bool
@@ -167,7 +167,7 @@ def correlation(test: Pixels, reference: Pixels, variance: Blocks) -> Correlatio
     γ(h) = <(e(x) - e(x + h))²> / <e(x)² + e(x + h)²> = 1 - ρ(h), in which whatever is alike over some pixels (a wrong
     brightness) cancels, and so does noise that is less towards the image's edges. Filters are separable: rows and
     columns are measured apart, and ρ is what both all of them and their median show. No wrong corner rules the median,
-    and rows that hardly scatter rule it alone.
+    and rows that hardly scatter rule it alone. A negative ρ shows a pattern.
     """
     height, width = test.shape[:2]
     rows = min(height, max(SIDE, PIXELS_CORRELATED // width // SIDE * SIDE))

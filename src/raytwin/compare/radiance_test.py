@@ -12,7 +12,7 @@ from raytwin.compare.decision import TESTS, Decision, Rounding, decide, enough_s
 from raytwin.compare.exact import NoiseFree, count_noise_free
 from raytwin.compare.finding import Finding, Place, notes, plural
 from raytwin.compare.messages import agreement, noise_findings, percent, what_could_be_seen
-from raytwin.compare.metrics import METRICS
+from raytwin.compare.metrics import METRICS, nth_largest
 from raytwin.compare.noise import (
     Residual,
     block_means,
@@ -144,12 +144,13 @@ class RadianceTest:
     def exactly(self) -> Outcome:
         """Compare images without noise, value by value."""
         test, reference = self.test.mean, self.reference.mean
-        error = np.abs(np.subtract(test, reference))
-        halves = [half for half in self.half_steps if half is not None]
-        rounding = np.asarray(sum(halves)) if halves else None
-        noise_free = count_noise_free(error, error.size, self.bound, reference, rounding)
+        error = np.subtract(test, reference)
+        np.abs(error, out=error)
+        rounding = self._rounding()[0]
+        forgiven = None if rounding is None else rounding.value
+        noise_free = count_noise_free(error, error.size, self.bound, reference, forgiven)
         findings = self._noise_free_findings(noise_free)
-        p999 = METRICS["p999_abs"].function(test, reference) * self.unit
+        p999 = nth_largest(error.size // 1000, np.asarray, error) * self.unit
         if findings:
             relative = METRICS["p999_rel"].function(*(image * np.float32(self.unit) for image in (test, reference)))
             text = f"99.9 % quantile of the error: {p999:.3g} absolute, {relative:.3g} relative"
