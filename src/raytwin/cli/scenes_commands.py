@@ -10,8 +10,8 @@ from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
 from raytwin.errors import InputError
 
-SEEN = 0.01
-"""Pixels: what a lens that is left out may move without a word."""
+MAX_SHIFT_PX = 0.01
+"""Largest shift in the image that a lens may cause and be left out of a Mitsuba file without a warning."""
 
 
 def list_command() -> None:
@@ -63,7 +63,7 @@ def export_command(
         text = json_text(as_json(as_arrays(made, rung or "shadow")))
     else:
         text = as_xml(made, rung or "path")
-        if (moved := moved_by(made)) > SEEN:
+        if (moved := moved_by(made)) > MAX_SHIFT_PX:
             say(
                 f"raytwin: the XML has neither distortion nor a second focal length: it sees up to {moved:.1f} px off",
                 err=True,

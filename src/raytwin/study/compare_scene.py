@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from raytwin.photos.lighting.light_file import WrittenLight
     from raytwin.twin.backend import Backend
 
-CENTRES = (
+RAYS_THROUGH_CENTERS = (
     "expected difference: the tracer sends one ray through each pixel's center, the twin samples the pixel's area "
     "(--sampling center compares like with like); through the centers they agree"
 )
@@ -220,7 +220,7 @@ def _explained(job: Job, made: Image, reference: Image, comparison: Comparison) 
         if subject.rung != chosen.rung:
             compared_with = level
         elif own.verdict == "pass":
-            comparison = comparison.judged("differs", *notes([CENTRES]), *own.findings)
+            comparison = comparison.judged("differs", *notes([RAYS_THROUGH_CENTERS]), *own.findings)
     on_own_rung = own if compared_with is not reference else None
     failed = (on_own_rung or comparison).verdict == "fail"
     causes: tuple[Finding, ...] = ()
