@@ -142,10 +142,9 @@ class _Search:
             self.stopped = True
             return False
         found = self._look(scene)
-        if found is None or found.kind != self.failure.kind:
-            return False
-        self.failure = found
-        return True
+        if alike := found is not None and found.kind == self.failure.kind:
+            self.failure = found
+        return alike
 
     def _cropped(self, scene: Scene) -> Scene:
         """Take a half of the picture while one fails, along its longer side first."""
@@ -191,9 +190,8 @@ def _halves(scene: Scene) -> Iterable[Scene]:
 def parts_of(scene: Scene) -> dict[str, Callable[[Scene], Scene]]:
     """Name -> what leaves the part out of this scene; the parts can be left out together."""
     labels = scene.names if len(set(scene.names)) == len(scene.objects) else scene.numbers
-    found: dict[str, Callable[[Scene], Scene]] = {
-        name: partial(_without, thing) for name, thing in zip(labels, scene.objects, strict=True)
-    }
+    edits = (partial(_without, thing) for thing in scene.objects)
+    found: dict[str, Callable[[Scene], Scene]] = dict(zip(labels, edits, strict=True))
     if any(scene.sun.irradiance):
         found["the sun"] = lambda scene: structs.replace(scene, sun=NO_SUN)
     if scene.sky != Sky():
