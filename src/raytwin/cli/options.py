@@ -208,11 +208,11 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
     "photo board": {
         "out": _opt("PDF to write, with a TOML beside it.", "FILE", *OUT),
         "tag": _opt("Edge of a tag's black square, with its unit.", "LENGTH"),
-        "columns": _opt("Tags in a row.", "N", min=1),
-        "rows": _opt("Rows of tags.", "N", min=1),
+        "columns": _opt("Tags in a row.", "N"),
+        "rows": _opt("Rows of tags.", "N"),
         "pitch": _opt("Distance between tag centres.", "LENGTH"),
         "paper": _opt("a4, a3, letter, legal, tabloid; 200mmx300mm.", "NAME|WxH"),
-        "first_id": _opt("Id of the lower left tag.", "N", min=0),
+        "first_id": _opt("Id of the lower left tag.", "N"),
         "family": _opt("tag36h11, tag25h9 or tag16h5."),
     },
     "reference": {

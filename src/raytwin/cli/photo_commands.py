@@ -21,6 +21,9 @@ def board_command(
     from raytwin.photos import boards
     from raytwin.photos.boards import lengths, sheet
 
+    for option, count, least in (("--columns", columns, 1), ("--rows", rows, 1), ("--first-id", first_id, 0)):
+        if count < least:
+            raise InputError(option, f"a whole number from {least}", count)
     edge, step = lengths.parse_length(tag, "--tag"), lengths.parse_length(pitch, "--pitch")
     check_one_of("--family", family, boards.FAMILIES)
     definition = boards.Board(family, edge, boards.Grid(columns, rows, step, first_id))
