@@ -2,7 +2,6 @@
 
 import io
 import json
-import os
 import re
 import shlex
 import subprocess
@@ -132,14 +131,6 @@ def test_the_first_screen_of_help_has_the_fourteen_commands_and_compares_what_mo
     own = own.partition("╰")[0]
     options = ["--tracer-rung", "--engine", "--solver", "--sampling", "--trim"]
     assert re.findall(r"^│ (--[a-z-]+)", own, re.MULTILINE) == options
-
-
-@pytest.mark.nightly
-def test_a_shell_completes_scenes():
-    told = {"_RAYTWIN_COMPLETE": "complete_bash", "COMP_WORDS": "raytwin compare ov", "COMP_CWORD": "2"}
-    code = "import sys; sys.argv[0] = 'raytwin'; from raytwin.cli import main; main()"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=os.environ | told)
-    assert run.stdout.split() == ["overlap"]
 
 
 def test_an_output_that_cannot_be_written_is_told_before_the_work(scenes, tmp_path):

@@ -1,6 +1,6 @@
 """Where scenes and references lie: one's own first, then those that come with raytwin.
 
-The command line asks this before all else, and a shell at every completion: it imports nothing heavy.
+The command line asks this before all else: it imports nothing heavy.
 """
 
 import difflib

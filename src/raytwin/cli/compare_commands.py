@@ -60,12 +60,12 @@ def diff_command(
         write_json(json, found.numbers())
     if junit:
         write_junit([Case(found.report.scene, "raytwin.diff", found.report, text)], junit)
-    say(text)
     if out:
         from raytwin.show.report_folder import write_diff
 
         write_diff(found, out)
-        say(f"report: {out / 'report.html'}")
+        text += f"\nreport: {out / 'report.html'}"
+    say(text)
     raise typer.Exit(found.comparison.exit_code)
 
 

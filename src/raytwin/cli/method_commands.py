@@ -100,8 +100,8 @@ def shrink_command(
     say(f"scene: {file}")
 
 
-WIDEST = 800
-"""Pixels: as large as pictures are unless asked otherwise."""
+MAX_WIDTH = 800
+"""Pixels: width of the live page's pictures, at most, unless --size is given."""
 
 
 def explore_command(
@@ -125,7 +125,7 @@ def explore_command(
             from raytwin.teach.contract.subject import find_subject
         base, *_ = find_camera(scene, photo, progress)
         camera = base.camera
-        scale = min(1, WIDEST / camera.width)
+        scale = min(1, MAX_WIDTH / camera.width)
         camera = camera.resized(*(size or (round(camera.width * scale), max(1, round(camera.height * scale)))))
         session = Session(
             base.with_camera(camera),

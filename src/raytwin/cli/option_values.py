@@ -8,7 +8,7 @@ from typing import Any
 
 from raytwin.errors import InputError
 
-MOST_PIXELS = 400_000_000
+MAX_PIXELS = 400_000_000
 """Pixels of a picture, at most: 4.8 GB per image."""
 MAX_SIDE = 100_000
 """Largest width or height of a picture, in pixels, that is not taken for a typing error."""
@@ -23,9 +23,9 @@ def parse_size(text: str, option: str) -> tuple[int, int]:
     if not match or not all(0 < int(side) <= MAX_SIDE for side in match.groups()):
         raise InputError(option, "WIDTHxHEIGHT in pixels, as 640x480", text)
     width, height = int(match[1]), int(match[2])
-    if width * height > MOST_PIXELS:
+    if width * height > MAX_PIXELS:
         gigabytes = 12e-9 * width * height
-        raise InputError(option, f"at most {MOST_PIXELS / 1e6:.0f} megapixels", f"{text}, {gigabytes:.0f} GB an image")
+        raise InputError(option, f"at most {MAX_PIXELS / 1e6:.0f} megapixels", f"{text}, {gigabytes:.0f} GB an image")
     return width, height
 
 

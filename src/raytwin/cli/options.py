@@ -32,12 +32,6 @@ def _known_scene(value: Path | list[Path] | None) -> Path | list[Path] | None:
     return value
 
 
-def _completed_scenes(incomplete: str) -> list[str]:
-    from raytwin.scene_folders import scene_folders
-
-    return [name for name in scene_folders() if name.startswith(incomplete)]
-
-
 def _flip(asked: bool) -> bool:
     if asked:
         from raytwin.compare.metrics import flip_is_installed
@@ -60,8 +54,7 @@ def _arg(text: str, metavar: str | None = None, **more: Any) -> Row:
 
 
 OUT = "--out", "-o"
-COMPLETED: dict[str, Any] = {"autocompletion": _completed_scenes}
-SCENE = COMPLETED | {"callback": _known_scene}
+SCENE: dict[str, Any] = {"callback": _known_scene}
 SIZE: dict[str, Any] = {"metavar": "WxH", "callback": _size, "kind": str | None}
 
 TRACER, CERTAINTY, PLACE, FILES = "raytwin's own tracer", "How certain a verdict is", "Camera and light", "Files"
@@ -213,15 +206,15 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
     "photo board": {
         "out": _opt("PDF to write, with a TOML beside it.", "FILE", *OUT),
         "tag": _opt("Edge of a tag's black square, with its unit.", "LENGTH"),
-        "columns": _opt("Tags in a row.", "N", min=1),
-        "rows": _opt("Rows of tags.", "N", min=1),
+        "columns": _opt("Tags in a row.", "N"),
+        "rows": _opt("Rows of tags.", "N"),
         "pitch": _opt("Distance between tag centres.", "LENGTH"),
         "paper": _opt("a4 or letter.", "NAME"),
-        "first_id": _opt("Id of the lower left tag.", "N", min=0),
+        "first_id": _opt("Id of the lower left tag.", "N"),
         "family": _opt("tag36h11, tag25h9 or tag16h5."),
     },
     "reference": {
-        "scenes": _arg("Scenes: folders, names, Mitsuba files (XML). Default: all.", **COMPLETED),
+        "scenes": _arg("Scenes: folders, names, Mitsuba files (XML). Default: all."),
         "rung": _opt("Light level: surface, lambert, shadow, sky or path; repeatable."),
         "folder": _opt("Folder of the references (reference/).", "DIR", "--folder"),
         "samples": _opt("Samples per pixel where there is noise (4096), a multiple of 64."),
@@ -267,7 +260,7 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
         "listed": _opt("List all experiments.", None, "--list"),
     },
 }  # fmt: skip
-"""Command -> parameter -> its own option, or None. A command within a group has its own row, then the group's."""
+"""Command -> parameter -> its own option; None: it has none. A subcommand's own rows come before its group's."""
 
 
 def option(command: str, name: str) -> Row | None:

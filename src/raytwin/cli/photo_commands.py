@@ -22,6 +22,9 @@ def board_command(
     from raytwin.photos.boards import sheet
     from raytwin.photos.boards.lengths import parse_length
 
+    for option, count, least in (("--columns", columns, 1), ("--rows", rows, 1), ("--first-id", first_id, 0)):
+        if count < least:
+            raise InputError(option, f"a whole number from {least}", count)
     grid = boards.Grid(columns, rows, parse_length(pitch, "--pitch"), first_id)
     check_one_of("--family", family, boards.FAMILIES)
     check_one_of("--paper", paper.lower(), sheet.PAPERS)

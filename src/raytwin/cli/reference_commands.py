@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 
 REFERENCES = Path("reference")
-WORDS = ("PASS", "FAIL", "?   ")
-"""By exit code."""
+VERDICTS = ("PASS", "FAIL", "?   ")
+"""Exit code of a check -> the first word of its line."""
 
 
 def make_command(
@@ -121,7 +121,7 @@ def check_command(
                 scene, one, folder, budget=most, judging=judging, found=found, progress=progress
             )
         checked.append(done)
-        say(f"{WORDS[done.exit_code]}  {done.path.parent.name}/{done.path.stem}")
+        say(f"{VERDICTS[done.exit_code]}  {done.path.parent.name}/{done.path.stem}")
         for problem in done.problems:
             say(f"  {problem}")
     codes = [c.exit_code for c in checked]
@@ -174,7 +174,7 @@ def _cases(scenes: list[Path] | None, rungs: list[str] | None, placed: bool = Tr
     for scene in chosen:
         with show_progress() as progress:
             found = make_reference.find_scene(scene, progress) if placed else make_reference.read_scene(scene)
-        levels = (make_reference.LEVEL,) if isinstance(found, MitsubaScene) else RUNGS
+        levels = (make_reference.LEVEL_OF_FILES,) if isinstance(found, MitsubaScene) else RUNGS
         for rung in rungs or levels:
             yield scene, rung, found
 

@@ -17,13 +17,13 @@ from raytwin.renderers.twin_renderers import Twin
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.scene.mitsuba_file import read_mitsuba, with_film
 from raytwin.study.compare_scene import Result
-from raytwin.study.make_reference import LEVEL
+from raytwin.study.make_reference import LEVEL_OF_FILES
 from raytwin.study.nothing_in_view import judged_in_view
 from raytwin.study.rounds import render_sides
 from raytwin.study.settings import CompareSettings
 from raytwin.teach.contract.subject import find_subject
 
-UNKNOWN = (
+ONLY_MITSUBA_KNOWS = (
     "only Mitsuba knows the light of this scene: no light level, no ledger, and only causes that can spoil any picture"
 )
 
@@ -35,8 +35,8 @@ def subject_of(chosen: CompareSettings) -> UserRenderer | Twin:
     expected = "a command with {scene} and {out}, FILE.py:FUNCTION, images or twin-*-path-* for a Mitsuba file"
     if not chosen.subject:
         raise InputError("--subject", expected, "nothing: raytwin's tracer cannot render one")
-    found = find_subject(chosen.subject, LEVEL)
-    if not isinstance(found, UserRenderer | Twin) or found.rung != LEVEL:
+    found = find_subject(chosen.subject, LEVEL_OF_FILES)
+    if not isinstance(found, UserRenderer | Twin) or found.rung != LEVEL_OF_FILES:
         raise InputError("--subject", expected, found.name)
     if chosen.size is not None and isinstance(found, UserRenderer):
         expected = "the size in the file's <film>, which the subject reads, too"
@@ -57,25 +57,25 @@ def compare_mitsuba(path: str | Path, chosen: CompareSettings, *, progress: Prog
         return twin.render_mitsuba(scene, samples, seed + 1, cache=chosen.cache)  # the twin as subject has `seed`
 
     judge = partial(compare, tolerance=scene.tolerance, flip=chosen.flip)
-    made, right, found = render_sides(subject, scene, reference, judge, chosen, stages, noisy=True)
+    made, rendered, found = render_sides(subject, scene, reference, judge, chosen, stages, noisy=True)
     if found.verdict == "fail":
         from raytwin.explain.diagnosis import explain
 
         with stages.stage("cause"):
-            found = found.because(*explain(made, right))
-    found = judged_in_view(found, right, scene)
+            found = found.because(*explain(made, rendered))
+    found = judged_in_view(found, rendered, scene)
     about = {"twin_variant": backend.variant, "tracer_engine": subject.name, "libllvm": backend.libllvm, "solver": None}
     return Result(
-        report=Report(scene.name, None, found.saying(UNKNOWN), dict(stages.seconds), about, None),
+        report=Report(scene.name, None, found.saying(ONLY_MITSUBA_KNOWS), dict(stages.seconds), about, None),
         scene=scene,
         tolerance=scene.tolerance,
         test=made,
-        reference=right,
+        reference=rendered,
         settings={
             "subject": subject.name,
             "scene": Path(scene.file).name,
             "twin": "the file's own integrator and film",
-            "twin's samples per pixel": str(right.samples),
+            "twin's samples per pixel": str(rendered.samples),
         },
         versions=twin.versions(),
     )

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from raytwin.photos.lighting.light_file import WrittenLight
     from raytwin.twin.backend import Backend
 
-CENTRES = (
+RAYS_THROUGH_CENTERS = (
     "expected difference: the tracer sends one ray through each pixel's center, the twin samples the pixel's area "
     "(--sampling center compares like with like); through the centers they agree"
 )
@@ -146,10 +146,11 @@ def _result(job: Job, made: Image, reference: Image, comparison: Comparison, led
     picture, augmented = _photos(job)
     of_subject = subject.name if chosen.subject else chosen.engine
     backend = {"twin_variant": job.backend.variant, "tracer_engine": of_subject, "libllvm": job.backend.libllvm}
+    judged = judged_in_view(comparison, reference, scene)
     report = Report(
         scene.name,
         chosen.rung,
-        judged_in_view(comparison, reference, scene).saying(*_untested(scene, chosen.rung)),
+        judged.saying(*_untested(scene, chosen.rung, judged.passed)),
         dict(job.stages.seconds),
         backend | {"solver": chosen.solver},
         ledger.parts if ledger else (),
@@ -220,7 +221,7 @@ def _explained(job: Job, made: Image, reference: Image, comparison: Comparison) 
         if subject.rung != chosen.rung:
             compared_with = level
         elif own.verdict == "pass":
-            comparison = comparison.judged("differs", *notes([CENTRES]), *own.findings)
+            comparison = comparison.judged("differs", *notes([RAYS_THROUGH_CENTERS]), *own.findings)
     on_own_rung = own if compared_with is not reference else None
     failed = (on_own_rung or comparison).verdict == "fail"
     causes: tuple[Finding, ...] = ()
@@ -271,9 +272,9 @@ def stage_causes(subject: Renderer) -> tuple[Finding, ...]:
     )  # fmt: skip
 
 
-def _untested(scene: Scene, rung: str) -> Iterator[str]:
-    """What the scene cannot show, whatever the two images are."""
-    if len(scene.objects) == 1 and RUNGS[rung].shadows:  # every shape is convex
+def _untested(scene: Scene, rung: str, passed: bool) -> Iterator[str]:
+    """What the scene cannot show, whatever the two images are; `passed`: they agree."""
+    if passed and len(scene.objects) == 1 and RUNGS[rung].shadows:  # every shape is convex
         yield "one object alone: shadows, the sky's occlusion and bounced light stay untested"
     if (lost := without_ray(scene.camera)) is not None:
         yield f"no ray belongs to {100 * lost.mean():.2g} % of the frame, where the lens folds back: black in both"

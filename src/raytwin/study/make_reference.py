@@ -31,12 +31,12 @@ from raytwin.study.rounds import Budget, Rounds, round_seed
 from raytwin.study.settings import ReferenceSettings
 
 PIXELS = 336 * 252
-"""About what a reference has: a shadow's edge is still some pixels from the next, and all files fit a repository."""
+"""Pixels of a reference, about: shadows' edges are still some pixels apart, and all files fit a repository."""
 SAMPLES, CHECKED_SAMPLES = 4096, 256
 STINTS, BATCHES = 8, 8
-"""A long render comes in STINTS pieces, each cached when done, each of BATCHES independent batches."""
+"""A long render is made in STINTS pieces of BATCHES independent batches; each piece is cached when it is done."""
 BESIDE_THE_OLD = {"pass": "agrees with the old", "fail": "differs from the old", "undecided": "may differ from the old"}
-LEVEL = "path"
+LEVEL_OF_FILES = "path"
 """The light level that the reference of a Mitsuba file is stored under; its integrator decides what it is."""
 
 
@@ -140,22 +140,22 @@ def make(
     progress: Progress = silent,
     **options: Any,
 ) -> Change:
-    """What the reference would become; `save(change.new)` writes it.
+    """Return what the reference would become; `save(change.new)` writes it.
 
     `options`: fields of ReferenceSettings. An old one that is whole and fits its scene and settings is taken over
-    without rendering, unless `again`; the camera that it has stays while its scene is the same. Of a Mitsuba file there
-    is one level of light, LEVEL, and its film decides where rays go. `found`: what `find_scene` gave, where it was
-    asked already.
+    without rendering, unless `again`; the camera that it has stays while its scene is the same. A Mitsuba file
+    has the one level LEVEL_OF_FILES, and its film decides where rays go. `found`: what `find_scene` returned, if it was
+    called already.
     """
     asked, found = replace(settings or ReferenceSettings(), **options), found or find_scene(scene, progress)
     of_file = isinstance(found, MitsubaScene)
     if of_file:
-        check_one_of("--rung", rung, (LEVEL,))
+        check_one_of("--rung", rung, (LEVEL_OF_FILES,))
         if asked.sampling not in (None, "area"):
             raise InputError("--sampling", "area: a Mitsuba file's film decides where rays go", asked.sampling)
         asked = replace(asked, sampling="area")
     path = path_of(folder, found.name, rung)
-    old, notes = _there(path)
+    old, notes = _stored(path)
     known = old if old is not None and not old.golden and old.of_file == of_file else None
     how = _sampling(known.header if known else {}, asked)
     hashed = "" if of_file else scene_hash(scene)
@@ -173,10 +173,10 @@ def make(
 
 
 def accept(new: Reference, folder: str | Path, because: str = "") -> Change:
-    """What the folder's reference would become: the `new` one, with the reason why in its header."""
+    """Return what the folder's reference would become: the `new` one, with the reason in its header."""
     header = {k: v for k, v in new.header.items() if k != "because"} | ({"because": because} if because else {})
     path = path_of(folder, header["scene"], header["rung"])
-    return _change(sealed(path, new.image, header, new.scene), *_there(path))
+    return _change(sealed(path, new.image, header, new.scene), *_stored(path))
 
 
 def _change(new: Reference, old: Reference | None, notes: tuple[str, ...]) -> Change:
@@ -186,8 +186,8 @@ def _change(new: Reference, old: Reference | None, notes: tuple[str, ...]) -> Ch
     return Change(new, old, tuple(header_changes(old.header, new.header)), compared)
 
 
-def _there(path: Path) -> tuple[Reference | None, tuple[str, ...]]:
-    """What lies there; nothing, and why, where it is damaged."""
+def _stored(path: Path) -> tuple[Reference | None, tuple[str, ...]]:
+    """Return the reference at the path; None without one, and why where it is damaged."""
     try:
         return (load(path) if path.exists() else None), ()
     except InputError as error:

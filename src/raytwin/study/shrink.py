@@ -1,7 +1,7 @@
 """The least of a scene in which a renderer still fails as before, for a bug report.
 
-Each step is tried and kept only if the renderer still fails at a false-alarm rate of RATE, in the same kind: radiance,
-silhouettes, depth, normals, NaN, an error. Nothing else is known of it.
+A step is kept only if the renderer still fails at FALSE_ALARM_RATE with the same kind of failure: radiance, depth,
+silhouettes, normals, NaN, an error. The cause is not looked for.
 """
 
 import time
@@ -27,12 +27,12 @@ from raytwin.study.compare_scene import prepared
 from raytwin.study.settings import SAMPLES_IF_NOISY, CompareSettings
 from raytwin.teach.contract.submission import Shown
 
-RATE = 1e-6
+FALSE_ALARM_RATE = 1e-6
 """Probability that a step is kept because of noise alone, in a renderer that is correct."""
-SECONDS_IN_ALL = 300.0
+TIME_LIMIT = 300.0
 """Seconds after which no further step is tried."""
-SMALLEST = 24
-"""Pixels of a side below which the picture is not cropped: less shows nobody anything."""
+MIN_SIDE = 24
+"""Pixels of a side below which the picture is not cropped: too little to recognise anything."""
 
 
 class Failure(NamedTuple):
@@ -44,7 +44,7 @@ class Failure(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Shrunk:
-    """What came of it. `removed` does not matter to the failure, `kept` does; `simpler`: what else was reduced."""
+    """The small scene. `removed` does not matter to the failure, `kept` does; `simpler`: what else was reduced."""
 
     before: Scene
     after: Scene
@@ -81,7 +81,7 @@ class Shrunk:
 
 
 def shrink(
-    path: str | Path, settings: CompareSettings | None = None, *, time_limit: float = SECONDS_IN_ALL,
+    path: str | Path, settings: CompareSettings | None = None, *, time_limit: float = TIME_LIMIT,
     progress: Progress = silent, **options: Any,
 ) -> Shrunk:  # fmt: skip
     """Return the least of the scene in which the subject still fails as it does on the whole.
@@ -102,14 +102,14 @@ def shrink(
 
 
 class _Search:
-    """The kind of failure that is to be kept; each look at a scene has random numbers of its own."""
+    """The kind of failure that is to be kept; each comparison has random numbers of its own."""
 
     def __init__(self, subject: Renderer, chosen: CompareSettings, until: float, progress: Progress) -> None:
         self.subject, self.chosen, self.until, self.progress = subject, chosen, until, progress
         self.count, self.stopped, self.failure = 0, False, Failure("", "")
 
     def shrunk(self, scene: Scene) -> Shrunk:
-        """Take the steps one after the other, from the one that saves most."""
+        """Take the steps one after the other, the one that saves most first."""
         began, looks, parts = time.perf_counter(), [self._look(scene), self._look(scene)], parts_of(scene)
         if (first := looks[0]) is None:
             raise InputError("--subject", "a renderer that fails on this scene, beyond doubt", "one that does not")
@@ -142,10 +142,9 @@ class _Search:
             self.stopped = True
             return False
         found = self._look(scene)
-        if found is None or found.kind != self.failure.kind:
-            return False
-        self.failure = found
-        return True
+        if alike := found is not None and found.kind == self.failure.kind:
+            self.failure = found
+        return alike
 
     def _cropped(self, scene: Scene) -> Scene:
         """Take a half of the picture while one fails, along its longer side first."""
@@ -154,7 +153,7 @@ class _Search:
         return scene
 
     def _look(self, scene: Scene) -> Failure | None:
-        """How it fails beyond doubt."""
+        """Render both sides with fresh seeds; None unless the subject fails beyond doubt."""
         self.progress("shrink", self.count, self.count + 1)
         self.count += 1
         seed, samples, subject = self.chosen.seed + self.count, self.chosen.samples or SAMPLES_IF_NOISY, self.subject
@@ -168,7 +167,7 @@ class _Search:
             reference = twin.render(
                 scene, subject.rung, sampling=subject.sampling, samples=samples, seed=seed, cache=False
             )
-            found = compare_with_twin(made, reference, scene, scene.tolerance, false_alarm_rate=RATE)
+            found = compare_with_twin(made, reference, scene, scene.tolerance, false_alarm_rate=FALSE_ALARM_RATE)
         except InputError:  # the twin cannot render such a scene
             if self.count == 1:
                 raise
@@ -184,15 +183,15 @@ def _halves(scene: Scene) -> Iterable[Scene]:
     width, height = camera.image_size
     for across, length in sorted(((True, width), (False, height)), key=lambda side: -side[1]):
         size = (-(-length // 2), height) if across else (width, -(-length // 2))
-        for first in (0, length // 2) if length >= 2 * SMALLEST else ():
+        for first in (0, length // 2) if length >= 2 * MIN_SIDE else ():
             yield scene.with_camera(camera.grid(first * across, first * (not across), size=size))
 
 
 def parts_of(scene: Scene) -> dict[str, Callable[[Scene], Scene]]:
     """Name -> what leaves the part out of this scene; the parts can be left out together."""
     labels = scene.names if len(set(scene.names)) == len(scene.objects) else scene.numbers
-    found: dict[str, Callable[[Scene], Scene]]
-    found = {name: partial(_without, thing) for name, thing in zip(labels, scene.objects, strict=True)}
+    edits = (partial(_without, thing) for thing in scene.objects)
+    found: dict[str, Callable[[Scene], Scene]] = dict(zip(labels, edits, strict=True))
     if any(scene.sun.irradiance):
         found["the sun"] = lambda scene: structs.replace(scene, sun=NO_SUN)
     if scene.sky != Sky():
