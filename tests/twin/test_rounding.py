@@ -59,6 +59,10 @@ def test_a_scene_at_any_distance_is_as_float64_sees_it_and_beside_a_near_ball_wi
     made = compare_with_twin(exact, found, scene)
     assert made.verdict == "pass", made.reasons
     assert any("single precision" in reason for reason in made.reasons) == ("near" in label)
+    other = found.surface.ids != exact.surface.ids
+    broken = replace(exact, mean=np.where(other[..., None], np.float32(np.nan), exact.mean))
+    assert np.isnan(settle(broken, found, scene)[0].mean).any(axis=-1).sum() == ids  # no rounding makes these
+    assert ids > 0 or label != "10000 radii, another near"
 
 
 @pytest.mark.parametrize(
