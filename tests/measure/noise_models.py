@@ -171,7 +171,7 @@ def changed(make: Maker, test: Callable[[Image], Image], reference: Callable[[Im
 
 
 def same_numbers(rng: np.random.Generator, truth: np.ndarray, fault=1.0) -> Pair:
-    """Every pixel of the test draws the same random numbers: a fault of the renderer, which fails."""
+    """Every pixel of the test draws the same random numbers."""
     factors = rng.gamma(1.0, 1.0, 16)
     variance = np.square(truth * fault) * factors.var(ddof=1) / 16
     a = Image((truth * fault * factors.mean()).astype(np.float32), variance.astype(np.float32), 16, None, 16)

@@ -14,6 +14,7 @@ from raytwin.compare.finding import Finding, Place, notes, plural
 from raytwin.compare.messages import agreement, noise_findings, percent, what_could_be_seen
 from raytwin.compare.metrics import METRICS, nth_largest
 from raytwin.compare.noise import (
+    CAP,
     Residual,
     block_means,
     capped,
@@ -31,6 +32,11 @@ from raytwin.images.image import Image
 from raytwin.judging import Judging
 
 TINY = np.float32(1e-30)
+
+SHARED = (
+    "undecided: the test errs by no more than the noise it claims, but all its pixels alike: equal random numbers in "
+    "every pixel? Seed each pixel apart, or give several renders of other seeds"
+)
 
 PATTERN = (
     "the errors repeat from place to place, as no noise of independent pixels does, so that the variance that the "
@@ -210,14 +216,23 @@ class RadianceTest:
         return outcome
 
     def _doubts(self, outcome: Outcome, test: Image, reference: Image) -> tuple[str, ...]:
-        """Why the findings prove nothing: few batches, or rare events."""
+        """Why the findings prove nothing: few batches, rare events, or noise that all pixels of the test share."""
         kinds, few = {f.kind for f in outcome.findings}, fewest_batches(test, reference)
         if few < ENOUGH_BATCHES and "exact" not in kinds and not self._decided_by_scatter().findings:
             return (FEW_BATCHES.format(few),)
         share, whose = max((rare_light(test), "the test"), (rare_light(reference), "the reference"))
         if kinds <= {"tile", "value"} and share > MOSTLY_RARE:
             return (FEW_EVENTS_SEEN.format(100 * share, whose),)
-        return outcome.doubts
+        return (SHARED,) if self._shares_noise() else outcome.doubts
+
+    def _shares_noise(self) -> bool:
+        """Return whether the error is about what the test's variance allows, but nearly equal in all pixels."""
+        claimed = self.test.variance
+        if claimed is None or (block_means(claimed) > CAP * self.shown.square).mean() <= 0.5:
+            return False
+        error = float(np.square(np.subtract(self.test.mean, self.reference.mean, dtype=np.float32)).mean(dtype=float))
+        stated = float(claimed.mean(dtype=float))
+        return stated / 50 < error < 16 * stated and float(np.median(self.shown.square)) < error / 4
 
     def _noise_free_findings(self, noise_free: NoiseFree) -> list[Finding]:
         noise_free = noise_free._replace(error=noise_free.error * self.unit)
