@@ -79,11 +79,10 @@ def run(
     workers: Workers,
     again: bool = False,
     progress: Progress = silent,
-    each: Callable[[Result], None] | None = None,
 ) -> list[Result]:
     """Return the results in the jobs' order; each is written to `out`/results/KEY.json as it comes.
 
-    What the grader failed on before is graded again. `each` is called with every new result as it comes.
+    What the grader failed on before is graded again.
     """
     said = _marked_by_rubric_of(jobs)
     found = {} if again else {job.key: stored(out, job.key) for job in jobs}
@@ -95,8 +94,6 @@ def run(
         with replacing(out / RESULTS_FOLDER / f"{one.thing.key}.json") as temporary:
             temporary.write_bytes(msgspec.json.encode(result))
         done[one.thing.key] = result
-        if each is not None:
-            each(said(result))
         progress("grade", len(done), len(jobs))
     return [said(done[job.key]) for job in jobs]
 
