@@ -45,7 +45,7 @@ def make_result(scenes) -> Callable[..., Result]:
             report=report,
             test=tracer,
             reference=twin,
-            settings={"rung of the tracer": rung, "sphere solver": "robust", "trim boxes": "on"},
+            settings={"light level of the tracer": rung, "sphere solver": "robust", "trim boxes": "on"},
             versions={"python": "3.11.2", "raytwin": "0.1.0", "numpy": "2.4.6"},
         )
         return photographed(result) if photos else result

@@ -65,7 +65,7 @@ def test_the_rung_that_the_tracer_lacks_differs_as_it_must_and_says_what_is_miss
     assert not any("shifted" in reason for reason in result.reasons)
     assert any("ignoring bounce 1 makes it" in reason for reason in result.reasons)
     assert last == "compared at its own level, shadow, the tracer agrees with the twin"
-    rungs = {"rung of the tracer": "shadow", "rung of the twin": "path"}
+    rungs = {"light level of the tracer": "shadow", "light level of the twin": "path"}
     assert rungs.items() <= result.settings.items()
 
 
@@ -102,7 +102,7 @@ def test_a_bug_is_not_hidden_by_light_that_is_missing_on_purpose(scenes):
     moved = Moved(surface=True)
     result = compare_scene(scenes / "overlap", subject=moved, rung="path", size=(96, 72), samples=64, cache=False)
     assert (result.verdict, result.comparison.exit_code) == ("fail", 1)
-    own = "on its own rung, shadow: "
+    own = "at its own light level, shadow: "
     causes = [reason for reason in result.reasons if reason.removeprefix(own).startswith("cause")]
     assert causes
     assert any(reason.startswith(own) and reason not in causes for reason in result.reasons)
@@ -112,7 +112,7 @@ def test_the_tracer_may_climb_as_high_as_the_twin(scenes):
     engine = fast_engine(twin.activate().variant)
     asked = {"rung": "path", "tracer_rung": "path", "engine": engine, "size": (80, 60), "samples": 64, "cache": False}
     result = compare_scene(scenes / "overlap", **asked)
-    assert (result.verdict, result.settings["rung of the tracer"]) == ("pass", "path")
+    assert (result.verdict, result.settings["light level of the tracer"]) == ("pass", "path")
 
 
 def test_what_a_scene_cannot_show_is_said(scenes, tmp_path):
@@ -160,7 +160,7 @@ def test_a_subjects_error_is_its_own_in_the_ledger_and_named_on_the_first_line(s
     made = compare_scene(scenes / "overlap", subject=lambda told: trace(as_scene(told), "lambert"), size=(120, 90))
     assert made.verdict == "fail"
     assert "shadow" in made.cause
-    assert summary(made).splitlines()[0].removesuffix(" (likely)") == f"FAIL  overlap, rung shadow: {made.cause}"
+    assert summary(made).splitlines()[0].removesuffix(" (likely)") == f"FAIL  overlap, light level shadow: {made.cause}"
     parts = {part.part: part.share_of_error for part in made.report.ledger}
     assert parts["the subject's own error"] > 0.5
     assert abs(parts["numerics"]) < 1e-3

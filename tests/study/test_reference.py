@@ -94,7 +94,7 @@ def test_what_is_no_reference_is_refused(overlap, folder):
     made = make(overlap, "shadow", folder).new
     moved = made.path.with_name("lambert.exr")
     shutil.copy(made.path, moved)
-    with pytest.raises(InputError, match="that of overlap, rung shadow"):
+    with pytest.raises(InputError, match="that of overlap, shadow"):
         references.load(moved)
     whole = made.path.read_bytes()
     for part in (0, 100, len(whole) // 2, len(whole) - 1):

@@ -133,7 +133,7 @@ def load(path: str | Path) -> Reference:
         raise InputError(path, f"a reference of format {FORMAT}", header.get("format"))
     named = header.get("scene"), header.get("rung")
     if named != (path.parent.name, path.stem):
-        raise InputError(path, "the reference of its scene and rung", f"that of {named[0]}, rung {named[1]}")
+        raise InputError(path, "the reference of its scene and light level", f"that of {named[0]}, {named[1]}")
     scene = None
     if "set_up" in header:
         scene = to_record(f"{path}: set_up", msgspec.json.decode(header["set_up"]), Scene)

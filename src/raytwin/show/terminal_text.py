@@ -13,7 +13,7 @@ def summary(result: "Result") -> str:
     """Verdict and cause first, then what they rest on."""
     c = result.comparison
     g, r = c.geometry, c.radiance
-    rung = f", rung {result.report.rung}" if result.report.rung else ""
+    rung = f", light level {result.report.rung}" if result.report.rung else ""
     differ = g.mask_mismatch_pixels
     outlines = (
         "not compared (the subject reports no objects)"

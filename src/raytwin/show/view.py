@@ -42,7 +42,7 @@ class Tile(NamedTuple):
 class PairView:
     """How a page shows two images: their names, the large numbers, and the tolerance.
 
-    `about` is a word and the name it introduces (rung, shadow). `objects`
+    `about` is a word and the name it introduces (light level, shadow). `objects`
     names `surface.ids` from 0 on. `metrics`: further ones by name, value, formula.
     """
 
@@ -111,7 +111,7 @@ def _of_scene(result: "Result") -> PairView:
     return PairView(
         pair=result,
         title=about.scene,
-        about=("rung", about.rung) if about.rung else ("of", "a Mitsuba file"),
+        about=("light level", about.rung) if about.rung else ("of", "a Mitsuba file"),
         names=Names("tracer", "twin", "Tracer's image", "Twin's image"),
         tolerance=tolerance,
         motto=f"{result.settings.get('subject', 'a ray tracer')} beside its Mitsuba twin",

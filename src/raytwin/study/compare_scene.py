@@ -167,8 +167,8 @@ def _result(job: Job, made: Image, reference: Image, comparison: Comparison, led
         pose=job.pose,
         settings={
             "subject": subject.name,
-            "rung of the tracer": subject.rung,
-            "rung of the twin": chosen.rung,
+            "light level of the tracer": subject.rung,
+            "light level of the twin": chosen.rung,
             "tracer's engine": of_subject,
             "sphere solver": chosen.solver,
             "twin's sampling": chosen.sampling,
@@ -289,7 +289,7 @@ def _expected_difference(
     difference of two levels of the twin.
     """
     if at_own.verdict != "pass":
-        own = (f._replace(text=f"on its own rung, {climbed}: {f.text}") for f in at_own.findings)
+        own = (f._replace(text=f"at its own light level, {climbed}: {f.text}") for f in at_own.findings)
         return whole.judged(at_own.verdict, *own)
     less, more = RUNGS[climbed].reach, RUNGS[rung].reach
     expected = f"the tracer stops at {less}; the twin also models {more}"

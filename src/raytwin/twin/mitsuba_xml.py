@@ -31,7 +31,7 @@ def mitsuba_xml(scene: Scene, rung: str = "path") -> str:
     """
     scene.check_lambertian("a file of Mitsuba's")
     if rung not in RUNGS or RUNGS[rung].depth is None:
-        raise InputError("--rung", "a rung that Mitsuba's integrators have: sky or path", rung)
+        raise InputError("--rung", "a light level that Mitsuba's integrators have: sky or path", rung)
     try:
         import mitsuba as mi
     except ModuleNotFoundError as error:
