@@ -29,7 +29,7 @@ def test_compare_passes_and_writes_every_file(scenes, tmp_path):
     out = tmp_path / "out"
     run = raytwin("compare", scenes / "overlap", "--size", "160x120", "-o", out, "--json", tmp_path / "a.json")
     assert run.returncode == 0, run.stderr
-    assert run.stdout.startswith("PASS  overlap, rung shadow")
+    assert run.stdout.startswith("PASS  overlap, light level shadow")
     found = json.loads((tmp_path / "a.json").read_text())
     assert found["backend"].keys() >= {"twin_variant", "tracer_engine"}
     assert found == json.loads((out / "comparison.json").read_text())

@@ -317,7 +317,7 @@ def test_thinned_values_are_their_blocks_worst_and_a_photo_of_another_size_is_sh
     read, console = browse(tmp_path / "report.html", "", script)
     assert console == []
     assert np.abs(np.array(read["photo"], int) - result.photo[84, 96]).max() < 40  # the same field of view
-    assert "of each 2 × 2 pixels, it has the one that errs most" in text_of(tmp_path / "report.html")
+    assert "one value per 2 × 2 pixels: that of the pixel with the largest error" in text_of(tmp_path / "report.html")
     error = (result.subject.mean - result.twin.mean)[40:42, 96:98]
     dy, dx = np.unravel_index(np.abs(error).max(axis=-1).argmax(), (2, 2))
     assert read["at"] == [96 + dx, 40 + dy]

@@ -160,7 +160,7 @@ def test_a_subjects_error_is_its_own_in_the_ledger_and_named_on_the_first_line(s
     made = compare_scene(scenes / "overlap", subject=lambda told: trace(as_scene(told), "lambert"), size=(120, 90))
     assert made.verdict == "fail"
     assert "shadow" in made.cause
-    assert summary(made).splitlines()[0].removesuffix(" (likely)") == f"FAIL  overlap, rung shadow: {made.cause}"
+    assert summary(made).splitlines()[0].removesuffix(" (likely)") == f"FAIL  overlap, light level shadow: {made.cause}"
     parts = {part.part: part.share_of_error for part in made.report.ledger}
     assert parts["the subject's own error"] > 0.5
     assert abs(parts["numerics"]) < 1e-3

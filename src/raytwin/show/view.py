@@ -10,6 +10,7 @@ from raytwin.compare.scale import scale_of
 from raytwin.images.image import Image, Surface
 from raytwin.scene import Tolerance
 from raytwin.show.numbers import seconds, short, shown
+from raytwin.show.terminal_text import counted
 from raytwin.study.compared import Compared
 from raytwin.study.diff_files import Diff
 
@@ -42,7 +43,7 @@ class Tile(NamedTuple):
 class PairView:
     """How a page shows two images: their names, the large numbers, and the tolerance.
 
-    `about` is a word and the name it introduces (rung, shadow). `objects`
+    `about` is a word and the name it introduces (light level, shadow). `objects`
     names `surface.ids` from 0 on. `metrics`: further ones by name, value, formula.
     """
 
@@ -111,7 +112,7 @@ def _of_scene(result: "Result") -> PairView:
     return PairView(
         pair=result,
         title=about.scene,
-        about=("rung", about.rung) if about.rung else ("of", "a Mitsuba file"),
+        about=("light level", about.rung) if about.rung else ("of", "a Mitsuba file"),
         names=Names("tracer", "twin", "Tracer's image", "Twin's image"),
         tolerance=tolerance,
         motto=f"{result.settings.get('subject', 'a ray tracer')} beside its Mitsuba twin",
@@ -140,9 +141,8 @@ def tiles(pair: Compared, tolerance: Tolerance) -> tuple[Tile, ...]:
         title, unit = "This image has the noise of about", "samples per pixel"
         found.append(Tile(title, shown(noise, 2), unit, "of the reference's renderer"))
     if "tracer" in seconds_of:
-        samples = pair.reference.samples
         found.append(Tile("Tracer", seconds(seconds_of["tracer"]), below=f"RMSE {shown(r.rmse)}"))
-        below = f"{samples} sample{'s' * (samples != 1)} per pixel"
+        below = f"{counted(pair.reference.samples, 'sample')} per pixel"
         return *found, Tile("Twin", seconds(seconds_of.get("twin")), below=below)
     found.append(Tile("RMSE", shown(r.rmse), below=f"worst {shown(r.max_abs)}"))
     return *found, Tile("Ratio of means", shown(r.mean_ratio, 5), below="mean(test) / mean(reference)")
