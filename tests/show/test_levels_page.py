@@ -70,6 +70,9 @@ def test_the_recommendation_names_the_choice_the_next_cheaper_one_and_what_can_b
     tied = msgspec.structs.replace(SHADOW, error=0.0099, error_most=0.0102)
     told = answer(msgspec.structs.replace(FOUND, rows=(FILL, tied, PATH, TWIN)))
     assert told[3] == "The next cheaper, drjit32-shadow-conic, has 0.0099, which cannot be told from it."
+    single = msgspec.structs.replace(PATH, rays=1.0)
+    told = answer(msgspec.structs.replace(FOUND, rows=(FILL, single), choice=single))
+    assert told[2] == "It costs 1 ray per pixel, shadow rays included."
 
 
 def test_no_recommendation_says_why_and_no_tolerance_how_to_get_one():

@@ -66,10 +66,11 @@ def answer(found: "Table") -> list[str]:
     if found.choice is None:
         return [f"No method is recommended for {goal}: {found.reason}."]
     choice, tracer = found.choice, [row for row in found.rows if row.side == "tracer"]
+    rays = f"{choice.rays:.3g}"
     said = [
         f"Cheapest with {goal}: {words(choice)} ({choice.method}).",
         f"Its {found.metric} is {shown(choice.error, 2)}.",
-        f"It costs {choice.rays:.3g} rays per pixel, shadow rays included.",
+        f"It costs {rays} ray{'s' * (rays != '1')} per pixel, shadow rays included.",
     ]
     if place := tracer.index(choice):
         cheaper = tracer[place - 1]
