@@ -77,12 +77,12 @@ def shapes(chart, kind: str) -> list[ElementTree.Element]:
 
 def labels(chart) -> list[tuple[float, float, float, str]]:
     """(left, right, height, text) of every point's label, in pixels."""
-    texts = [e for e in shapes(chart, "text") if e.get("paint-order")]
-    return [
-        (x, x + 0.6 * float(e.get("font-size")) * len(e.text), float(e.get("y")), e.text)
-        for e in texts
-        if (x := float(e.get("x"))) is not None
-    ]
+    found = []
+    for e in shapes(chart, "text"):
+        if e.get("paint-order"):
+            left = float(e.get("x"))
+            found.append((left, left + 0.6 * float(e.get("font-size")) * len(e.text), float(e.get("y")), e.text))
+    return found
 
 
 def test_no_label_lies_over_another_or_beyond_the_frame(made):
@@ -105,18 +105,15 @@ def test_who_is_on_the_frontier_and_every_family_is_named_and_what_lies_below_th
     assert any(p.hollow for p in error_chart(made, SIZES[0], "shadow-center").points)
 
 
-def test_guides_have_the_slope_that_is_said(made):
-    guides = [g for g in error_chart(made, SIZES[0], "path-area").lines if g.dash == "dotted"]
+def test_guides_have_the_slope_that_is_said_and_noisy_methods_alone_an_upright_of_two_standard_errors(made):
+    lines = error_chart(made, SIZES[0], "path-area").lines
+    guides = [line for line in lines if line.dash == "dotted"]
     assert guides
-    for g in guides:
-        assert np.diff(np.log(g.ys)) / np.diff(np.log(g.xs)) == pytest.approx(-0.5)
-
-
-def test_noisy_methods_have_an_upright_of_two_standard_errors_and_no_others(made):
-    found = [e for e in made.errors if (e.width, e.height) == SIZES[0] and e.rmse_sigma]
-    bars = [line for line in error_chart(made, SIZES[0], "path-area").lines if len(set(line.xs)) == 1]
-    expected = [(e.seconds_median, 0.8 * e.rmse, 1.2 * e.rmse) for e in found]
-    np.testing.assert_allclose([(line.xs[0], *line.ys) for line in bars], expected)
+    for guide in guides:
+        assert np.diff(np.log(guide.ys)) / np.diff(np.log(guide.xs)) == pytest.approx(-0.5)
+    noisy = [e for e in made.errors if (e.width, e.height) == SIZES[0] and e.rmse_sigma]
+    bars = [(line.xs[0], *line.ys) for line in lines if len(set(line.xs)) == 1]
+    np.testing.assert_allclose(bars, [(e.seconds_median, 0.8 * e.rmse, 1.2 * e.rmse) for e in noisy])
 
 
 def test_a_method_whose_error_is_no_number_is_left_out_of_the_chart(made):
@@ -129,13 +126,12 @@ def test_a_method_whose_error_is_no_number_is_left_out_of_the_chart(made):
 
 
 def test_the_folder_has_every_number_and_each_chart(made, tmp_path):
-    write_bench_all([made], tmp_path / "out")
-    names = {p.name for p in (tmp_path / "out").iterdir()}
+    write_bench_all([made], tmp_path)
     keys = {f"{w}x{h}-{t}" for w, h in SIZES for t in FLOOR}
-    assert names == {"bench.html", "bench.json"} | {f"{k}.svg" for k in keys}
-    svgs = (tmp_path / "out" / f"{key}.svg" for key in keys)
-    assert all("fill" in svg.read_text(encoding="utf-8") for svg in svgs)  # text stays text
-    page = (tmp_path / "out" / "bench.html").read_text(encoding="utf-8")
+    assert {p.name for p in tmp_path.iterdir()} == {"bench.html", "bench.json"} | {f"{k}.svg" for k in keys}
+    # Text stays text.
+    assert all("fill" in (tmp_path / f"{key}.svg").read_text(encoding="utf-8") for key in keys)
+    page = (tmp_path / "bench.html").read_text(encoding="utf-8")
     for said in ("no &lt;CUDA&gt; here", *(f'"row">{r.method}</th>' for r in made.rows)):
         assert said in page
 
