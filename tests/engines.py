@@ -1,11 +1,7 @@
 """The engines that this machine has, and the scenes that are tried on each: fixtures of tracer and speed."""
 
-import os
 import shutil
-import subprocess
-import sys
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,40 +14,26 @@ from raytwin.scene.scene_files import read_scene
 from raytwin.tracer import trace_paths
 from raytwin.tracer.arrays import library
 from raytwin.tracer.path import Draw
+from raytwin.twin import backend
 
 SHIPPED = ("single", "overlap", "distorted", "grazing")
 
-# A wrong LLVM aborts the process, so a child tries each backend first: a kernel is compiled, run and its sum printed.
-CHILD = """
-import drjit
-for package in ("llvm", "cuda"):
-    if drjit.has_backend(getattr(drjit.JitBackend, package.upper())):
-        if float(drjit.sum(drjit.square(drjit.arange(getattr(drjit, package).Float, 4)))[0]) == 14:
-            print(package, flush=True)
-"""
+NVIDIA = shutil.which("nvidia-smi") is not None
+"""Whether CUDA is worth a try: without the driver its rows would only fill the report with skips."""
 
 
 @pytest.fixture(scope="session")
 def packages() -> set[str]:
-    """The packages of ENGINES that work on this machine; Dr.Jit's are loaded with the LLVM that was tried."""
-    library = os.environ.get("DRJIT_LIBLLVM_PATH") or str(Path(sys.prefix) / "lib" / "libLLVM.so.23.1")
+    """The packages of ENGINES that work on this machine; Dr.Jit's are loaded with the LLVM that the twin has tried."""
     found = {"numpy"}
-    if Path(library).is_file():
-        environment = os.environ | {"DRJIT_LIBLLVM_PATH": library}
-        child = subprocess.run([sys.executable, "-c", CHILD], capture_output=True, text=True, env=environment)
-        found |= set(child.stdout.split())
-    if "llvm" in found:
-        # Dr.Jit reads the variable when it is first touched: later tests find the environment as it was.
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setenv("DRJIT_LIBLLVM_PATH", library)
-            import drjit
-
-            assert float(drjit.sum(drjit.llvm.Float([1.0, 2.0]))[0]) == 3
+    if backend.chosen(backend.LLVM).variant:
+        found.add("llvm")
+    if NVIDIA and backend.find_backend(backend.CUDA).variant:
+        found.add("cuda")
     return found
 
 
-# Without NVIDIA's driver there is nothing to try: its rows would only fill the report with skips.
-TRIED = [name for name, row in ENGINES.items() if row.package != "cuda" or shutil.which("nvidia-smi")]
+TRIED = [name for name, row in ENGINES.items() if row.package != "cuda" or NVIDIA]
 
 
 @pytest.fixture(params=TRIED)

@@ -16,18 +16,7 @@ from raytwin.images.image import Image
 
 ROOT = Path(__file__).resolve().parent.parent
 GUIDE = ROOT / "docs" / "contributing.md"
-HEAVY = (
-    "mitsuba",
-    "drjit",
-    "cv2",
-    "pupil_apriltags",
-    "PIL",
-    "OpenEXR",
-    "jinja2",
-    "OpenImageIO",
-    "scipy",
-    "reportlab",
-)
+HEAVY = {"mitsuba", "drjit", "cv2", "pupil_apriltags", "PIL", "OpenEXR", "jinja2", "OpenImageIO", "scipy", "reportlab"}
 
 
 @functools.cache
@@ -43,7 +32,7 @@ def test_the_lower_floors_load_no_heavy_library():
     lower = (
         "import raytwin.errors, raytwin.scene, raytwin.images.image_formats, raytwin.scene.scene_files, raytwin.tracer"
     )
-    assert not loaded_by(lower) & set(HEAVY)
+    assert not loaded_by(lower) & HEAVY
 
 
 @pytest.mark.nightly

@@ -139,10 +139,11 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     if (folder := _index_folder(session.config)) is not None:
         from raytwin.errors import InputError
         from raytwin.show import check_page
+        from raytwin.show.terminal_text import counted
 
         try:
             count, failed = check_page.write_index(folder)
-            told = f"{check_page.counted(count)}, {failed} failed: {folder / check_page.INDEX}"
+            told = f"{counted(count, 'comparison')}, {failed} failed: {folder / check_page.INDEX}"
         except InputError as error:
             told = f"no report: {error}"
             session.exitstatus = session.exitstatus or pytest.ExitCode.USAGE_ERROR

@@ -10,10 +10,10 @@ from math import sqrt
 import msgspec
 import numpy as np
 import pytest
-from closed_forms import CLOSED
 from engines import TRIED, to_numpy
 from scene_of import changed, scene_of
 from truths import (
+    CLOSED,
     WHITE,
     Shown,
     agrees,

@@ -13,7 +13,9 @@ from raytwin.compare import compare
 from raytwin.fast import background, draw, trace
 from raytwin.fast.speculation import speculate
 from raytwin.scene.scene_files import read_scene
+from raytwin.show import compare_page
 from raytwin.study.bench.bench_run import sized
+from raytwin.study.compare_scene import compare_scene
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 
@@ -51,9 +53,5 @@ def test_compare(benchmark, scene):
 
 
 def test_report(benchmark, scene, tmp_path):
-    from raytwin.show import compare_page
-    from raytwin.study.compare_scene import compare_scene
-
-    name = scene.name
-    result = compare_scene(SCENES / name, size=scene.camera.image_size, engine="numpy32")
+    result = compare_scene(SCENES / scene.name, size=scene.camera.image_size, engine="numpy32")
     benchmark(compare_page.write_report, result, tmp_path / "report.html")

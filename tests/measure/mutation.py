@@ -1,6 +1,6 @@
 """Change a room's code in random places, one at a time, and count the changes that its tests notice.
 
-    python -m measure.mutation ROOM... [--count 8] [--seed 1] [--until 10:50] [--seconds 600]
+    python -m measure.mutation ROOM... [--count 8] [--seed 1] [--seconds 600]
 
 A room is a folder of src/raytwin, or `.` for the files beside them. Run it in a clone of its own: the source is changed
 in place, and put back. Each change is a line of JSON: whether `default` tests noticed it, `nightly` ones, or `nothing`.
@@ -19,7 +19,6 @@ import re
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -193,7 +192,6 @@ def main() -> None:
     parser.add_argument("room", nargs="+")
     parser.add_argument("--count", type=int, default=8)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--until", default="23:59")
     parser.add_argument("--seconds", type=float, default=600)
     asked = parser.parse_args()
     for room in asked.room:
@@ -209,8 +207,6 @@ def main() -> None:
             fresh = [c for c in places if c.kind.split()[0] == kind and (c.path, c.function) not in picked]
             picked |= {(c.path, c.function): c for c in fresh[:1]}
         for change in picked.values():
-            if time.strftime("%H:%M") >= asked.until:
-                return
             by, test = tried(change, asked.seconds)
             before = ast.unparse(change.node).splitlines()[0]
             where = f"{change.path.relative_to(SOURCE)}:{change.node.lineno}"

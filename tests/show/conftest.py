@@ -19,6 +19,7 @@ from raytwin.photos.camera import Calibration, calibrate
 from raytwin.photos.camera.calibration_result import CalibrationWarning, View
 from raytwin.scene import Scene
 from raytwin.scene.scene_files import read_scene
+from raytwin.show.compare_page import write_report
 from raytwin.study.compare_scene import Result
 
 
@@ -51,6 +52,22 @@ def make_result(scenes) -> Callable[..., Result]:
         return photographed(result) if photos else result
 
     return make
+
+
+@pytest.fixture(scope="session")
+def spoiled(make_result, tmp_path_factory) -> tuple[Result, Path]:
+    """(result, page) with photos, where the tracer errs: a bright block, three pixels of another object, one NaN."""
+
+    def spoil(image: Image) -> Image:
+        image.mean[60:64, 20:30] *= 1.5
+        image.surface.ids[70, 40:43] = -1
+        image.mean[10, 11] = np.nan
+        return image
+
+    result = make_result(photos=True, spoil=spoil)
+    page = tmp_path_factory.mktemp("spoiled") / "report.html"
+    write_report(result, page)
+    return result, page
 
 
 @pytest.fixture(scope="session")

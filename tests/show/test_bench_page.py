@@ -11,8 +11,17 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as replace_row
 
+from raytwin.images.image import Image
 from raytwin.show.bench_charts import error_chart
-from raytwin.show.bench_page import bench_summary, error_charts, frontier_rows, write_bench_all, write_bench_page
+from raytwin.show.bench_page import (
+    MOST_PICTURES,
+    bench_summary,
+    error_charts,
+    frontier_rows,
+    pictures_of,
+    write_bench_all,
+    write_bench_page,
+)
 from raytwin.show.charts.chart import HEIGHT, LEFT, LINE, TOP, WIDTH, log_range, svg_text
 from raytwin.show.charts.svg import log_ticks
 from raytwin.show.numbers import shown
@@ -68,12 +77,12 @@ def shapes(chart, kind: str) -> list[ElementTree.Element]:
 
 def labels(chart) -> list[tuple[float, float, float, str]]:
     """(left, right, height, text) of every point's label, in pixels."""
-    texts = [e for e in shapes(chart, "text") if e.get("paint-order")]
-    return [
-        (x, x + 0.6 * float(e.get("font-size")) * len(e.text), float(e.get("y")), e.text)
-        for e in texts
-        if (x := float(e.get("x"))) is not None
-    ]
+    found = []
+    for e in shapes(chart, "text"):
+        if e.get("paint-order"):
+            left = float(e.get("x"))
+            found.append((left, left + 0.6 * float(e.get("font-size")) * len(e.text), float(e.get("y")), e.text))
+    return found
 
 
 def test_no_label_lies_over_another_or_beyond_the_frame(made):
@@ -96,18 +105,15 @@ def test_who_is_on_the_frontier_and_every_family_is_named_and_what_lies_below_th
     assert any(p.hollow for p in error_chart(made, SIZES[0], "shadow-center").points)
 
 
-def test_guides_have_the_slope_that_is_said(made):
-    guides = [g for g in error_chart(made, SIZES[0], "path-area").lines if g.dash == "dotted"]
+def test_guides_have_the_slope_that_is_said_and_noisy_methods_alone_an_upright_of_two_standard_errors(made):
+    lines = error_chart(made, SIZES[0], "path-area").lines
+    guides = [line for line in lines if line.dash == "dotted"]
     assert guides
-    for g in guides:
-        assert np.diff(np.log(g.ys)) / np.diff(np.log(g.xs)) == pytest.approx(-0.5)
-
-
-def test_noisy_methods_have_an_upright_of_two_standard_errors_and_no_others(made):
-    found = [e for e in made.errors if (e.width, e.height) == SIZES[0] and e.rmse_sigma]
-    bars = [line for line in error_chart(made, SIZES[0], "path-area").lines if len(set(line.xs)) == 1]
-    expected = [(e.seconds_median, 0.8 * e.rmse, 1.2 * e.rmse) for e in found]
-    np.testing.assert_allclose([(line.xs[0], *line.ys) for line in bars], expected)
+    for guide in guides:
+        assert np.diff(np.log(guide.ys)) / np.diff(np.log(guide.xs)) == pytest.approx(-0.5)
+    noisy = [e for e in made.errors if (e.width, e.height) == SIZES[0] and e.rmse_sigma]
+    bars = [(line.xs[0], *line.ys) for line in lines if len(set(line.xs)) == 1]
+    np.testing.assert_allclose(bars, [(e.seconds_median, 0.8 * e.rmse, 1.2 * e.rmse) for e in noisy])
 
 
 def test_a_method_whose_error_is_no_number_is_left_out_of_the_chart(made):
@@ -120,13 +126,12 @@ def test_a_method_whose_error_is_no_number_is_left_out_of_the_chart(made):
 
 
 def test_the_folder_has_every_number_and_each_chart(made, tmp_path):
-    write_bench_all([made], tmp_path / "out")
-    names = {p.name for p in (tmp_path / "out").iterdir()}
+    write_bench_all([made], tmp_path)
     keys = {f"{w}x{h}-{t}" for w, h in SIZES for t in FLOOR}
-    assert names == {"bench.html", "bench.json"} | {f"{k}.svg" for k in keys}
-    svgs = (tmp_path / "out" / f"{key}.svg" for key in keys)
-    assert all("fill" in svg.read_text(encoding="utf-8") for svg in svgs)  # text stays text
-    page = (tmp_path / "out" / "bench.html").read_text(encoding="utf-8")
+    assert {p.name for p in tmp_path.iterdir()} == {"bench.html", "bench.json"} | {f"{k}.svg" for k in keys}
+    # Text stays text.
+    assert all("fill" in (tmp_path / f"{key}.svg").read_text(encoding="utf-8") for key in keys)
+    page = (tmp_path / "bench.html").read_text(encoding="utf-8")
     for said in ("no &lt;CUDA&gt; here", *(f'"row">{r.method}</th>' for r in made.rows)):
         assert said in page
 
@@ -229,6 +234,24 @@ def test_one_page_has_every_scenes_frontier_and_verdicts(judged, tmp_path):
     for said in ("calm: error against seconds", "wild: error against seconds", "✓ pass", "✗ fail", "too &lt;dark&gt;",
                  "not measured", "IndexError: seven"):  # fmt: skip
         assert said in page
+
+
+def test_the_bench_shows_the_subjects_the_reference_and_what_is_on_a_frontier(tmp_path):
+    bench = every_method(((400, 300),))
+    wide = Image(np.full((30, 600, 3), 0.5, np.float32))
+    methods = list(dict.fromkeys(row.method for row in bench.rows))
+    images = dict.fromkeys([*methods, "reference path-area", "reference sky-area"], wide)
+    chosen = pictures_of(bench, images)
+    on = {row.method for row in (*bench.rows, *bench.errors) if row.on_frontier}
+    assert next(iter(chosen)) == "reference path-area"
+    assert set(chosen) - {"reference path-area"} <= on
+    assert 2 <= len(chosen) <= MOST_PICTURES
+    assert {image.shape for image in chosen.values()} == {(10, 200, 3)}
+    assert pictures_of(bench, {}) == {}
+    write_bench_all([bench], tmp_path / "with", images)
+    write_bench_all([bench], tmp_path / "without")
+    shown = ['id="pictures"' in (tmp_path / name / "bench.html").read_text() for name in ("with", "without")]
+    assert shown == [True, False]
 
 
 def test_an_axis_has_three_to_nine_ticks_wherever_its_points_lie():

@@ -8,14 +8,10 @@ import numpy as np
 import pytest
 
 from raytwin.photos import camera
-from raytwin.photos.camera.calibration_result import Evidence
+from raytwin.photos.camera.calibration_result import Calibration, Evidence, View
 from raytwin.photos.camera.diagnostics import coverage
 from raytwin.show import calibration_page, terminal_text
-from raytwin.show.calibration_pictures import (
-    MEAN,
-    SIDE,
-    residual_drawing,
-)
+from raytwin.show.calibration_pictures import MEAN, SIDE, residual_drawing
 
 
 def elements(drawing: str, kind: str, **like: str) -> list[ElementTree.Element]:
@@ -77,7 +73,17 @@ def test_the_summary_marks_the_model_that_was_taken(calibration):
     tried = [line for line in lines if "held out" in line]
     assert len(tried) == len(calibration.evidence.held_out_px)
     assert [line.split()[1] for line in tried if line.strip().startswith("*")] == [calibration.model]
-    photos = [line.split() for line in lines if line.strip().startswith("photo_")]
-    assert [p[0] for p in photos] == [v.photo for v in calibration.views]
-    assert [float(p[2]) for p in photos] == pytest.approx([v.rms_px for v in calibration.views], abs=6e-4)
-    assert [float(p[3]) for p in photos] == pytest.approx([v.influence for v in calibration.views], abs=6e-3)
+
+
+def test_calibrates_summary_has_each_number_beside_its_name():
+    K = ((812.5, 0.0, 321.25), (0.0, 834.75, 242.5), (0.0, 0.0, 1.0))
+    sigma = {"fx": 1.5, "fy": 2.5, "cx": 3.5, "cy": 4.5, "k1": 0.25}
+    view = View("a.jpg", 7, 0.125, np.eye(3).tolist(), (0.0, 0.0, 1.0), influence=1.75)
+    text = terminal_text.calibration_summary(Calibration((640, 480), "k1", K, (-0.125,), sigma, 0.375, (view,)))
+    found = {line.split()[0]: line.split()[1:] for line in text.splitlines() if "+-" in line}
+    expected = {"fx": (812.5, 1.5), "fy": (834.75, 2.5), "cx": (321.25, 3.5), "cy": (242.5, 4.5), "k1": (-0.125, 0.25)}
+    assert found.keys() == expected.keys()
+    for name, row in found.items():
+        assert (float(row[0]), float(row[2])) == pytest.approx(expected[name], rel=1e-4)
+    row = next(line.split() for line in text.splitlines() if "a.jpg" in line)
+    assert list(map(float, row[1:4])) == pytest.approx([7, 0.125, 1.75], abs=5e-3)

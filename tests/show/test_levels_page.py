@@ -2,7 +2,6 @@
 
 import msgspec
 import numpy as np
-import pytest
 
 from raytwin.images.image import Image
 from raytwin.show.levels_page import answer, error_chart, levels_summary, words, write_levels
@@ -22,23 +21,30 @@ PARTS = (
 FOUND = Table("made <up>", *SIZE[::-1], "rmse", 0.01, PATH, "", (FILL, SHADOW, PATH, TWIN), PARTS, 256, 8e-4, 3.0)
 
 
-@pytest.mark.nightly
-def test_any_two_pictures_are_shown_to_eleven_bits(browse, tmp_path):
+def test_any_two_pictures_are_shown_to_eleven_bits_by_button_and_by_key(browse, tmp_path):
+    """A digit chooses the first picture, with shift the second: anywhere but in a field that takes digits."""
     rng = np.random.default_rng(3)
     names = "tracer: shadow", "twin: path", "reference: all light"
     images = {name: Image(rng.uniform(0.1, 0.9, (*SIZE, 3)).astype(np.float32)) for name in names}
     write_levels(Levels(FOUND, images), tmp_path)
     script = """
-      const shown = () => root.dataset.shown;
+      const shown = () => root.dataset.shown, press = (on, code, shiftKey) =>
+        on.dispatchEvent(new KeyboardEvent("keydown", { code, key: code.at(-1), shiftKey, bubbles: true }));
       await until(shown);
       result.first = shown();
       [...document.querySelectorAll('[data-picture="B"]')].find((b) => b.textContent === "twin: path").click();
       await until(() => shown() === "tracer: shadow | twin: path");
-      const at = 5 * 32 + 7;
       const here = viewer.read(7, 5);
       for (const [key, name] of [["a", "test"], ["b", "reference"]]) result[key] = here[name].map(([v]) => v);
-      result.d = [0, 1, 2].map((c) => viewer.values.d[3 * at + c]);
-      result.text = document.body.innerText;"""
+      result.d = [0, 1, 2].map((c) => viewer.values.d[3 * (5 * 32 + 7) + c]);
+      result.text = document.body.innerText;
+      press(document.body, "Digit2", false);
+      press(document.querySelector("#viewer canvas"), "Digit1", true);
+      await until(() => shown() === "twin: path | tracer: shadow");
+      press(document.querySelector("#viewer input"), "Digit3", false);
+      press(document.body, "Digit9", false);
+      result.keyed = [shown(), viewer.state.mode];
+      result.pressed = document.querySelectorAll('[data-picture][aria-pressed="true"]').length;"""
     read, console = browse(tmp_path / "levels.html", "", script)
     assert console == []
     assert read["first"] == "tracer: shadow | reference: all light"
@@ -46,6 +52,8 @@ def test_any_two_pictures_are_shown_to_eleven_bits(browse, tmp_path):
     np.testing.assert_allclose(read["a"], a, rtol=2**-11)
     np.testing.assert_allclose(read["b"], b, rtol=2**-11)
     np.testing.assert_allclose(read["d"], a - b, atol=2**-11)
+    assert read["keyed"] == ["twin: path | tracer: shadow", "grid"]
+    assert read["pressed"] == 2
     assert read["text"].index("Cheapest with rmse <= 0.01") < read["text"].index("4 methods")
     assert "+2.76 %" in read["text"]
     assert {p.name for p in tmp_path.iterdir()} == {"levels.html", "levels.json", "levels.svg"}
@@ -62,6 +70,9 @@ def test_the_recommendation_names_the_choice_the_next_cheaper_one_and_what_can_b
     tied = msgspec.structs.replace(SHADOW, error=0.0099, error_most=0.0102)
     told = answer(msgspec.structs.replace(FOUND, rows=(FILL, tied, PATH, TWIN)))
     assert told[3] == "The next cheaper, drjit32-shadow-conic, has 0.0099, which cannot be told from it."
+    single = msgspec.structs.replace(PATH, rays=1.0)
+    told = answer(msgspec.structs.replace(FOUND, rows=(FILL, single), choice=single))
+    assert told[2] == "It costs 1 ray per pixel, shadow rays included."
 
 
 def test_no_recommendation_says_why_and_no_tolerance_how_to_get_one():

@@ -91,6 +91,16 @@ def test_parts_are_kept_to_a_sixteenth_of_their_noise_and_without_any_to_eleven_
     assert max(kinds[3:]) < 0.7 * min(kinds[:3])
 
 
+def test_a_large_part_is_averaged_in_blocks_in_which_its_noise_cancels():
+    rng = np.random.default_rng(1)
+    picture = (0.5 + rng.normal(0, 0.1, (400, 600, 3))).astype(np.float32)
+    ((about, words),) = raw_parts({"some": picture}, 3, {"some": 0.1})
+    assert [about[k] for k in ("step", "columns", "lines")] == [6, 300, 200]
+    red = np.ldexp(np.frombuffer(words[0], np.float16).astype(float), about["planes"][0]["shift"])
+    assert red.std() == pytest.approx(0.05, rel=0.03)  # of 4 pixels each; five standard errors
+    assert len(np.unique(red)) < 200  # digits below the noise are left out
+
+
 def test_values_that_are_not_finite_stay_so():
     test, reference = images(np.random.default_rng(2))
     test.mean[3, 4] = np.nan, np.inf, -np.inf

@@ -1,11 +1,10 @@
 """The converged reference: errors far below its noise are measured; what it converges to is known in closed form."""
 
-from math import cos, inf, radians, sin
+from math import inf
 
 import numpy as np
 import pytest
-from scene_of import scene_of
-from truths import WHITE, in_wedge, view_of, wedge
+import truths
 
 from raytwin import twin
 from raytwin.compare import compare
@@ -18,15 +17,13 @@ AMPLE = 1 << 30
 
 @pytest.fixture(scope="module")
 def corner() -> Scene:
-    """90 degrees, albedo 1/2, sky of 1: radiance 1/4 of the sky's light, 1/3 with all bounces, in each pixel."""
-    eye = (0.005 + 0.15 * cos(radians(35)), 0.04, 0.15 * sin(radians(35)))
-    return scene_of("wedge", view_of((0.005, 0, 0), eye, 1e-5, 32), wedge(90, 0.5, 0.5, 500.0), WHITE)
+    return truths.corner(32)
 
 
 @pytest.mark.parametrize(("rung", "depth", "bounces"), [("sky", None, 0), ("path", 3, 1), ("path", None, inf)])
 def test_it_converges_to_the_closed_form_to_within_its_floor(corner, rung, depth, bounces):
     found = converged(corner, rung, samples=1024, depth=depth)
-    exact = np.full_like(found.image.mean, in_wedge(90, 0.5, 0.5, bounces))
+    exact = np.full_like(found.image.mean, truths.in_wedge(90, 0.5, 0.5, bounces))
     assert found.image.samples == 1024
     # Depth 8 leaves out (a F)^7 of the light, and the planes end.
     assert found.error(exact).least < 3e-4

@@ -1,18 +1,23 @@
 """The ledger against closed forms, the twin, and errors that were put in."""
 
-from math import cos, inf, pi, radians, sin
+import math
+from math import inf, pi
 
 import msgspec
 import numpy as np
 import pytest
-from scene_of import changed, scene_of
-from truths import WHITE, in_wedge, view_of, wedge
+from scene_of import changed
+from truths import corner, in_wedge
 
 from raytwin import fast as fast_package
 from raytwin import twin
 from raytwin.explain import ledger, light_parts
 from raytwin.explain.ledger import make_ledger
+from raytwin.explain.light_decomposition import split
+from raytwin.explain.light_parts import WholeLight, sampled_parts
+from raytwin.explain.pixel_sample import SubmittedImage, sample_pixels
 from raytwin.rungs import RUNGS
+from raytwin.scene import Scene
 from raytwin.scene.scene_files import read_scene
 
 LIT = [name for name, row in RUNGS.items() if row.lit]
@@ -24,14 +29,18 @@ def fast() -> str:
     return "drjit32"
 
 
+@pytest.fixture(scope="module")
+def small(overlap) -> Scene:
+    return overlap.with_camera(overlap.camera.resized(64, 48))
+
+
 def rows(found):
     return {part.part: part for part in found.parts}
 
 
 @pytest.mark.parametrize("rung", LIT)
-def test_parts_add_up_to_what_is_shown_less_the_whole_light(overlap, fast, rung):
+def test_parts_add_up_to_what_is_shown_less_the_whole_light(small, fast, rung):
     """The error's mean beside that from the twin's own path tracing: 4.5 standard errors."""
-    small = overlap.with_camera(overlap.camera.resized(64, 48))
     shown = fast_package.walk(small, rung, fast, seed=9) if RUNGS[rung].noisy else fast_package.trace(small, rung, fast)
     found = make_ledger(small, shown, rung, fast)
     whole = twin.render(small, "path", sampling="area", samples=256, cache=False)
@@ -65,8 +74,7 @@ def test_on_every_scene_the_parts_are_the_whole_error_pixel_by_pixel(scenes, fas
 
 def test_in_a_wedge_each_part_is_its_term_of_the_series(fast):
     """90 degrees, albedo 1/2, sky of 1: 1/2 open, 1/4 occluded, bounces 1/16, 1/64 and 1/192 in all that follow."""
-    eye = (0.005 + 0.15 * cos(radians(35)), 0.04, 0.15 * sin(radians(35)))
-    scene = scene_of("wedge", view_of((0.005, 0, 0), eye, 1e-5, 32), wedge(90, 0.5, 0.5, 500.0), WHITE)
+    scene = corner(32)
     found = make_ledger(scene, fast_package.trace(scene, "shadow", fast), "shadow", fast, depth=30)
     terms = [in_wedge(90, 0.5, 0.5, n) for n in (0, 1, 2, inf)]
     for name, missing in {
@@ -96,27 +104,21 @@ def _sun(scene, factor):
 
 
 @pytest.mark.parametrize("name", PLANTED)
-def test_a_fault_of_a_subject_that_fails_is_its_own_error_and_no_numerics(overlap, fast, name):
-    small = overlap.with_camera(overlap.camera.resized(64, 48))
-    found = make_ledger(small, PLANTED[name](small, fast), "shadow", fast, faulty=True)
-    named = rows(found)["the subject's own error"]
-    right = make_ledger(small, fast_package.trace(small, "shadow", fast), "shadow", fast)
-    assert named.rmse > 0.05
+def test_a_fault_of_a_subject_that_fails_is_its_own_error_and_no_numerics(small, fast, name):
+    found, correct = (
+        make_ledger(small, shown, "shadow", fast, faulty=True)
+        for shown in (PLANTED[name](small, fast), fast_package.trace(small, "shadow", fast))
+    )
+    named, rounding = (rows(one)["the subject's own error"].rmse for one in (found, correct))
+    assert named > 0.05
+    assert rounding < 1e-5
     assert rows(found)["numerics"].rmse < 1e-6
-    assert rows(found)["pixel sampling"].rmse == rows(right)["pixel sampling"].rmse
+    assert rows(found)["pixel sampling"].rmse == rows(correct)["pixel sampling"].rmse
     assert sum(part.share_of_error for part in found.parts if part.share_of_error) == pytest.approx(1, abs=1e-3)
 
 
-def test_a_right_subject_has_no_error_of_its_own(overlap, fast):
-    """Whatever the verdict: rounding is not taken for it."""
-    small = overlap.with_camera(overlap.camera.resized(64, 48))
-    found = rows(make_ledger(small, fast_package.trace(small, "shadow", fast), "shadow", fast, faulty=True))
-    assert found["the subject's own error"].rmse < 1e-5
-
-
-def test_of_a_sampled_level_the_subjects_error_and_its_samples_are_one_part(overlap, fast):
+def test_of_a_sampled_level_the_subjects_error_and_its_samples_are_one_part(small, fast):
     """Bounces are missing: their light is that part's mean. No row of samples alone says that all is well."""
-    small = overlap.with_camera(overlap.camera.resized(64, 48))
     shown = [fast_package.walk(small, "path", fast, samples=64, depth=depth) for depth in (8, 2)]
     right, wrong = (make_ledger(small, image, "path", fast, faulty=image is shown[1]) for image in shown)
     both = rows(wrong)["the subject's own error and its own samples"]
@@ -141,3 +143,50 @@ def test_a_large_frame_is_judged_by_every_kth_pixel_with_that_pixels_own_area(ov
     assert rows(thin)["numerics"].rmse < 1e-6
     assert rows(thin)["bounce 1"].rmse == pytest.approx(rows(whole)["bounce 1"].rmse, rel=0.2)
     assert rows(thin)["pixel sampling"].rmse == pytest.approx(rows(whole)["pixel sampling"].rmse, rel=0.5)
+
+
+@pytest.mark.parametrize(("count", "most"), [(60, 1 << 16), (640, 1 << 13), (100_000, 1 << 12)])
+def test_the_more_objects_a_scene_has_the_fewer_pixels_the_ledger_takes(single, monkeypatch, count, most):
+    monkeypatch.setattr(light_parts, "light_parts", lambda *_, **__: {})
+    crowd = changed(single, objects=(single.spheres[0],) * count)
+    pixels = math.prod(WholeLight(crowd, "drjit32").shape[:2])
+    assert most / 4 < pixels <= most
+
+
+# ------------------------------------------------------------------------------------------------ factors of the light
+
+
+@pytest.mark.parametrize(
+    ("factors", "words"),
+    [
+        ({"bounce 1": 0.5}, "the first bounce is too dark by a factor of 2."),
+        ({"bounce 2": 0, "bounce 3+": 0}, "what all bounces but the first bring is missing"),
+        ({"occlusion": 0.5}, "what hides the sky is 0."),
+        ({"sun": pi}, "the sun's part is 3.1"),
+        ({}, ""),
+    ],
+)
+def test_of_light_that_chance_finds_the_fewest_factors_are_told(overlap, fast, factors, words):
+    """64 samples a pixel; a part's factor may err by 4 of its standard errors, some per cent."""
+    scene = overlap.with_camera(overlap.camera.resized(120, 90))
+    dark = changed(scene, lights=(scene.sun,))
+    parts = fast_package.light_parts(scene, fast, samples=64, seed=5)
+    sun = fast_package.light_parts(dark, fast, samples=64, seed=5)
+    shown = sum(np.float32(factors.get(name, 1)) * image.mean for name, image in parts.items())
+    shown = shown + np.float32(factors.get("sun", 1) - 1) * (sun["open"].mean + sun["shadow"].mean)
+    right = fast_package.walk(scene, "path", fast, samples=64, seed=7)
+    half = 3 * np.sqrt(2 * right.variance)
+    found = split(
+        sample_pixels(
+            SubmittedImage(
+                scene, shown, right.mean, "path", half=half, sampled=sampled_parts(scene, "path", fast, "area")
+            )
+        )
+    )
+    assert found.words.startswith(words) if words else found.words == ""
+    assert found.explained > 0.9 or not words
+    told = {part: f for part, f in factors.items() if part != "bounce 3+"}
+    assert len(found.shares) == len(told)
+    for share in found.shares:
+        assert share.factor == pytest.approx(next(iter(told.values())), abs=4 * share.error)
+        assert share.error < 0.05

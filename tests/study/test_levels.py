@@ -1,17 +1,16 @@
 """Light levels: the recommendation holds for another seed, costs are counted, and parts are their closed forms."""
 
-from math import cos, inf, radians, sin
+from math import inf
 
 import msgspec
 import numpy as np
 import pytest
+import truths
 from program import raytwin, refused
 from scene_of import scene_of
-from truths import WHITE, in_wedge, view_of, wedge
 
 from raytwin import twin
 from raytwin.errors import InputError
-from raytwin.fast import light_parts
 from raytwin.renderers.subject_renderers import fast_engine
 from raytwin.scene import Camera, Scene
 from raytwin.scene.lens import distort
@@ -25,9 +24,7 @@ SIZE = 80, 60
 
 @pytest.fixture(scope="module")
 def corner() -> Scene:
-    """90 degrees, albedo 1/2, sky of 1: half of all paths go on at each surface."""
-    eye = (0.005 + 0.15 * cos(radians(35)), 0.04, 0.15 * sin(radians(35)))
-    return scene_of("corner", view_of((0.005, 0, 0), eye, 1e-5, 24), wedge(90, 0.5, 0.5, 500.0), WHITE)
+    return truths.corner(24)
 
 
 @pytest.fixture(scope="module")
@@ -89,34 +86,14 @@ def test_rays_are_counted_from_the_share_of_paths_that_meet_a_surface(corner):
 def test_each_part_is_its_term_of_the_series_and_can_be_dropped_below_the_tolerance(corner):
     """1/2 open, 1/4 occluded, bounces of 1/16, 1/64, ..., 1/3 in all."""
     parts = {part.part: part for part in levels(corner, 0.03).found.parts}
-    whole = in_wedge(90, 0.5, 0.5, inf)
+    whole = truths.in_wedge(90, 0.5, 0.5, inf)
     for name, n in {"all bounces": 0, "bounces beyond 1": 1, "bounces beyond 2": 2}.items():
-        left_out = whole - in_wedge(90, 0.5, 0.5, n)
+        left_out = whole - truths.in_wedge(90, 0.5, 0.5, n)
         assert parts[name].error == pytest.approx(left_out, rel=0.02)
         assert parts[name].share_of_light == pytest.approx(left_out / whole, rel=0.02)
         assert parts[name].can_be_dropped == (left_out < 0.03)
     assert parts["occlusion of the sky"].error == pytest.approx(0.25, rel=0.01)
     assert parts["shadows of the sun"].can_be_dropped
-
-
-@pytest.mark.parametrize("name", ["overlap", "studio"])
-def test_no_part_of_the_light_exceeds_what_is_certain_without_a_render(scenes, name):
-    """a E/π, a L, and a (E/π + L) a^(n+1) / (1 - a) with F <= 1. A pixel's noise is granted 4.5 standard errors."""
-    scene = read_scene(scenes / name)
-    small = scene.with_camera(scene.camera.resized(*SIZE))
-    albedo = max(max(thing.material.albedo) for thing in scene.objects)
-    sun = max(scene.sun.irradiance) / np.pi
-    sky = scene.environment.radiance.max() if scene.environment else max(scene.sky.radiance)
-    parts = light_parts(small, fast_engine(twin.activate().variant), samples=64, depth=16)
-
-    def largest(*names):
-        mean, variance = (sum(getattr(parts[n], of).astype(float) for n in names) for of in ("mean", "variance"))
-        return (np.abs(mean) - 4.5 * np.sqrt(len(names) * variance)).max()
-
-    assert largest("shadow") <= albedo * sun
-    assert 0 < largest("occlusion") <= albedo * sky
-    for n, names in enumerate((("bounce 1", "bounce 2", "bounce 3+"), ("bounce 2", "bounce 3+"))):
-        assert 0 < largest(*names) <= albedo * (sun + sky) * albedo ** (n + 1) / (1 - albedo)
 
 
 @pytest.mark.nightly
@@ -135,25 +112,24 @@ def test_the_answer_does_not_depend_on_how_long_anything_takes(scenes, monkeypat
 
 
 def test_an_empty_scene_needs_no_tracer():
-    found = levels(scene_of("empty", view_of((0, 0, 0), (0, 0, 3), 3), (), WHITE), 1e-6).found
+    found = levels(scene_of("empty", truths.view_of((0, 0, 0), (0, 0, 3), 3), (), truths.WHITE), 1e-6).found
     assert (found.choice.method, found.choice.rays, found.choice.error) == ("fill", 0.0, 0.0)
     assert {part.can_be_dropped for part in found.parts} == {True}
 
 
 @pytest.mark.nightly
-def test_a_reference_too_noisy_for_the_tolerance_says_so(scenes, monkeypatch):
-    monkeypatch.setattr(room, "MAX_REFERENCE_SAMPLES", 2)
-    found = levels(scenes / "overlap", 1e-3, size=SIZE).found
+@pytest.mark.parametrize(
+    ("limit", "samples", "tolerance", "reason"),
+    [
+        ("MAX_REFERENCE_SAMPLES", 2, 1e-3, "cannot tell"),
+        ("MAX_SAMPLES", 4, 2e-3, "no method meets it; the nearest is"),
+    ],
+)
+def test_where_no_method_can_be_recommended_the_reason_is_told(scenes, monkeypatch, limit, samples, tolerance, reason):
+    monkeypatch.setattr(room, limit, samples)
+    found = levels(scenes / "overlap", tolerance, size=SIZE).found
     assert found.choice is None
-    assert found.reason.startswith("cannot tell")
-
-
-@pytest.mark.nightly
-def test_where_no_method_meets_the_tolerance_the_nearest_is_named(scenes, monkeypatch):
-    monkeypatch.setattr(room, "MAX_SAMPLES", 4)
-    found = levels(scenes / "overlap", 2e-3, size=SIZE).found
-    assert found.choice is None
-    assert found.reason.startswith("no method meets it; the nearest is")
+    assert found.reason.startswith(reason)
 
 
 def test_a_tolerance_or_metric_that_is_none_is_refused(scenes):

@@ -8,9 +8,20 @@ from math import inf
 
 import numpy as np
 import pytest
-from closed_forms import CLOSED, beside_wall
 from scene_of import scene_of
-from truths import Shown, agrees, from_element, grey, in_wedge, parallel, perpendicular, shown, view_of
+from truths import (
+    CLOSED,
+    Shown,
+    agrees,
+    beside_wall,
+    from_element,
+    grey,
+    in_wedge,
+    parallel,
+    perpendicular,
+    shown,
+    view_of,
+)
 
 from raytwin.scene import Rectangle, Scene, Sky, Sphere
 from raytwin.twin import render

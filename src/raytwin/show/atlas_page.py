@@ -13,6 +13,7 @@ from raytwin.show.charts.chart import Chart, Line, Point, chart_html, log_range,
 from raytwin.show.charts.svg import INK, Range
 from raytwin.show.numbers import short, shown
 from raytwin.show.page import write_page
+from raytwin.show.terminal_text import counted
 from raytwin.study.atlas import EXPERIMENTS, Atlas, Experiment, Found, digits
 from raytwin.tracer.lights.envmap_tables import REC_709
 
@@ -43,7 +44,6 @@ class Cell(NamedTuple):
 def write_atlas(found: Atlas, folder: str | os.PathLike[str]) -> None:
     """atlas.html, atlas.json, and each chart as SVG."""
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
     rows = [(EXPERIMENTS[f.name], f) for f in found.experiments]
     charts = [chart(e, f) for e, f in rows]
     write_page(
@@ -61,7 +61,6 @@ def write_atlas(found: Atlas, folder: str | os.PathLike[str]) -> None:
             for (e, f), c in zip(rows, charts, strict=True)
         ],
         scale=[Cell(str(k), *colours(k), False, "") for k in range(0, 17, 2)],
-        edge=edge,
         fate=fate,
         last=lambda f, name: digits_left(f.methods[name].errors[-1]),
     )
@@ -84,17 +83,13 @@ def fate(f: Found, method: str) -> str:
     curve = f.methods[method]
     refused = next((x for x, e in zip(f.values, curve.errors, strict=True) if e is None), None)
     said = "holds" if refused is None else f"refuses at {short(refused)}"
-    said = said if curve.breaks_at is None else f"breaks at {edge(curve.breaks_at)}"
-    return said if curve.predicted is None else f"{said}; predicted {edge(curve.predicted)}"
-
-
-def edge(value: float | None) -> str:
-    return "–" if value is None else shown(value, 2)
+    said = said if curve.breaks_at is None else f"breaks at {shown(curve.breaks_at, 2)}"
+    return said if curve.predicted is None else f"{said}; predicted {shown(curve.predicted, 2)}"
 
 
 def digits_left(error: float | None) -> str:
     left = digits(error)
-    return "refused" if left is None else "no error" if error == 0 else f"{left:.0f} digit{'s' * (round(left) != 1)}"
+    return "refused" if left is None else "no error" if error == 0 else counted(round(left), "digit")
 
 
 # ------------------------------------------------------------------------------------------ the index
@@ -142,13 +137,13 @@ def chart(e: Experiment, f: Found) -> Chart:
             Point(
                 x,
                 min(max(error, y_range[0]), y_range[1]),
-                name,
-                name,
-                colour,
-                shape,
-                error < y_range[0],
-                own,
-                f"{name}\n{f.parameter} {short(x)}\nerror {shown(error)}",
+                name=name,
+                family=name,
+                colour=colour,
+                marker=shape,
+                hollow=error < y_range[0],
+                strong=own,
+                tip=f"{name}\n{f.parameter} {short(x)}\nerror {shown(error)}",
             )
             for x, error in zip(f.values, curve.errors, strict=True)
             if error is not None

@@ -9,6 +9,7 @@ import numpy as np
 from raytwin.show.charts.chart import Chart, Line, Point, by_family, family_chart
 from raytwin.show.charts.svg import INK, SOFT, Range
 from raytwin.show.numbers import seconds, shown
+from raytwin.show.terminal_text import counted
 from raytwin.study.bench import RENDERERS, Bench, Measurement, staircase
 
 TRUTHS = {
@@ -37,10 +38,6 @@ SLOPE = -0.5
 """Of Monte Carlo's RMSE against seconds, both logarithmic."""
 
 
-def family_of(method: str) -> str:
-    return RENDERERS[method].family if method in RENDERERS else method
-
-
 def colour_of(method: str) -> str:
     if method not in RENDERERS:
         return OWN_COLOUR
@@ -66,15 +63,15 @@ def error_chart(bench: Bench, size: tuple[int, int], truth: str) -> Chart | None
         Point(
             r.seconds_median,
             y,
-            r.method,
-            family_of(r.method),
-            colour_of(r.method),
-            MARKERS.get(r.rung, "circle"),
-            r.rmse <= floor,
-            r.on_frontier,
-            row_tip(r),
-            r.method if r.on_frontier or r.method in bench.subjects else "",
-            r.on_frontier,
+            name=r.method,
+            family=RENDERERS[r.method].family if r.method in RENDERERS else r.method,
+            colour=colour_of(r.method),
+            marker=MARKERS.get(r.rung, "circle"),
+            hollow=r.rmse <= floor,
+            strong=r.on_frontier,
+            tip=row_tip(r),
+            label=r.method if r.on_frontier or r.method in bench.subjects else "",
+            left=r.on_frontier,
         )
         for r, y in zip(found, raised(errors, floor), strict=True)
     ]
@@ -126,7 +123,7 @@ def row_tip(r: Measurement) -> str:
             r.method,
             f"{seconds(r.seconds_median)}, quartiles {seconds(r.seconds_iqr)} apart",
             f"first calls {seconds(r.compile_seconds)} more",
-            f"{r.samples} sample{'s' * (r.samples != 1)} per pixel",
+            f"{counted(r.samples, 'sample')} per pixel",
             f"{r.verdict} beside the twin",
             f"RMSE {with_sigma(r)}, relMSE {shown(r.relmse)}, 99.9 % {shown(r.p999_abs)}",
         )

@@ -6,7 +6,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from raytwin.errors import InputError
 from raytwin.images.image import Image
 from raytwin.images.packing import binned
 from raytwin.show.bench_charts import (
@@ -33,7 +32,6 @@ IN_TERMINAL = ("shadow-center", "path-area")
 
 SIGNS = {"pass": "✓", "differs": "≈", "fail": "✗", "undecided": "?"}
 
-
 MOST_PICTURES, WIDE = 9, 240
 """Pictures in the page, a key each, and their most pixels across: nine weigh about two megabytes."""
 
@@ -46,20 +44,11 @@ def write_bench_all(
     The charts of several scenes lie in a folder of each scene's name. `images`: of the first scene at its first size,
     by the names of methods and references.
     """
-    folder = made_folder(folder)
+    folder = Path(folder)
     write_bench(benches, folder / "bench.json")
     write_bench_page(benches, folder / "bench.html", images)
     for bench in benches:
         write_charts(error_charts(bench), folder / bench.scene if len(benches) > 1 else folder)
-
-
-def made_folder(folder: str | os.PathLike[str]) -> Path:
-    folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(folder, "a folder to write to", error.strerror) from None
-    return folder
 
 
 # ------------------------------------------------------------------------------------------ the page

@@ -23,6 +23,7 @@ from raytwin.scene.toml_json import write_json
 from raytwin.show import data_urls, laws_page, viewer
 from raytwin.show.compare_page import write_report
 from raytwin.show.page import write_page
+from raytwin.show.terminal_text import counted
 from raytwin.show.view import Names, PairView, in_radiance, numbered, tiles
 from raytwin.study.compared import Compared
 
@@ -145,7 +146,7 @@ def read_rows(folder: Path) -> list[CheckRow]:
 
 def summary(rows: list[CheckRow], failed: int) -> str:
     """Return a table in Markdown of what failed, with small pictures, which are files beside it."""
-    compared = counted(len(rows))
+    compared = counted(len(rows), "comparison")
     if failed:
         lines = [f"**{failed} of {compared} failed.**", ""]
         lines += ["| verdict | test | cause | expected | got | difference |", "| --- " * 6 + "|"]
@@ -159,11 +160,6 @@ def summary(rows: list[CheckRow], failed: int) -> str:
         what = "<br>".join(filter(None, (f"[{name}]({row.page})" if row.page else name, scene)))
         lines.append(f"| {' | '.join((row.verdict, what, cell(*row.reasons[:1], *row.notes), *shown))} |")
     return "\n".join(lines) + "\n"
-
-
-def counted(rows: int) -> str:
-    """Return "1 comparison", "2 comparisons"."""
-    return f"{rows} comparison{'s' * (rows != 1)}"
 
 
 def cell(*texts: str) -> str:

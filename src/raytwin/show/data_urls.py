@@ -11,6 +11,8 @@ from raytwin.images.photo_files import data_url, to_bytes
 
 MARKS = 300
 """Most pixels that get a ring drawn around them."""
+TILE = 32
+"""Side in pixels of the squares of which each gives at most one worst pixel."""
 
 
 def exposure(image: Image) -> float:
@@ -57,19 +59,19 @@ def small_pictures(
 # ------------------------------------------------------------------------------------------ pixels worth a look
 
 
-def worst_pixels(error: np.ndarray, count: int, tile: int = 32) -> list[tuple[int, int]]:
-    """(x, y) of the largest |error| of as many tiles, worst first, so that one bad edge does not fill the list.
+def worst_pixels(error: np.ndarray, count: int) -> list[tuple[int, int]]:
+    """(x, y) of the largest |error| of `count` tiles, worst first, so that one bad edge does not fill the list.
 
     A missing error (NaN) is worse than any other; exact agreement is not listed.
     """
     size = np.where(np.isfinite(error), np.abs(error), np.float32(np.inf))
-    rows, columns = range(0, error.shape[0], tile), range(0, error.shape[1], tile)
+    rows, columns = range(0, error.shape[0], TILE), range(0, error.shape[1], TILE)
     by_row = np.maximum.reduceat(size, rows, axis=0)
     tiles = np.maximum.reduceat(by_row, columns, axis=1)
     found = []
     for i in np.argsort(-tiles, axis=None, kind="stable")[:count]:
-        r, c = (int(k) * tile for k in np.unravel_index(i, tiles.shape))
-        part = size[r : r + tile, c : c + tile]
+        r, c = (int(k) * TILE for k in np.unravel_index(i, tiles.shape))
+        part = size[r : r + TILE, c : c + TILE]
         y, x = np.unravel_index(int(part.argmax()), part.shape)
         if part[y, x] > 0:
             found.append((c + int(x), r + int(y)))

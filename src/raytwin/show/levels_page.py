@@ -9,6 +9,7 @@ from raytwin.show.charts.chart import Chart, Point, chart_html, family_chart, wr
 from raytwin.show.numbers import seconds, shown
 from raytwin.show.page import write_page
 from raytwin.show.picture_pair import SCRIPTS, STYLES, picture_pair
+from raytwin.show.terminal_text import counted
 
 if TYPE_CHECKING:
     from raytwin.study.levels import Levels, Row, Table
@@ -23,7 +24,6 @@ LIGHT = {
 def write_levels(levels: "Levels", folder: str | os.PathLike[str]) -> None:
     """levels.html, levels.json, and the chart as SVG."""
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
     found, drawn = levels.found, error_chart(levels.found)
     names = list(levels.images)
     first = next((name for name in names if name.startswith("tracer: shadow")), names[0]), names[-1]
@@ -66,10 +66,11 @@ def answer(found: "Table") -> list[str]:
     if found.choice is None:
         return [f"No method is recommended for {goal}: {found.reason}."]
     choice, tracer = found.choice, [row for row in found.rows if row.side == "tracer"]
+    rays = f"{choice.rays:.3g}"
     said = [
         f"Cheapest with {goal}: {words(choice)} ({choice.method}).",
         f"Its {found.metric} is {shown(choice.error, 2)}.",
-        f"It costs {choice.rays:.3g} rays per pixel, shadow rays included.",
+        f"It costs {rays} ray{'s' * (rays != '1')} per pixel, shadow rays included.",
     ]
     if place := tracer.index(choice):
         cheaper = tracer[place - 1]
@@ -88,13 +89,10 @@ def answer(found: "Table") -> list[str]:
 
 def words(row: "Row") -> str:
     """Return a method in words."""
-    bounces = (row.depth or 2) - 2
-    light = LIGHT.get(row.rung) or f"light with at most {bounces} bounce{'s' * (bounces != 1)}"
+    light = LIGHT.get(row.rung) or f"light with at most {counted((row.depth or 2) - 2, 'bounce')}"
     if row.rung == "none":
         return light
-    rays = f"{row.samples} sample{'s' * (row.samples != 1)} per pixel"
-    if row.sampling == "center":
-        rays = "one ray per pixel"
+    rays = "one ray per pixel" if row.sampling == "center" else f"{counted(row.samples, 'sample')} per pixel"
     return f"{light}, {rays}{' (Mitsuba)' if row.side == 'twin' else ''}"
 
 
@@ -114,20 +112,17 @@ def error_chart(found: "Table") -> Chart:
         family = "Mitsuba" if row.side == "twin" else f"path depth {row.depth}" if row.rung == "path" else row.rung
         label = row.rung if row.side == "twin" else str(row.samples)
         label = label if any(p.family == family for p in points) else f"{family}: {label}"
-        tip = f"{row.method}\n{row.rays:.3g} rays per pixel, {seconds(row.seconds)}, error {shown(row.error)}"
-        error, chosen = max(row.error, found.floor, 1e-16), row == found.choice
         points.append(
             Point(
                 row.rays,
-                error,
-                row.method,
-                family,
-                COLOURS[family],
-                "circle",
-                row.error <= found.floor,
-                chosen,
-                tip,
-                label,
+                max(row.error, found.floor, 1e-16),
+                name=row.method,
+                family=family,
+                colour=COLOURS[family],
+                hollow=row.error <= found.floor,
+                strong=row == found.choice,
+                tip=f"{row.method}\n{row.rays:.3g} rays per pixel, {seconds(row.seconds)}, error {shown(row.error)}",
+                label=label,
             )
         )
     points.sort(key=lambda point: list(COLOURS).index(point.family))  # stable: each line from the lowest cost up

@@ -67,7 +67,6 @@ def sentences(rows: Sequence[MergedRow], names: Sequence[str]) -> list[str]:
 
 def write_merged(rows: Sequence[MergedRow], folders: Sequence[Path], folder: Path) -> None:
     """Write index.html and summary.md; their pictures and pages stay where the reports are."""
-    folder.mkdir(parents=True, exist_ok=True)
     names, places = machines(folders), [quote(os.path.relpath(path, folder)) for path in folders]
     said = sentences(rows, names)
     lines = [

@@ -54,7 +54,7 @@ def bundle_of(thing: Any) -> dict[str, Any]:
 
 def still_of(thing: Any) -> dict[str, Any]:
     """Return the pictures of `thing` in a row, as PNG."""
-    if not (figures := FIGURES.get(type(thing).__name__, _no_figures)(thing)):
+    if not (figures := FIGURES.get(type(thing).__name__, lambda _: [])(thing)):
         return {}
     heights = [len(pixels) for pixels, _ in figures]
     rows = [np.pad(p, ((0, max(heights) - len(p)), (0, GAP), (0, 0)), constant_values=255) for p, _ in figures]
@@ -121,10 +121,6 @@ def _view_figures(view: PairView) -> Figures:
     if not view.alike:
         return []
     return pair_figures(view.test, view.reference, view.names[2:], exposure(view.reference))
-
-
-def _no_figures(thing: Any) -> Figures:
-    return []
 
 
 def _pair(view: PairView) -> str:

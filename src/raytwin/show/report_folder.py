@@ -49,12 +49,10 @@ def write_all(result: "Result", folder: Path, json: Path | None = None, progress
         progress("pictures", len(writing), len(writing))
 
 
-def write_diff(found: Diff, folder: Path, progress: Progress = silent) -> None:
+def write_diff(found: Diff, folder: Path) -> None:
     """Write report.html, comparison.json and, for images of one size, heatmap.png."""
     view = view_of(found)
-    progress("report", 0, 1)
     write_json(folder / "comparison.json", found.numbers())
     write_report(view, folder / "report.html")
     if view.alike:
         write_picture(folder / "heatmap.png", to_bytes(error_map(found.test, found.reference)))
-    progress("report", 1, 1)

@@ -13,7 +13,7 @@ def summary(result: "Result") -> str:
     """Verdict and cause first, then what they rest on."""
     c = result.comparison
     g, r = c.geometry, c.radiance
-    rung = f", light level {result.report.rung}" if result.report.rung else ""
+    level = f", light level {result.report.rung}" if result.report.rung else ""
     differ = g.mask_mismatch_pixels
     outlines = (
         "not compared (the subject reports no objects)"
@@ -21,7 +21,7 @@ def summary(result: "Result") -> str:
         else f"{counted(differ, 'pixel')} differ{'s' * (differ == 1)}"
     )
     lines = [
-        f"{c.verdict.upper()}  {result.report.scene}{rung}{because(c)}",
+        f"{c.verdict.upper()}  {result.report.scene}{level}{because(c)}",
         *(f"  {reason}" for reason in further(c)),
         f"  silhouettes: {outlines}",
         f"  radiance: p99.9 error {_number(r.p999_abs)}, worst {_number(r.max_abs)}, rmse {_number(r.rmse)}",

@@ -10,6 +10,7 @@ from raytwin.compare.scale import scale_of
 from raytwin.images.image import Image, Surface
 from raytwin.scene import Tolerance
 from raytwin.show.numbers import seconds, short, shown
+from raytwin.show.terminal_text import counted
 from raytwin.study.compared import Compared
 from raytwin.study.diff_files import Diff
 
@@ -140,9 +141,8 @@ def tiles(pair: Compared, tolerance: Tolerance) -> tuple[Tile, ...]:
         title, unit = "This image has the noise of about", "samples per pixel"
         found.append(Tile(title, shown(noise, 2), unit, "of the reference's renderer"))
     if "tracer" in seconds_of:
-        samples = pair.reference.samples
         found.append(Tile("Tracer", seconds(seconds_of["tracer"]), below=f"RMSE {shown(r.rmse)}"))
-        below = f"{samples} sample{'s' * (samples != 1)} per pixel"
+        below = f"{counted(pair.reference.samples, 'sample')} per pixel"
         return *found, Tile("Twin", seconds(seconds_of.get("twin")), below=below)
     found.append(Tile("RMSE", shown(r.rmse), below=f"worst {shown(r.max_abs)}"))
     return *found, Tile("Ratio of means", shown(r.mean_ratio, 5), below="mean(test) / mean(reference)")

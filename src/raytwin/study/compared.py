@@ -90,5 +90,5 @@ class Compared(InNotebook):
 
     def __repr__(self) -> str:
         because = f": {self.cause or self.reasons[0]}" if self.reasons else ""
-        rung = f", light level {self.report.rung}" if self.report.rung else ""
-        return f"<raytwin.{self.made_by} {self.verdict.upper()} {self.report.scene}{rung}{because}>"
+        level = f", light level {self.report.rung}" if self.report.rung else ""
+        return f"<raytwin.{self.made_by} {self.verdict.upper()} {self.report.scene}{level}{because}>"

@@ -277,6 +277,10 @@ def answer(
 
 
 TOKEN = "X_Raytwin_Token"
+UPGRADE = {
+    "Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
+    "Sec-WebSocket-Version": "13",
+}  # fmt: skip
 
 
 def test_only_the_own_host_is_served_and_the_token_opens_what_tells_of_the_scene(live):
@@ -298,10 +302,7 @@ def test_only_the_own_host_is_served_and_the_token_opens_what_tells_of_the_scene
 
 def test_a_socket_or_a_saved_scene_needs_the_own_origin(live):
     host = {"Host": f"127.0.0.1:{live.port}"}
-    upgrade = host | {
-        "Sec_WebSocket_Protocol": f"raytwin, {live.token}", "Upgrade": "websocket", "Connection": "Upgrade",
-        "Sec_WebSocket_Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec_WebSocket_Version": "13",
-    }  # fmt: skip
+    upgrade = host | UPGRADE | {"Sec-WebSocket-Protocol": f"raytwin, {live.token}"}
     text, known = msgspec.json.encode(live.first).decode(), host | {TOKEN: live.token}
     others = "null", "http://evil.example", "http://127.0.0.1", f"https://127.0.0.1:{live.port}"
     for other in ({}, *({"Origin": origin} for origin in others)):
@@ -309,7 +310,7 @@ def test_a_socket_or_a_saved_scene_needs_the_own_origin(live):
         assert answer(live, "/scene.toml", "POST", text, **known, **other).status == 403, other
     socket = answer(live, "/socket", **upgrade, Origin=live.origin)
     assert (socket.status, socket.headers["Sec-WebSocket-Protocol"]) == (101, "raytwin")
-    no_token = upgrade | {"Sec_WebSocket_Protocol": "raytwin"}
+    no_token = upgrade | {"Sec-WebSocket-Protocol": "raytwin"}
     assert answer(live, "/socket", **no_token, Origin=live.origin).status == 403
     assert answer(live, "/scene.toml", "POST", text, **known, Origin=live.origin).status == 200
     assert answer(live, "/scene.toml", "POST", "{", **known, Origin=live.origin).status == 400
@@ -327,11 +328,9 @@ def page_that_asks(address: str) -> socket.socket:
     """A connection that wishes for a picture, and reads nothing."""
     port, token = re.search(r":(\d+)/#token=(\w+)", address).groups()
     link = socket.create_connection(("127.0.0.1", int(port)))
-    lines = (
-        "GET /socket HTTP/1.1", f"Host: 127.0.0.1:{port}", f"Origin: http://127.0.0.1:{port}", "Upgrade: websocket",
-        "Connection: Upgrade", "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Version: 13",
-        f"Sec-WebSocket-Protocol: raytwin, {token}", "", "",
-    )  # fmt: skip
+    own = {"Host": f"127.0.0.1:{port}", "Origin": f"http://127.0.0.1:{port}"}
+    headers = own | UPGRADE | {"Sec-WebSocket-Protocol": f"raytwin, {token}"}
+    lines = "GET /socket HTTP/1.1", *(f"{name}: {value}" for name, value in headers.items()), "", ""
     link.sendall("\r\n".join(lines).encode())
     assert b" 101 " in link.recv(1024)
     wish = json.dumps({"number": 1, "wanted": {"spheres": [{"center": [0, 0, 0.05], "radius": 0.05}]}}).encode()
@@ -475,7 +474,7 @@ def test_the_inspector_tells_what_was_rendered(page, base):
     assert all(re.match(r"(http|ws)://127\.0\.0\.1:\d+/|data:|blob:|file:", url) for url in page.requests)
 
 
-def test_a_link_opens_the_view_that_it_was_copied_from(chromium, live, page):
+def test_a_link_opens_the_view_that_it_was_copied_from_where_the_token_is_known(chromium, live, page):
     page.slide("sky", 1.5)
     with shown(chromium, live.address + "&view=" + page.page.url.partition("#view=")[2]) as again:
         for one in (page, again):
@@ -484,11 +483,8 @@ def test_a_link_opens_the_view_that_it_was_copied_from(chromium, live, page):
         again.page.goto("about:blank")
         again.page.goto(live.origin)  # a link without the token, in a browser that was given it
         again.until(REST)
-
-
-def test_a_page_without_the_token_says_what_to_open(chromium, live):
-    with shown(chromium, live.origin, ready="#state.bad") as page:
-        assert "open the address that raytwin explore printed" in page.page.inner_text("#state")
+    with shown(chromium, live.origin, ready="#state.bad") as stranger:
+        assert "open the address that raytwin explore printed" in stranger.page.inner_text("#state")
 
 
 def test_a_sphere_is_dragged_and_the_rest_stays(page, base):

@@ -8,11 +8,13 @@ import pytest
 from PIL import Image
 from program import raytwin, refused
 
+from raytwin.photos.camera import detect_photos
 from raytwin.show.notebook_page import Pictures
 from raytwin.show.walk_cell import mine, show
 from raytwin.teach.contract.check_function import judge_function
 from raytwin.teach.contract.stage_table import LESSONS
 from raytwin.teach.walk import solutions, with_functions, write_walk
+from raytwin.teach.walk.desk import Desk
 from raytwin.teach.walk.written import solutions as solution_texts
 from raytwin.teach.walk.written import source
 
@@ -103,3 +105,14 @@ def test_what_is_half_walked_is_not_overwritten_and_a_function_that_is_not_there
     (tmp_path / "walk.py").write_text("mine")
     refused(raytwin("walk", "-o", tmp_path), "walk.py", "a new file")
     assert (tmp_path / "walk.py").read_text() == "mine"
+
+
+def test_the_lessons_corners_are_half_a_pixel_off_opencvs(scenes):
+    desk = Desk(scenes / "desk")
+    found, _ = detect_photos([scenes / "desk" / "photos" / desk.photo_name], desk.board.family)
+    tags = next(iter(found.values()))
+    assert desk.corners == pytest.approx(np.array([tag.corners for tag in tags]) + 0.5)
+    given = []
+    desk.homographies(lambda corners: given.append(corners) or corners.mean(axis=1))
+    expected = np.array([tag.corners for tag in tags if tag.id in desk.board.centers()]) + 0.5
+    assert any(corners.shape == expected.shape and np.allclose(corners, expected, atol=1e-6) for corners in given)

@@ -24,6 +24,8 @@ from raytwin.show.charts.svg import (
 
 LEFT, TOP, WIDTH, HEIGHT, RIGHT, BOTTOM = 80, 50, 740, 600, 30, 60
 """Pixels: the frame's corner, its size, and what is right of it and below."""
+MARGIN = 0.15
+"""Share of the points' extent that a chart of families leaves free on either side."""
 FLOOR = "#eef0f3"
 LETTER, LINE = 0.66, 14.0
 """Average width of a label's letter, as a share of its size; and pixels from one label down to the next."""
@@ -97,14 +99,12 @@ def by_family(points: Iterable[Point]) -> list[list[Point]]:
 
 
 def family_chart(
-    key: str, title: str, x_label: str, y_label: str, points: Sequence[Point], floor: float | None = None,
-    notes: Iterable[str] = (), lines: Iterable[Line] = (), margin: float = 0.15,
+    key: str, title: str, x_label: str, y_label: str, points: Sequence[Point], floor: float | None
 ) -> Chart:  # fmt: skip
-    """Return a chart of the points: a line through each family, and `lines`."""
-    ranges = log_range([p.x for p in points], margin), log_range([p.y for p in points], margin)
+    """Return a chart of the points: a line through each family."""
+    ranges = log_range([p.x for p in points], MARGIN), log_range([p.y for p in points], MARGIN)
     through = [Line(tuple(p.x for p in g), tuple(p.y for p in g), g[0].colour) for g in by_family(points) if g[1:]]
-    shown = tuple(filter(None, notes))
-    return Chart(key, title, x_label, y_label, *ranges, tuple(points), (*through, *lines), floor, shown)
+    return Chart(key, title, x_label, y_label, *ranges, tuple(points), tuple(through), floor)
 
 
 def svg_text(chart: Chart) -> str:

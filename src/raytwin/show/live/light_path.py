@@ -25,6 +25,8 @@ from raytwin.tracer.shading import RADIANCE
 from raytwin.tracer.world import PlainWorld, first_hit
 
 Pixel = tuple[float, float]
+SEED = 0
+"""Seed of the random numbers, as in the tracer's first pass."""
 NEAR_METRES = 1e-3
 """Metres: lines are cut this far before the eye, since what lies behind it has no place in the picture."""
 
@@ -47,16 +49,14 @@ class LightPath(NamedTuple):
     light: tuple[float, float, float]
 
 
-def light_path(
-    scene: Scene, x: int, y: int, rung: str = "path", depth: int = 8, sample: int = 0, seed: int = 0
-) -> LightPath:
-    """The path of pixel (x, y) at a light level: of one sample, where the level is sampled. All in float64."""
+def light_path(scene: Scene, x: int, y: int, rung: str, depth: int, sample: int) -> LightPath:
+    """Return the path of pixel (x, y) at a light level, in float64: of one sample, where the level is sampled."""
     row = RUNGS[rung]
     local = to_camera_frame(scene)
     world, light = PlainWorld(local.objects, STAGES), lighting(local)
     project = partial(_project, scene.camera)
     u, v = np.array([float(x)]), np.array([float(y)])
-    numbers = partial(sobol_pair, u, np.array([y * scene.camera.width + x]), sample % BATCHES, sample // BATCHES, seed)
+    numbers = partial(sobol_pair, u, np.array([y * scene.camera.width + x]), sample % BATCHES, sample // BATCHES, SEED)
     if row.noisy:
         a, b = numbers(0)
         u, v = u + a - 0.5, v + b - 0.5

@@ -1,104 +1,27 @@
-"""The page itself: complete, offline, right with photos and without, and alive in a browser."""
+"""The viewer in a browser: numbers, pictures at their pixels, pointer, keys, parts of the light, rectangles, noise."""
 
 import json
-import re
 from dataclasses import replace
 from functools import partial
-from html import unescape
 
+import msgspec
 import numpy as np
 import pytest
 from browser import opened
+from test_compare_page import text_of
 
+from raytwin.compare import Report, compare
+from raytwin.compare.report import Part
+from raytwin.explain.ledger import Ledger
 from raytwin.images import packing
+from raytwin.images.exr import write_exr
 from raytwin.images.image import Image
-from raytwin.images.image_formats import write_image
+from raytwin.images.packing import binned
 from raytwin.show.compare_page import write_report
 from raytwin.show.data_urls import exposed, exposure
-from raytwin.show.view import view_of
+from raytwin.show.report_folder import write_diff
+from raytwin.show.view import PairView, view_of
 from raytwin.study.diff_files import compare as diff
-
-
-@pytest.fixture(scope="module")
-def plain(make_result, tmp_path_factory):
-    """(result, page) of a scene without photos."""
-    result = make_result()
-    page = tmp_path_factory.mktemp("plain") / "report.html"
-    write_report(result, page)
-    return result, page
-
-
-@pytest.fixture(scope="module")
-def spoiled(make_result, tmp_path_factory):
-    """(result, page) with photos, where the tracer errs: a bright block, three pixels of another object, one NaN."""
-
-    def spoil(image: Image) -> Image:
-        image.mean[60:64, 20:30] *= 1.5
-        image.surface.ids[70, 40:43] = -1
-        image.mean[10, 11] = np.nan
-        return image
-
-    result = make_result(photos=True, spoil=spoil)
-    page = tmp_path_factory.mktemp("spoiled") / "report.html"
-    write_report(result, page)
-    return result, page
-
-
-def text_of(page) -> str:
-    """What a reader reads: without scripts, styles and tags."""
-    source = re.sub(r"<(script|style)\b.*?</\1>", " ", page.read_text(encoding="utf-8"), flags=re.DOTALL)
-    return " ".join(unescape(re.sub(r"<[^>]*>", " ", source)).split())
-
-
-def data_of(page) -> dict:
-    """What the page gives to the viewer."""
-    found = re.search(r'id="viewer-data">(.*?)</script>', page.read_text(encoding="utf-8"), re.DOTALL)
-    return json.loads(found[1])
-
-
-def titles(page) -> list[str]:
-    return [pane["title"] for pane in data_of(page)["panes"]]
-
-
-# ------------------------------------------------------------------------------------------ what it says
-
-
-def test_a_page_says_what_there_is_and_leaves_out_what_means_nothing(plain):
-    result, page = plain
-    text = text_of(page)
-    assert titles(page) == ["Tracer's image", "Twin's image", "Difference", "Silhouettes"]
-    worth = f"p99.9 error {result.comparison.radiance.p999_abs:.2g}"
-    for said in ("✓ Pass", "Silhouette mismatch", "sphere solver robust", "numpy 2.4.6", "412 ms", worth):
-        assert said in text
-    assert not [word for word in ("Calibration", "Whole image", "Worst tile", "FLIP") if word in text]
-
-
-def test_a_failed_page_has_every_reason_with_its_place_the_photo_the_calibration_and_the_truth(spoiled):
-    result, page = spoiled
-    text = text_of(page)
-    assert titles(page)[-2:] == ["Augmented photo", "Photo"]
-    photos = [view.photo for view in result.calibration.views]
-    for said in ("✗ Fail", "few_views", *photos):
-        assert said in text
-    found = re.findall(r'<(?:li|span)><a href="(#[^"]+)">(.*?)</a></(?:li|span)>', page.read_text(encoding="utf-8"))
-    assert [unescape(text) for _, text in found] == list(result.comparison.reasons)
-    assert "#pixel=11,10,48" in [address for address, _ in found]
-    assert {"x": 40, "y": 70, "width": 1, "height": 1} in data_of(page)["places"]
-
-
-def test_noise_is_not_measured_against_the_tolerance_of_exact_images(make_result, tmp_path):
-    """And an image without a surface has no silhouettes."""
-    result = make_result()
-    noisy = replace(result.twin, variance=np.full_like(result.twin.mean, 1e-4), samples=64)
-    write_report(replace(result, test=Image(result.subject.mean), reference=noisy), tmp_path / "report.html")
-    text = text_of(tmp_path / "report.html")
-    assert "noise included" in text
-    assert "64 samples per pixel" in text
-    assert not data_of(tmp_path / "report.html")["bound"]["held"]
-    assert "Silhouettes" not in titles(tmp_path / "report.html")
-
-
-# ------------------------------------------------------------------------------------------ in a browser
 
 
 def assert_true_digits(text: str, value: float) -> None:
@@ -295,11 +218,93 @@ def test_links_places_flip_wipe_and_maps_do_what_they_say(looked):
 
 
 @pytest.mark.nightly
-def test_thinned_values_are_their_blocks_worst_and_a_photo_of_another_size_is_shown(
-    make_result, tmp_path, browse, monkeypatch
-):
-    thinned = partial(packing.pack, most_pixels=5000)
-    monkeypatch.setattr("raytwin.show.compare_page.viewer.pack", thinned)
+def test_a_click_on_a_part_shows_its_values_and_a_second_click_the_difference(make_result, tmp_path, browse):
+    result = make_result()
+    picture = np.zeros((60, 80, 3), np.float32)  # of every second pixel of 160 x 120
+    picture[:50, :40], picture[:50, 40:] = 0.02, -0.03
+    rows = (Part("sun's shadow", rmse=0.02, noise=0.001), Part("bounce 1", rmse=0.0), Part("noise", rmse=0.001))
+    ledger = Ledger(rows, {"sun's shadow": picture, "bounce 1": np.zeros_like(picture)}, picture, 2)
+    report = msgspec.structs.replace(result.report, ledger=rows)
+    write_report(replace(result, ledger=ledger, report=report), tmp_path / "report.html")
+    script = r"""
+      const button = document.querySelector('[data-part="sun\'s shadow"]');
+      const look = () => ({ pressed: button.ariaPressed, title: viewer.panes.get("map").head.textContent,
+        at: [[10, 10], [150, 10], [10, 110]].map(([x, y]) => viewer.map()[y * viewer.data.columns + x]),
+        row: texts("further").slice(0, 3) });
+      result.buttons = [...document.querySelectorAll("[data-part]")].map((b) => b.textContent);
+      result.before = look();
+      viewer.keep(10, 10); button.click(); drawn(); result.part = look();
+      button.click(); drawn(); result.after = look();"""
+    found, console = browse(tmp_path / "report.html", script=script)
+    assert console == []
+    assert found["buttons"] == ["sun's shadow"]  # a part that is 0 has no picture
+    assert (found["part"]["pressed"], found["part"]["title"]) == ("true", "sun's shadow")
+    assert found["part"]["at"] == pytest.approx([0.02, -0.03, 0.0], abs=0.001)  # its noise
+    assert [float(x) for x in found["part"]["row"]] == pytest.approx([0.02] * 3, abs=0.001)
+    assert found["before"] == found["after"] | {"row": found["before"]["row"]}
+    assert found["after"]["title"] == "Difference"
+
+
+DRAG = """
+      const pane = viewer.shown()[0], box = pane.canvas.getBoundingClientRect();
+      const send = (type, x, y) => {
+        const [u, v] = viewer.frame_of(pane).at(x, y), at = { clientX: box.left + u, clientY: box.top + v };
+        pane.canvas.dispatchEvent(new PointerEvent(type, { ...at, pointerId: 1, bubbles: true, SHIFT }));
+      };
+      const drag = (a, b) => { send("pointerdown", ...a); send("pointermove", ...b); send("pointerup", ...b); };
+      const cells = (row) => row.innerText.split("\\t");
+      const rows = () => [...document.querySelectorAll(".rt-inspector tbody tr")].map(cells);
+      drag([5, 4], [16, 11]);
+      result.area = viewer.area;
+      result.rows = rows();
+      result.said = status();
+      const before = { ...viewer.view };
+      send("pointerdown", 20, 20), send("pointerup", 20, 20);
+      result.after = [viewer.area, rows()[3][0], viewer.kept];
+      result.still = before.x === viewer.view.x;"""
+
+
+@pytest.mark.parametrize("noisy", [True, False])
+def test_a_dragged_rectangle_has_its_means_their_ratio_and_their_sigmas(noisy, browse, tmp_path):
+    """Shift and drag for a pair with a variance, the button for one without."""
+    rng = np.random.default_rng(5)
+    a, b = rng.uniform(0.2, 0.8, (2, 24, 36, 3)).astype(np.float32)
+    variance = rng.uniform(0.5e-3, 2e-3, a.shape).astype(np.float32)
+    for name, mean in (("a.exr", a), ("b.exr", b)):
+        write_exr(tmp_path / name, Image(mean, variance, samples=64) if noisy else Image(mean))
+    write_diff(diff(tmp_path / "a.exr", tmp_path / "b.exr"), tmp_path / "out")
+    script = DRAG.replace("SHIFT", f"shiftKey: {str(noisy).lower()}")
+    if not noisy:
+        script = '[...document.querySelectorAll("button")].find((b) => b.textContent === "Area").click();' + script
+    read, console = browse(tmp_path / "out" / "report.html", "", script)
+    assert console == []
+    assert read["area"] == [5, 4, 16, 11]
+    part = np.s_[4:12, 5:17]
+    means = [x[part].mean(axis=(0, 1)) for x in (a, b)]
+    z = (a - b)[part].sum(axis=(0, 1)) / np.sqrt(2 * variance[part].sum(axis=(0, 1)))
+    last = z if noisy else means[0] / means[1]
+    for row, expected in zip(read["rows"], (*means, means[0] - means[1], last), strict=True):
+        np.testing.assert_allclose([float(x) for x in row[1:4]], expected, rtol=0.02, atol=1e-4)
+    assert read["said"].startswith("means of 12 × 8 pixels: ratio ")
+    ratio = float(read["said"].split("ratio ")[1].split(",")[0])
+    assert ratio == pytest.approx(a[part].mean() / b[part].mean(), rel=1e-3)
+    assert ("|z|" in read["said"]) == noisy
+    assert read["after"] == [None, "in σ" if noisy else "relative", [20, 20]]
+    assert read["still"]
+
+
+# ------------------------------------------------------------------------------------------ large and noisy images
+
+
+@pytest.fixture
+def thinned(monkeypatch):
+    """Pages keep at most 5000 pixels: every second one of 160 x 120."""
+    monkeypatch.setattr("raytwin.show.compare_page.viewer.pack", partial(packing.pack, most_pixels=5000))
+
+
+@pytest.mark.nightly
+@pytest.mark.usefixtures("thinned")
+def test_thinned_values_are_their_blocks_worst_and_a_photo_of_another_size_is_shown(make_result, tmp_path, browse):
     result = make_result(photos=True)
     large = np.repeat(np.repeat(result.photo, 2, axis=0), 2, axis=1)
     write_report(replace(result, photo=large, augmented=None), tmp_path / "report.html")
@@ -312,12 +317,47 @@ def test_thinned_values_are_their_blocks_worst_and_a_photo_of_another_size_is_sh
     read, console = browse(tmp_path / "report.html", "", script)
     assert console == []
     assert np.abs(np.array(read["photo"], int) - result.photo[84, 96]).max() < 40  # the same field of view
-    assert "of each 2 × 2 pixels, it has the one that errs most" in text_of(tmp_path / "report.html")
+    assert "one value per 2 × 2 pixels: that of the pixel with the largest error" in text_of(tmp_path / "report.html")
     error = (result.subject.mean - result.twin.mean)[40:42, 96:98]
     dy, dx = np.unravel_index(np.abs(error).max(axis=-1).argmax(), (2, 2))
     assert read["at"] == [96 + dx, 40 + dy]
     for text, value in zip(read["error"][:3], error[dy, dx], strict=True):
         assert_true_digits(text.lstrip("+"), float(value))
+
+
+@pytest.mark.nightly
+@pytest.mark.usefixtures("thinned")
+def test_noise_is_shown_in_sigmas_and_as_means_where_not_every_pixel_fits(make_result, tmp_path, browse):
+    result = make_result()
+    variance = np.full_like(result.twin.mean, 1e-4)
+    mean = (result.twin.mean + 0.01 * np.random.default_rng(3).normal(size=variance.shape)).astype(np.float32)
+    mean[40:48, 60:68] += 0.03
+    test, reference = Image(mean, variance, 64), Image(result.twin.mean, 0 * variance, 1 << 20)
+    pair = replace(result, test=test, reference=reference, report=Report("s", "", compare(test, reference)))
+    shown = PairView(pair, "s", view_of(result).names, result.tolerance)
+    write_report(shown, tmp_path / "page.html")
+    script = """
+      viewer.keep(62, 44);
+      for (const row of ["test", "error", "further"]) result[row] = texts(row);
+      result.said = status();
+      result.map = [viewer.state.map, viewer.panes.get("map").head.textContent];
+      // zoomed out to blocks of 4 x 4 kept means: the wrong corner, which is 2 x 2 of them, stands out
+      const z = viewer.reduced(2), at = 11 * 40 + 15;
+      result.z = [z[at], Math.sqrt(z.reduce((sum, x) => sum + x * x, 0) / z.length)];"""
+    read, console = browse(tmp_path / "page.html", "", script)
+    assert console == []
+    assert read["said"] == "means of 2 × 2 pixels"
+    assert read["map"] == ["sigmas", "Difference in σ"]
+    a, b = binned(test, 2), binned(reference, 2)
+    error, sigma = (a.mean - b.mean)[22, 31], np.sqrt(a.variance)[22, 31]
+    for text, value in zip(read["test"][:3], a.mean[22, 31], strict=True):
+        assert_true_digits(text, float(value))
+    for row, values in (("error", error), ("further", error / sigma)):
+        for text, value in zip(read[row][:3], values, strict=True):
+            assert_true_digits(text.lstrip("+"), float(value))
+    z = (mean - result.twin.mean)[44:48, 60:64].mean(axis=(0, 1)) / (0.01 / 4)
+    assert read["z"][0] == pytest.approx(z[np.abs(z).argmax()], rel=0.05)
+    assert read["z"][1] < 3
 
 
 @pytest.mark.nightly
@@ -330,7 +370,7 @@ def test_where_there_is_no_noise_the_map_in_sigmas_holds_errors_to_the_tolerance
     test.mean[9, 25] += 1e-2
     test.mean[9, 5] += 0.02
     for name, image in (("a", test), ("b", reference)):
-        write_image(tmp_path / f"{name}.exr", image)
+        write_exr(tmp_path / f"{name}.exr", image)
     found = diff(tmp_path / "a.exr", tmp_path / "b.exr")
     assert (16, 0, 16, 16) in found.comparison.failing
     write_report(view_of(found), tmp_path / "report.html")
