@@ -49,8 +49,9 @@ MOST = 1.35
 """Weight: what is more far-fetched is left out."""
 RARER = {
     "a square root is missing": 0.6, "a square is missing": 0.3, "the absolute value is missing": 0.6,
-    "a bound of 0 is missing": 0.6, "it is not made unit": 0.6, "it is not transposed": 0.6, "pi is missing": 0.3,
-    "pi is too many": 0.3, "there are too few steps": 9.0, "NaN is wanted": 9.0, "the factor ... is missing": 9.0,
+    "a bound of 0 is missing": 0.6, "it is not made unit": 0.6, "it is not transposed": 0.6,
+    "a division by pi is missing": 0.3, "remove a division by pi": 0.3, "there are too few steps": 9.0,
+    "this should be NaN": 9.0, "the factor ... is missing": 9.0,
     "the divisor ... is missing": 9.0, "the term ... is missing": 9.0,
 }  # fmt: skip
 """Kind of repair -> weight that is added where its reverse is a mistake: few take a root that is not wanted."""

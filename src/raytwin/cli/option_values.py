@@ -1,4 +1,4 @@
-"""What an option's text means, and whether an output can be written: all of it is checked before work begins."""
+"""Parse the texts of options, and check that outputs can be written, before any work begins."""
 
 import math
 import os
@@ -9,7 +9,7 @@ from typing import Any
 from raytwin.errors import InputError
 
 MAX_PIXELS = 400_000_000
-"""Pixels of a picture, at most: 4.8 GB per image."""
+"""Most pixels of a picture that `--size` may ask for: 4.8 GB per image."""
 MAX_SIDE = 100_000
 """Largest width or height of a picture, in pixels, that is not taken for a typing error."""
 
@@ -64,7 +64,7 @@ def parse_placed(text: str, option: str, names: str) -> Any:
 
 
 def check_outputs(*, folders: tuple[Path | None, ...] = (), files: tuple[Path | None, ...] = ()) -> None:
-    """InputError where an output cannot be written, before the work that it is to hold. Nothing is made."""
+    """Raise InputError if an output cannot be written. Creates nothing."""
     kinds = {True: "a folder", False: "a file"}
     for path, folder in (*((p, True) for p in folders if p), *((p, False) for p in files if p)):
         if any("\ud800" <= c <= "\udfff" for c in str(path)):  # bytes that are no text

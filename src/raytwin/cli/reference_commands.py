@@ -131,7 +131,7 @@ def check_command(
 
 
 def show_command(scenes: list[Path] | None = None, rung: list[str] | None = None, folder: Path | None = None) -> None:
-    """Print a line for each reference, or all that is known of a single one. Exit with 2 if one is damaged."""
+    """Print a line per reference, or all details of a single one. Exit with 2 if one is damaged."""
     from raytwin.renderers import references
     from raytwin.rungs import RUNGS
 
@@ -162,7 +162,7 @@ def show_command(scenes: list[Path] | None = None, rung: list[str] | None = None
 
 
 def _cases(scenes: list[Path] | None, rungs: list[str] | None, placed: bool = True) -> "Iterator[Case]":
-    """(scene's path, rung, scene) of every reference that is asked for; `placed`: with its camera found."""
+    """Yield (scene's path, rung, scene) for every reference asked for. `placed`: calibrate photographed scenes."""
     from raytwin.rungs import RUNGS
     from raytwin.scene import MitsubaScene
     from raytwin.scene_folders import all_scenes, find_scene
@@ -180,7 +180,7 @@ def _cases(scenes: list[Path] | None, rungs: list[str] | None, placed: bool = Tr
 
 
 def _name(scene: Path) -> str:
-    """The name that a scene's references are stored under, where the scene itself is gone, too."""
+    """The name that a scene's references are stored under. The scene itself may be gone."""
     if not scene.is_file():
         return scene.resolve().name
     from raytwin.study.make_reference import read_scene

@@ -1,4 +1,4 @@
-"""What came of two images: the verdict, its reasons in words, and every number behind it. Knows no renderer."""
+"""The result of comparing two images: the verdict, its reasons, and every number behind them. Knows no renderer."""
 
 from typing import Literal
 
@@ -13,8 +13,8 @@ class Geometry(Record, frozen=True):
 
     `mask_mismatch_pixels`: pixels whose centre sees another object; `depth_max_rel`: largest |t - t_ref| / t_ref and
     `normal_max_deg`: largest angle, both over pixels that see the same object; `shift_px`: length of the translation
-    between the two images, pixels, null where the pictures hold too little detail to tell, or where another light
-    explains more of the difference.
+    between the two images, pixels. It is null where the pictures hold too little detail to tell, or where a
+    change of the light explains more of the difference.
     """
 
     mask_mismatch_pixels: int | None = None
@@ -92,15 +92,15 @@ class Comparison(Record, frozen=True):
         return tuple(finding.reason for finding in self.findings)
 
     def judged(self, verdict: Verdict, *findings: Finding) -> "Comparison":
-        """The same numbers with another verdict, for these reasons."""
+        """The same numbers with this verdict and these reasons."""
         return msgspec.structs.replace(self, verdict=verdict, findings=findings)
 
     def saying(self, *further: str) -> "Comparison":
-        """The same with further reasons, behind the others."""
+        """The same comparison, with these reasons after the others."""
         return self.judged(self.verdict, *self.findings, *notes(further))
 
     def because(self, *causes: Finding) -> "Comparison":
-        """The same with the causes in front of the other reasons, or behind them where none is named."""
+        """The same comparison, with the causes before the other reasons if they name one, else after them."""
         named = bool(causes) and causes[0].names_a_cause
         return self.judged(self.verdict, *((*causes, *self.findings) if named else (*self.findings, *causes)))
 

@@ -98,8 +98,8 @@ class Worst(NamedTuple):
 class Family(NamedTuple):
     """Tests of one kind: the worst, the level that p-values must stay above, how many of how many fell below, where.
 
-    `detectable`: the relative error that the family would have found with the probability POWER, and `excluded`: what
-    the data speak against.
+    `detectable`: the relative error that the family would have found with the probability POWER, and `excluded`:
+    the smallest error that the data rule out.
     """
 
     worst: Worst
@@ -188,7 +188,7 @@ class Noisy(NamedTuple):
 
 
 class Known(NamedTuple):
-    """Two images, test and reference, and what is known of their noise before anything is tested.
+    """The test and the reference, and what is known of their noise before anything is tested.
 
     `share`: of the false-alarm rate, each of TESTS'; `look`: the rate as a share of a whole sequence's; `ratio` of the
     variances; `unmet`: 1 / (samples per pixel), of the image with fewer samples, 0 if zero variance proves that there
@@ -453,7 +453,7 @@ Tests = Float[np.ndarray, "*n"]
 
 
 class Deviations(NamedTuple):
-    """|mean error| beyond what is `granted`, in standard deviations, for sums (..., 3), and what it comes from."""
+    """`z`: |mean error| beyond `granted`, in standard deviations, of sums (..., 3). The other fields are its parts."""
 
     z: Tests
     sd: Tests
@@ -464,7 +464,7 @@ class Deviations(NamedTuple):
     skewness: Tests
 
     def least(self, level: float) -> Tests:
-        """The standard deviations beyond what is granted from which on each fails."""
+        """The smallest z at which each test fails."""
         return as_skewed(quantile(level, self.dof), self.skewness)
 
 
@@ -512,7 +512,7 @@ def _tiles(sums: Sums, known: Known, shared: float) -> Family:
     found: tuple[Place, ...] = ()
     for k, (side, step, here) in enumerate(scales):
         tested = _deviations(here, known, shared, level)
-        # Student's tails are wider than the Gaussian's: only what a Gaussian would doubt needs them.
+        # Student's tails are wider than the Gaussian's: only tests that fail by the Gaussian need Student's p.
         needs_student_t = tested.z >= min(gaussian_limit, float(tested.z.max()))
         p = np.ones_like(tested.z)
         p[needs_student_t] = two_sided(tested.z[needs_student_t], tested.dof[needs_student_t])
@@ -523,7 +523,7 @@ def _tiles(sums: Sums, known: Known, shared: float) -> Family:
             return Place(x * step, y * step, min(side, width - x * step), min(side, height - y * step))
 
         found = found or tuple(place(y, x) for y, x in np.argwhere(below.any(axis=-1))[:MOST_PLACES].tolist())
-        # The least plausible, and of equals the farthest off.
+        # The smallest p; of equal ones, the largest z.
         y, x, c = min(np.argwhere(p == p.min()).tolist(), key=lambda at, tested=tested: -tested.z[tuple(at)])  # type: ignore[misc]
         if (p[y, x, c], -tested.z[y, x, c]) < (worst.p, -worst.z):
             z, p_value, error, radiance = (
@@ -579,7 +579,7 @@ def excluded_bias(tested: Deviations) -> Means:
 
     The likelihood ratio of b and of none is exp(-(b' |e| - b'² / 2) / sd²), b' what b has beyond the granted error e
     (Wald 1945): a correct mean excludes b with a third of the samples that a test of a fixed number needs to find it.
-    At every look anew, an image with the bias b passes with 1 - POWER at most.
+    Even if it is tested at every look, an image with the bias b passes with probability 1 - POWER at most.
     """
     error, sd = (
         np.abs(tested.error),

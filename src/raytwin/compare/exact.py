@@ -26,7 +26,7 @@ class NoiseFree(NamedTuple):
     places: tuple[Place, ...] = ()
 
     def findings(self, tolerance: Tolerance, scale: float, pixels: int, excused: int) -> list[Finding]:
-        """The two bounds of the tolerance; `excused` pixels see another object, and may."""
+        """The two bounds of the tolerance; `excused` pixels see another object, so they may be off."""
         findings = []
         worst = f"the worst {self.error:.3g} at {at(self.x, self.y)}, {CHANNELS[self.channel]}"
         bound = f"{tolerance.p999_abs * scale:.3g}"

@@ -22,7 +22,7 @@ PIXELS_PER_PASS = 1 << 14
 
 
 def geometry_findings(test: Image, reference: Image, tolerance: Tolerance) -> tuple[Geometry, list[Finding]]:
-    """Geometry without the shift, and what is wrong with it; nulls where an image has no surface."""
+    """Compare silhouettes, depths and normals. Return the numbers (null without a surface) and the findings."""
     if test.surface is None or reference.surface is None:
         return Geometry(), []
     mine, theirs = test.surface, reference.surface
@@ -84,7 +84,7 @@ def ties(test: Surface, reference: Surface) -> Bool[np.ndarray, "h w"]:
 
 
 def without_ties(test: Image, reference: Image) -> tuple[Image, int]:
-    """The test image with the reference's pixels where either answer is correct, and how many these are."""
+    """Copy the reference's pixels into the test where either answer is correct. Return the image and their number."""
     t, r = test.surface, reference.surface
     if t is None or r is None or not (tied := ties(t, r)).any():
         return test, 0

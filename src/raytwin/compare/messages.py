@@ -8,14 +8,14 @@ from raytwin.compare.finding import CHANNELS, Finding, Place, at, notes, plural
 from raytwin.compare.significance import quantile
 
 HARDLY_LIT = 1e4
-"""Times too bright; beyond this the reference is nearly black, and the absolute error is written instead."""
+"""Ratio of error to reference above which the reference counts as black: the message states the absolute error."""
 
 COMMON_SHARE = 0.05
 """Share of a pixel's variance, common to all pixels of a tile or image, below which the reason names it (equal random
 numbers, one lamp's choice for all): 161 of 200 pairs of correct renders whose tiles shared 5 % failed."""
 
 CERTAIN = 1e-12
-"""Probabilities below are certainty, and are not written down."""
+"""Probabilities below this count as certainty: the message leaves them out."""
 
 
 def percent(x: float) -> str:
@@ -84,7 +84,7 @@ def _others(kind: str, family: Family, failed_pixels: int) -> str:
 
 
 def what_could_be_seen(image: float, tile: float, inflation: float, rate: float) -> tuple[Finding, ...]:
-    """Return which errors of the `image` and a `tile` a pass would have caught; a note where neighbours share noise."""
+    """Return which errors of the `image` and a `tile` a pass would have caught, and whether neighbours share noise."""
     of_tile = f"or of {percent(tile)} in any 24 x 24 patch"
     if not math.isfinite(tile):
         of_tile = "but perhaps none in a 24 x 24 patch, however large"
@@ -102,7 +102,7 @@ def what_could_be_seen(image: float, tile: float, inflation: float, rate: float)
 
 
 def agreement(p999: float, allowed: float, noise_free: NoiseFree) -> Finding:
-    """Return what to say of noise-free images that agree."""
+    """Return the note on noise-free images that agree."""
     text = f"the images agree: 99.9 % of the values to {p999:.2g} (allowed {allowed:.2g})"
     if noise_free.error <= 10 * allowed or math.isinf(allowed):
         return Finding("note", f"{text}, all to {noise_free.error:.2g}")

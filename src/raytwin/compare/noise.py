@@ -13,13 +13,13 @@ EVENTS = 8.0
 """A pixel of mean m and variance v is the sum of some m²/v events of one size; of fewer than this it is rare light."""
 
 ONE_EVENT = 1.01
-"""Events that the mean and variance of a single one amount to at most: 1, but for rounding."""
+"""Upper limit of m² / v for a pixel that one event made: exactly 1 without rounding."""
 
 CAP = 4.0
 """A block's claimed variance may be this many times what the scatter of t - r within it shows."""
 
 TINY = np.float32(1e-38)
-"""Nearly the least that float32 holds with all its digits."""
+"""Close to the smallest float32 with full precision."""
 
 
 # ------------------------------------------------------------------------------------------------------ one image
@@ -149,7 +149,7 @@ OPPOSITE = -0.3
 """A correlation of neighbours' errors below this is no renderer's noise, but a pattern, such as stripes."""
 
 PIXELS_CORRELATED = 200_000
-"""At most so many pixels of the image's middle rows are correlated."""
+"""Most pixels that are correlated, from the image's middle rows."""
 
 
 class Correlation(NamedTuple):
@@ -166,8 +166,8 @@ def correlation(test: Pixels, reference: Pixels, variance: Blocks) -> Correlatio
     1 + Σ ρ(lag) times that of independent pixels. ρ is read off the variogram of e = (t - r) / sd,
     γ(h) = <(e(x) - e(x + h))²> / <e(x)² + e(x + h)²> = 1 - ρ(h), in which whatever is alike over some pixels (a wrong
     brightness) cancels, and so does noise that is less towards the image's edges. Filters are separable: rows and
-    columns are measured apart, and ρ is what both all of them and their median show. No wrong corner rules the median,
-    and rows that hardly scatter rule it alone. A negative ρ shows a pattern.
+    columns are measured apart, and ρ is the smaller of two estimates: the sum over all lines, which a wrong corner can
+    dominate, and the median of the lines, which lines that hardly scatter can dominate. A negative ρ shows a pattern.
     """
     height, width = test.shape[:2]
     rows = min(height, max(SIDE, PIXELS_CORRELATED // width // SIDE * SIDE))
@@ -176,7 +176,7 @@ def correlation(test: Pixels, reference: Pixels, variance: Blocks) -> Correlatio
     sd = np.sqrt(variance[top // SIDE : -(-(top + rows) // SIDE)]).astype(np.float32)
     per_sd = np.divide(np.float32(1), sd, out=np.zeros_like(sd), where=np.isfinite(sd) & (sd > 0))
     error *= to_pixels(per_sd, rows, width)
-    np.clip(error, -3, 3, out=error)  # neither edges nor fireflies rule
+    np.clip(error, -3, 3, out=error)  # so that neither edges nor fireflies dominate
     square = error * error
     total, fourth = float(square.sum(dtype=float)), float(np.vdot(square, square))
     # Of Gaussian noise a third of its values' number, since channels share their samples; of noise in places, less.

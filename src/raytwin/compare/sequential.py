@@ -1,17 +1,17 @@
 """Compare while samples still come, and stop as soon as the verdict is certain.
 
-Batches of both sides are pooled, and looked at when there are 4 samples, and then at steps of a fourth root of two
-(4, 5, 6, 7, 8, 10, 12, 14, 16, ...) or less often. A look is the whole comparison, at a level of its own:
+Batches of both sides are pooled. The first look is at 4 samples. Each further look needs at least a fourth root of two
+times as many (4, 5, 6, 7, 8, 10, 12, 14, 16, ...). A look is the whole comparison, at a level of its own:
 
     fail       the comparison fails at its level. The levels of all looks sum to `false_alarm_rate`, so no more than
                that share of correct pairs ever fails, however often and when they are looked at (Bonferroni)
     pass       the data speak ten to one against a bias of `detectable_bias` of the whole image (Wald's likelihood
                ratio), and 24 x 24 pixels that are off by `detectable_tile_bias` would have failed nine times in ten
-    more       else, until the budget is spent; then the verdict is undecided, and says what it would take. If no bias
-               was asked for, at the budget's end a pass only needs to rule out a bias of a tenth of the whole image
+    more       otherwise. When the budget is spent, the verdict is undecided, and says how many samples would decide.
+               If no bias was asked for, a pass at the budget's end only needs to rule out a bias of 10 % of the image
 
 Octave o of samples gets 1 / (o (o + 1)) of the rate, in four equal parts. A look that is left out only lowers the
-rate: no look is worth its time before one of the three can be expected.
+rate. A look is left out if neither a pass nor a fail can be expected of it.
 """
 
 import math
@@ -33,7 +33,7 @@ from raytwin.images.image_pool import ImagePool
 from raytwin.judging import Judging
 
 FIRST, PER_OCTAVE = 4, 4
-"""Samples at the first look, and the most looks until they have doubled."""
+"""Samples at the first look, and the most looks per doubling of the samples."""
 
 FEWEST_TO_PASS = 8
 """Samples below which nothing passes: the noise of single pixels is not known yet."""
@@ -42,17 +42,17 @@ SOUGHT_BIAS, SOUGHT_TILE_BIAS = 0.01, 0.1
 """The bias of the whole image, and of any 24 x 24 pixels, that a pass excludes by default while the budget lasts."""
 
 EARLY = 0.85
-"""Look this much earlier than the last look expects the pass: the estimates are random."""
+"""Share of the samples at which a pass is expected: look there already, since the estimate is noisy."""
 
 SUSPICIOUS_MEAN, SUSPICIOUS_TILE = 2.5, 4.5
-"""Standard deviations of the whole image, and of the worst tile, from which on the next look comes soon."""
+"""Standard deviations of the whole image, and of the worst tile: above them, the next look is as early as possible."""
 
 EQUAL = "the renders are equal: taken as free of noise"
 
 REPEATS = 7
-"""Renders in a row that repeat earlier ones, after which none that differs is expected.
+"""Renders in a row that equal earlier ones: after so many, all further ones are expected to be equal, too.
 
-Some generators start alike from two seeds, as C's srand does from 0 and 1. Rare events may be missed by a few renders.
+One is not enough: C's srand starts equally from the seeds 0 and 1, and a few renders may all miss a rare event.
 """
 
 
@@ -80,8 +80,8 @@ class SequentialComparison:
             if comparison := check.add(render(seed)):
                 break
 
-    `test` and `reference` are the sides that stay as they are; what is added to a side takes its place. Each is
-    whatever `raytwin.compare` takes. `judging` and options are those of `compare` (`tolerance`, `noise`, `half_steps`).
+    `test` and `reference` are sides that do not grow. Renders added to a side replace it. Each is whatever
+    `raytwin.compare` takes. `judging` and options are those of `compare` (`tolerance`, `noise`, `half_steps`).
     `next_look` says how many samples per pixel, or renders where their samples are unknown, the next verdict needs;
     `comparison` is the last one, decided or not. A `detectable_bias` or `detectable_tile_bias` that is given must be
     met for a pass, which takes at least `fewest_to_pass` samples per pixel.
@@ -113,11 +113,11 @@ class SequentialComparison:
 
     @property
     def samples(self) -> int:
-        """Per pixel, of the side that grows and has fewer; renders, where they do not state their samples."""
+        """Samples per pixel of the growing side that has fewer. Counts renders if they do not state their samples."""
         return min((pool.weight for pool in self._pools.values() if pool.images), default=0)
 
     def image(self, side: str) -> Image:
-        """What there is of `test` or `reference`."""
+        """The mean of `test` or `reference` so far."""
         pool, fixed = self._pools[side], self._fixed[side]
         if not pool.images and fixed is None:
             raise InputError(side, "an image, or renders of it", "none")
@@ -128,10 +128,11 @@ class SequentialComparison:
         return replace(image, variance=None, samples=1, batches=None) if pool.noise_free else image
 
     def add(self, test: Any = None, reference: Any = None) -> Comparison | None:
-        """Add a render of either side, or of both: whatever `raytwin.compare` takes. Return the verdict, or None: more.
+        """Add a render of either side, or of both. Return the verdict, or None if it needs more renders.
 
-        Renders of a side are independent. An Image that states `batches` of its own brings their variance. A render
-        that repeats an earlier one counts once; where all are equal, and differ, the verdict is undecided.
+        A render is whatever `raytwin.compare` takes. Renders of a side are independent. An Image that states
+        `batches` of its own brings their variance. A render that repeats an earlier one counts once. If all are equal
+        and differ from the other side, the verdict is undecided.
         """
         for name, given in (("test", test), ("reference", reference)):
             if given is None:
@@ -173,14 +174,14 @@ class SequentialComparison:
     # ---------------------------------------------------------------------------------- within
 
     def _taken(self, name: str, given: Any) -> Image:
-        """What is given as an Image; what its format rounds off is remembered, unless `half_steps` was given."""
+        """The given side as an Image. Remembers the rounding of its file format, which `half_steps` overrides."""
         if isinstance(given, Image):
             return given
         self._loaded[name] = as_image(given)
         return self._loaded[name].image
 
     def _judged(self, judging: Judging, **options: Any) -> Comparison:
-        """The comparison of what there is."""
+        """Compare the renders so far."""
         options |= self._options
         test, reference = self.image("test"), self.image("reference")
         if any(loaded.rounding.half is not None for loaded in self._loaded.values()):
@@ -220,7 +221,7 @@ class SequentialComparison:
         return tuple(said)
 
     def _look(self, exact: bool = False) -> Comparison | None:
-        """Compare what there is; `exact`: nothing more will come, since all renders are equal."""
+        """Compare the renders so far. `exact`: all renders are equal, so further ones tell nothing new."""
         n = self.samples
         self._number = max(look_number(n), self._number + 1)
         rate = self.judging.false_alarm_rate
@@ -258,7 +259,7 @@ class SequentialComparison:
         return f"{self.samples} samples per pixel" if counted else f"{self.samples} renders"
 
     def _seen(self, made: Comparison) -> tuple[float, float]:
-        """The biases of the whole image and of 24 x 24 pixels that would have shown."""
+        """The biases of the whole image and of 24 x 24 pixels that would have been detected."""
         excluded, s = made.excluded_bias or 0.0, made.statistics
         image = min(s.minimum_detectable_bias or 0.0, max(excluded, self._sought[0]))
         # None: no tile is lit, or none would ever show.
@@ -266,12 +267,12 @@ class SequentialComparison:
         return image, dark if s.minimum_detectable_tile_bias is None else s.minimum_detectable_tile_bias
 
     def _shortfall(self, made: Comparison, image: float, tile: float) -> float:
-        """By how much the biases that may go unnoticed are larger than these."""
+        """The factor by which the biases that may go unnoticed exceed `image` and `tile`."""
         seen = self._seen(made)[1]
         return max((made.excluded_bias or 0.0) / image, 0.0 if math.isinf(tile) else seen / tile)
 
     def _next(self, made: Comparison, n: int) -> int:
-        """When to look again: soon where a fault takes shape, else when a pass can be expected, or at twice as many."""
+        """Samples at the next look: early if a fault is suspected, else when a pass is expected. At most twice n."""
         soon, s = first_samples(self._number + 1), made.statistics
         if abs(s.z_mean or 0.0) > SUSPICIOUS_MEAN or abs(s.z_tile_worst or 0.0) > SUSPICIOUS_TILE:
             return soon

@@ -1,4 +1,4 @@
-"""Which mistake explains these pictures? Cheap questions first, then each fault's prediction beside what was handed in.
+"""Find the mistake that explains these pictures: cheap tests first, then each fault's prediction beside the pictures.
 
 Each fault predicts the picture of every scene, and is judged by all of them, the correct ones included. A fault that
 explains only a part is named, and something else is reported wrong, too. If no fault explains the pictures, the report
@@ -40,13 +40,14 @@ from raytwin.scene import Scene
 NAMED_FROM_SHARE = 0.9
 """Share of the squared error below which no cause is named, unless it explains a part."""
 EXACT_FROM_SHARE = 0.9999
-"""Share of the squared error that a cause explains exactly: below it, a curve through all values is told instead."""
+"""Share of the squared error that a cause must explain to count as exact: below it, a curve through all values is
+reported instead."""
 ENOUGH_HITS = 0.5
-"""Share of the wrong pixels that it has to hit: its values must not only come near."""
+"""Share of the wrong pixels that a named cause must predict exactly: coming near is not enough."""
 PART_FROM_HITS, SPARED_FROM_SHARE = 0.4, 0.99
 """Shares of the wrong pixels that a cause has to hit, and of the correct ones it has to spare, to explain a part."""
 FEWEST_WRONG_PIXELS = 6
-"""Wrong pixels below which nothing is named: rounding on outlines."""
+"""With fewer wrong pixels no cause is named: rounding on outlines makes as many."""
 MAX_ALTERNATIVES = 3
 """Most alternative causes that are reported."""
 RARE_SHARE = 3e-3
@@ -111,7 +112,7 @@ def _view(
     test: Image, reference: Image, scene: Scene | None, rung: str, rounding: Rounding, of_reference: Rounding,
     sampled: Sampled | None,
 ) -> SubmittedImage:  # fmt: skip
-    """What `diagnose` takes: noise is slack, and a scene that no fault can be predicted in is unknown."""
+    """Make the view for `diagnose`. Noise becomes slack. The scene is left out if no fault can be predicted in it."""
     shown, correct = test.mean, reference.mean
     slack = np.zeros(shown.shape) if rounding.half is None else rounding.half.astype(float)
     variances = [image.variance for image in (test, reference) if image.variance is not None]
@@ -168,7 +169,7 @@ def diagnose(
 
 
 def _one_value(views: Sequence[SubmittedImage]) -> Cause | None:
-    """What is told where every channel of every pixel has one value: 0, or one that is not the sky's."""
+    """The cause if every channel of every pixel has the same value: 0, or one that is not the sky's."""
     values = {float(x) for view in views for x in (np.min(view.shown), np.max(view.shown))}
     value = values.pop()
     if value == 0 and not values and not any(view.points for view in views):
@@ -183,7 +184,7 @@ def _one_value(views: Sequence[SubmittedImage]) -> Cause | None:
 
 
 def _acne(samples: Sequence[PixelSample]) -> float:
-    """The share of the squared error that acne explains, which leaves to chance whether a pixel is lit; 0 for none."""
+    """The share of the squared error that shadow acne (a random part of the pixels is unlit) explains, or 0."""
     spoilt = [s for s in samples if s.wrong.any()]
     speckled = np.average([mixed(s.frame.wrong) for s in spoilt], weights=[s.wrong.sum() for s in spoilt])
     if speckled < SPECKLED_FROM or not is_firm(samples):
@@ -204,7 +205,7 @@ def _acne(samples: Sequence[PixelSample]) -> float:
 
 
 def _explanation(found: list[Hypothesis], search: Search, where: str) -> Explanation:
-    """The best of the hypotheses if it explains enough; else where the pictures are wrong, and what comes near."""
+    """Report the best hypothesis if it explains enough; else where the pictures are wrong, and the nearest one."""
     samples = search.samples
     if not found:
         return Explanation("unknown", where=where)
@@ -239,7 +240,7 @@ def _unknown(found: list[Hypothesis], samples: list[PixelSample], where: str) ->
 
 
 def _rather_than_a_fact(found: list[Hypothesis], samples: list[PixelSample]) -> Hypothesis:
-    """The best guess. If it is a symptom (FACTS) and not exact, an exact cause stands in its place."""
+    """Return the best hypothesis. A symptom (FACTS) that is not exact gives way to a cause that is."""
     best = found[0]
     if best.cause.name in FACTS and not fit_of(samples, best.steps).exact:
         return next((g for g in found[1:] if fit_of(samples, g.steps).exact), best)
@@ -261,7 +262,7 @@ def _as_good(best: Hypothesis, found: Sequence[Hypothesis], samples: list[PixelS
 
 
 def left_over(samples: Sequence[PixelSample], steps: Pipeline) -> tuple[int, str]:
-    """Pixels that stay wrong though no tracer with these steps shows them so: how many, and where."""
+    """Count the pixels that these steps do not explain, up to differences of correct tracers. Say where."""
     errors, count = [], 0
     for s in samples:
         e = s.errors(steps)

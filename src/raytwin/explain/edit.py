@@ -61,7 +61,7 @@ class Edit:
 
 
 def replaced(tree: Any, old: ast.AST, new: New) -> Any:
-    """The tree with `new` in the place of `old`; what is not on the way to it is shared."""
+    """Return the tree with `new` in place of `old`. Copies only the nodes above it; the rest is shared."""
     if tree is old:
         return new
     if isinstance(tree, list):
@@ -97,7 +97,7 @@ def locate(tree: ast.AST, like: ast.AST) -> None:
 
 
 def code_of(statements: list[ast.stmt]) -> bytes:
-    """The compiled statements; empty where they do not compile."""
+    """Compile the statements. Returns b"" if they do not compile."""
     tree = ast.Module(statements, [])
     try:
         with warnings.catch_warnings():
@@ -115,12 +115,12 @@ def code_of(statements: list[ast.stmt]) -> bytes:
 
 
 def changed(node: Any, **fields: Any) -> Any:
-    """A node like this one, but for these fields."""
+    """Copy the node with these fields changed."""
     return type(node)(**dict(ast.iter_fields(node)) | fields)
 
 
 def renamed(tree: ast.AST, names: Mapping[str, str]) -> Any:
-    """A copy with other names."""
+    """Copy the tree with its names replaced by `names`."""
     made = copy.deepcopy(tree)
     for n in all_names(made):
         n.id = names.get(n.id, n.id)
@@ -160,7 +160,7 @@ def all_names(tree: ast.AST) -> list[ast.Name]:
 
 
 def names_in(tree: ast.AST, use: type[ast.expr_context] = ast.expr_context) -> set[str]:
-    """The names in the tree; those that are read or stored alone, if `use` is ast.Load or ast.Store."""
+    """The names in the tree: all, or with `use` ast.Load or ast.Store only those that are read or stored."""
     return {n.id for n in all_names(tree) if isinstance(n.ctx, use)}
 
 

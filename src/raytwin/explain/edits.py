@@ -34,7 +34,7 @@ Found = Iterator[tuple[Any, ...]]
 MODULES = {"math", "cv2", "scipy", "optimize", "linalg", "itertools", "functools"}
 SIMPLE = ast.Assign | ast.AugAssign | ast.Expr
 SHARED = "an array is changed in place"
-REPLACED = "each time replaces the one before"
+REPLACED = "the new value overwrites the old one"
 OVER_AN_AXIS = {
     "stack", "concatenate", "flip", "cumsum", "argsort", "sort", "repeat", "roll", "sum", "norm", "mean", "min", "max",
     "argmin", "argmax", "any", "all", "prod", "nanmin", "nanmax", "median",
@@ -46,7 +46,7 @@ MISSING_BESIDE = ("term", "A + B"), ("term", "A - B"), ("term", "B - A"), ("fact
 MOST_DIMENSIONS = 4
 """Largest whole number that may count axes, powers or factors; larger ones are steps or sizes."""
 BETWEEN_CALLS = "results are kept between calls"
-TOO_MANY = "this line is too many"
+TOO_MANY = "remove this line"
 MAX_NAMES = 6
 """Most names of an expression of which two are swapped."""
 SECOND_PLACE_WEIGHT = 0.05
@@ -213,7 +213,7 @@ def _around(node: ast.expr, scope: Scope) -> Found:
     for name in scope.names if tests and not isinstance(parent, ast.BinOp) else ():
         yield f"the condition `{name} > 0` is missing", RARE, filled("A & (B > 0)", A=node, B=template(name))
     if isinstance(parent, ast.Compare):
-        yield from (("another value is compared", FAR, template(name)) for name in scope.names)
+        yield from (("the wrong value is compared", FAR, template(name)) for name in scope.names)
     alone = not isinstance(parent, ast.Call | ast.Compare)
     for text in [] if isinstance(node, ast.Constant) else dict.fromkeys([*scope.names, *scope.donors]):
         if text != ast.unparse(node) and (alone or text in scope.donors):
@@ -226,7 +226,7 @@ def _around(node: ast.expr, scope: Scope) -> Found:
 def _conditions(n: ast.BoolOp, scope: Scope) -> Found:
     for k, value in enumerate(n.values if len(n.values) > 2 else ()):
         rest = n.values[:k] + n.values[k + 1 :]
-        yield f"the condition `{short(value)}` is too many", RARE, ast.BoolOp(n.op, rest)
+        yield f"remove the condition `{short(value)}`", RARE, ast.BoolOp(n.op, rest)
     for name in scope.names if isinstance(n.op, ast.And) else ():
         more = filled("A > 0", A=template(name))
         yield f"the condition `{name} > 0` is missing", RARE, ast.BoolOp(n.op, [*n.values, more])
@@ -235,26 +235,26 @@ def _conditions(n: ast.BoolOp, scope: Scope) -> Found:
 def _call(n: ast.Call, scope: Scope) -> Found:
     base, _, called = ast.unparse(n.func).rpartition(".")
     for i, j in itertools.combinations(range(len(n.args)), 2):
-        yield "arguments are swapped", USUAL, changed(n, args=_swapped(n.args, i, j))
+        yield "two arguments are swapped", USUAL, changed(n, args=_swapped(n.args, i, j))
     for one in [*n.args[:3], *([n.func.value] if isinstance(n.func, ast.Attribute) else [])]:
         if not (isinstance(one, ast.Constant) or scope.is_module(one)):
-            yield f"`{called}` is too many", USUAL, one
+            yield f"remove `{called}`", USUAL, one
     for other in SIMILAR.get(called, ()):
-        yield f"`{called}` stands for `{other}`", USUAL, _calling(n, other)
+        yield f"`{called}` should be `{other}`", USUAL, _calling(n, other)
     for other in sorted(scope.file.methods.get(base, frozenset()) - {called}):
-        yield f"`{other}` is wanted, not `{called}`", RARE, _calling(n, other)
+        yield f"call `{other}`, not `{called}`", RARE, _calling(n, other)
     for other, count in scope.file.arity.items() if not base and called in scope.file.arity else ():
         if other != called and count == scope.file.arity[called]:
             weight = USUAL if other.partition("_")[0] == called.partition("_")[0] else RARE
-            yield f"`{other}` is wanted, not `{called}`", weight, _calling(n, other)
+            yield f"call `{other}`, not `{called}`", weight, _calling(n, other)
     for k, keyword in enumerate(n.keywords):
         weight = COPIED if keyword.arg == "dtype" else USUAL
         rest = n.keywords[:k] + n.keywords[k + 1 :]
-        yield f"the argument `{keyword.arg}` is too many", weight, changed(n, keywords=rest)
+        yield f"remove the argument `{keyword.arg}`", weight, changed(n, keywords=rest)
     if called in TYPED and all(k.arg != "dtype" for k in n.keywords):
         weight = COPIED if called.endswith("_like") else USUAL
         typed = changed(n, keywords=[*n.keywords, ast.keyword("dtype", template("float"))])
-        yield "it holds whole numbers", weight, typed
+        yield "the array holds only whole numbers", weight, typed
     if called in OVER_AN_AXIS:
         yield from _axes(n, called)
 
@@ -262,7 +262,7 @@ def _call(n: ast.Call, scope: Scope) -> Found:
 def _counts_and_letters(n: ast.Call, scope: Scope) -> Found:
     """Where `enumerate` begins; two letters of one operand of `np.einsum` swapped."""
     for count in scope.counts if ast.unparse(n.func) == "enumerate" else ():
-        yield "it counts from another number", USUAL, changed(n, args=[n.args[0], template(count)], keywords=[])
+        yield "counting starts at the wrong number", USUAL, changed(n, args=[n.args[0], template(count)], keywords=[])
     for k, one in enumerate(n.args):
         if isinstance(one, ast.Constant) and isinstance(one.value, str) and "->" in one.value:
             for term in re.finditer(r"\w+", one.value):
@@ -277,7 +277,7 @@ def _axes(n: ast.Call, called: str) -> Found:
     for number, kept in itertools.product((-1, 0, 1, 2), ([], [ast.keyword("keepdims", template("True"))])):
         keywords = [*others, ast.keyword("axis", template(str(number))), *kept]
         args = n.args[:1] if given else n.args
-        yield "it is over the wrong axis, or over all", COPIED, changed(n, args=args, keywords=keywords)
+        yield "it runs over the wrong axis, or over all axes", COPIED, changed(n, args=args, keywords=keywords)
 
 
 def _calling(n: ast.Call, name: str) -> ast.Call:
@@ -300,20 +300,20 @@ def _sequence(n: ast.Tuple | ast.List, scope: Scope) -> Found:
         if abs(i - j) > 1:
             rest = n.elts[:i] + n.elts[i + 1 :]
             orders.append([*rest[:j], n.elts[i], *rest[j:]])
-    yield from (("the order is wrong", USUAL, changed(n, elts=order)) for order in orders)
+    yield from (("the entries are in the wrong order", USUAL, changed(n, elts=order)) for order in orders)
 
 
 def _constant(n: ast.Constant, scope: Scope) -> Found:
     value, parent = n.value, scope.parents.get(id(n))
     if isinstance(value, bool):
-        yield "it is the opposite", USUAL, template(repr(not value))
+        yield f"write `{not value}`, not `{value}`", USUAL, template(repr(not value))
     elif value is None and isinstance(parent, ast.Call):
         yield from ((f"`{name}` is missing", USUAL, template(name)) for name in scope.names)
     elif isinstance(value, int | float):
         yield from _number(n, value, parent, scope)
     elif isinstance(value, str) and isinstance(parent, ast.Compare | ast.Subscript):
         kind = "word" if isinstance(parent, ast.Compare) else "entry"
-        yield from ((f"another {kind} is wanted", FAR, template(repr(word))) for word in scope.file.words)
+        yield from ((f"this is the wrong {kind}", FAR, template(repr(word))) for word in scope.file.words)
 
 
 def _number(node: ast.Constant, value: float, parent: ast.AST | None, scope: Scope) -> Found:
@@ -325,9 +325,9 @@ def _number(node: ast.Constant, value: float, parent: ast.AST | None, scope: Sco
     else:
         others = (0.0, 1.0, value / 10, value * 10, 1e-3 * value, 2 * value, value / 2, -value)
         if abs(value - 3.14159265) < 0.2:
-            yield "pi is not exact", COPIED, filled("NP.pi", NP=scope.numpy)
+            yield "pi has too few digits", COPIED, filled("NP.pi", NP=scope.numpy)
     if isinstance(parent, ast.Compare) and value == 0:
-        yield "infinity is wanted", RARE, filled("NP.inf", NP=scope.numpy)
+        yield "this should be infinity", RARE, filled("NP.inf", NP=scope.numpy)
     around = scope.indexed(node)
     used = 0 if around is None else scope.entries.get(ast.unparse(around.value), 0)
     for other in dict.fromkeys((*others, *range(used + 2 if used > 2 else 0))):
@@ -336,26 +336,26 @@ def _number(node: ast.Constant, value: float, parent: ast.AST | None, scope: Sco
         if other != value and not (other == 0 and product):
             near = around is not None and (abs(other - value) == 1 or 0 <= other <= used + 1)
             weight = USUAL if near or {value, other} <= {0, 1, 2} else RARE
-            yield "another number is wanted", weight, template(repr(other))
+            yield "the number is wrong", weight, template(repr(other))
 
 
 def _attribute(n: ast.Attribute, scope: Scope) -> Found:
     others = scope.attributes.get(ast.unparse(n.value), set())
     for other in sorted(others - {n.attr}) if n.attr in others else ():
-        yield f"`{n.attr}` stands for `{other}`", _apart(n.attr, other), changed(n, attr=other)
+        yield f"`{n.attr}` should be `{other}`", _apart(n.attr, other), changed(n, attr=other)
 
 
 def _name(n: ast.Name, scope: Scope) -> Found:
     around = [name for loop in scope.loops_around(n) for name in names_in(loop.target)]
     leftover = n.id in scope.loops and n.id not in around
     for other in scope.names if n.id in scope.names else ():
-        words, weight = f"`{n.id}` stands for `{other}`", _apart(n.id, other)
+        words, weight = f"`{n.id}` should be `{other}`", _apart(n.id, other)
         if other in scope.suspects.get(id(n), set()):
             words, weight = f"in the copied line {words}", COPIED
         elif leftover and weight > USUAL:
-            words, weight = f"{words}: it is what the loop left", USUAL
+            words, weight = f"`{n.id}` is left over from a loop: it should be `{other}`", USUAL
         elif other in scope.unread and weight > USUAL:
-            words, weight = f"{words}, which nothing reads", USUAL
+            words, weight = f"{words}, which is never used", USUAL
         if other != n.id:
             yield words, weight, template(other)
     for text in scope.counts if n.id in scope.loops else ():
@@ -386,7 +386,7 @@ def _hiding(n: ast.For | ast.ListComp | ast.GeneratorExp, scope: Scope) -> Found
             made = copy.deepcopy(n)
             for one, like in zip(places, [one for one in all_names(made) if one.id == name], strict=True):
                 like.id = name if one is kept else f"{name}_"
-            yield f"the loop's `{name}` hides the `{name}` before it", RARE, made
+            yield f"the loop's `{name}` overwrites the earlier `{name}`", RARE, made
 
 
 # ------------------------------------------------------------------------------------------ statements
@@ -429,7 +429,7 @@ def _augmented(n: ast.AugAssign, scope: Scope) -> Found:
     if isinstance(n.target, ast.Name):
         yield SHARED, COPIED, ast.Assign([n.target], ast.BinOp(loaded, n.op, n.value))
     yield TOO_MANY, RARE, [ast.Pass()]
-    yield "it is added up, not replaced", RARE, ast.Assign([n.target], n.value)
+    yield "the value is added to the old one instead of replacing it", RARE, ast.Assign([n.target], n.value)
     for words, weight, other in rewritten(ast.BinOp(loaded, n.op, n.value), scope.numpy):
         if isinstance(other, ast.BinOp) and (other.left, other.right) == (loaded, n.value):
             yield words, weight, changed(n, op=other.op)
@@ -438,23 +438,23 @@ def _augmented(n: ast.AugAssign, scope: Scope) -> Found:
 def _expression(n: ast.Expr, scope: Scope) -> Found:
     one = n.value
     if isinstance(one, ast.Compare) and isinstance(one.ops[0], ast.Eq):
-        yield "`==` stands for `=`", COPIED, _assigned(one.left, one.comparators[0])
+        yield "`==` should be `=`", COPIED, _assigned(one.left, one.comparators[0])
     if isinstance(one, ast.Call):
         named = [one.func.value] if isinstance(one.func, ast.Attribute) and not scope.is_module(one.func) else one.args
         if named and isinstance(named[0], ast.Name):
-            yield "what it returns is not used", USUAL, _assigned(named[0], one)
+            yield "the result of the call is not used", USUAL, _assigned(named[0], one)
     yield TOO_MANY, RARE, [ast.Pass()]
 
 
 def _condition(n: ast.If, scope: Scope) -> Found:
-    yield "the condition is the wrong way round", USUAL, changed(n, test=ast.UnaryOp(ast.Not(), n.test))
-    yield "the condition is too many", RARE, list(n.body)
+    yield "the condition is reversed", USUAL, changed(n, test=ast.UnaryOp(ast.Not(), n.test))
+    yield "remove the condition", RARE, list(n.body)
     yield "the condition never holds", RARE, list(n.orelse) or [ast.Pass()]
     if n.orelse:
         yield "the two cases are swapped", USUAL, changed(n, body=n.orelse, orelse=n.body)
-        yield "the other case is too many", USUAL, changed(n, orelse=[])
+        yield "remove the other case", USUAL, changed(n, orelse=[])
     if len(n.body) > 1:
-        yield "the last line belongs behind the condition", RARE, [changed(n, body=n.body[:-1]), n.body[-1]]
+        yield "the last line belongs after the condition", RARE, [changed(n, body=n.body[:-1]), n.body[-1]]
     if any(isinstance(one, ast.In | ast.NotIn) for one in ast.walk(n.test)):
         yield BETWEEN_CALLS, COPIED, list(n.body)
 
@@ -468,24 +468,24 @@ def _loop(n: ast.For | ast.While, scope: Scope) -> Found:
         if step not in n.body:
             yield f"`{short(step)}` is missing in the loop", FAR, changed(n, body=[*n.body, step])
     if others:
-        yield "the last line belongs behind the loop", FAR, [changed(n, body=others), last]
+        yield "the last line belongs after the loop", FAR, [changed(n, body=others), last]
         for one in [s for s in n.body[:3] if isinstance(s, SIMPLE)]:
             yield "the line belongs before the loop", RARE, [one, changed(n, body=[s for s in n.body if s is not one])]
 
 
 def _jump(n: ast.stmt, scope: Scope) -> Found:
-    yield "it ends too early", USUAL, [ast.Pass()]
+    yield "the loop ends too early", USUAL, [ast.Pass()]
     other = ast.Continue() if isinstance(n, ast.Break) else ast.Break()
-    yield f"`{ast.unparse(other)}` is wanted", USUAL, [other]
+    yield f"write `{ast.unparse(other)}` instead", USUAL, [other]
 
 
 def _return(n: ast.Return, scope: Scope) -> Found:
     if next(scope.loops_around(n), None) is None:
         return
-    yield "it returns inside the loop, which ends it: `continue` is wanted", COPIED, [ast.Continue()]
+    yield "`return` ends the loop here: write `continue`", COPIED, [ast.Continue()]
     if n.value is not None and not isinstance(n.value, ast.Constant):
         for found, test in ((True, n.value), (False, ast.UnaryOp(ast.Not(), n.value))):
-            words = f"it returns the first value: only where it is {found} nothing else counts"
+            words = f"it returns after the first value: return early only if that is {found}"
             yield words, USUAL, [ast.If(test, [ast.Return(ast.Constant(found))], [])]
 
 
@@ -520,13 +520,13 @@ OPERATORS: tuple[tuple[Any, Callable[[Any, Scope], Found]], ...] = (
 
 def _in_block(block: list[ast.stmt], scope: Scope) -> Iterator[Edit]:
     """A line that belongs elsewhere, or that is missing beside one like it."""
-    into = "the line belongs into the loop"
+    into = "the line belongs inside the loop"
     for k, (one, after) in enumerate(itertools.pairwise(block)):
         if isinstance(one, SIMPLE) and isinstance(after, SIMPLE):
             yield Edit("two lines are in the wrong order", USUAL, one, [changed(after)], ((after, [changed(one)]),))
         for later in block[k + 1 : k + 5] if isinstance(one, ast.Assign) else ():
             if later is not after or not isinstance(after, SIMPLE):
-                yield Edit("the line comes too early", RARE, one, [ast.Pass()], ((later, [later, one]),))
+                yield Edit("the line should come later", RARE, one, [ast.Pass()], ((later, [later, one]),))
         if isinstance(one, ast.For | ast.While) and isinstance(after, SIMPLE):
             yield Edit(into, RARE, after, [ast.Pass()], ((one.body[-1], [one.body[-1], after]),))
         if isinstance(after, ast.For | ast.While):
@@ -608,7 +608,7 @@ def _unlike(one: ast.AST, other: ast.AST, scope: Scope) -> Iterator[Edit]:
             letters = str.maketrans({b: a for b, a in counterparts.items() if len(a) == len(b) == 1})
             spelled = {name: name.translate(letters) for name in names_in(like)}
             known = {name: to for name, to in spelled.items() if to in scope.names}
-            words = "it is written otherwise than the line beside it"
+            words = "it does not match the line beside it"
             yield Edit(words, COPIED, old, renamed(like, known | counterparts))
 
 

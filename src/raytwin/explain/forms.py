@@ -2,7 +2,7 @@
 
 `A -> B` stands for one way, `A <-> B` for both; `;` separates several forms. In a form A, B, C and D are any
 expressions, F is what is called, N a number, V a name or a comparison, S any index or slice, NP is NumPy. `<<` and `>>`
-are any two operators. A form that is `A` alone matches every value; its way back ("too many") follows from "missing".
+are any two operators. A form that is `A` alone matches every value; its way back ("remove ...") follows from "... is missing".
 """
 
 # ruff: noqa: E501 (a form per line)
@@ -17,7 +17,7 @@ COPIED, USUAL, RARE, FAR = 0.85, 1.1, 1.6, 2.2
 
 FORMS: Mapping[float, str] = {
     COPIED: """
-        the other entry of the diagonal is wanted: A[0, 0] <-> A[1, 1]
+        use the other entry of the diagonal: A[0, 0] <-> A[1, 1]
         `&` binds more tightly than the comparisons: A > B & C > D -> (A > B) & (C > D)
         `&` binds more tightly than the comparisons: A > B & C < D -> (A > B) & (C < D)
         `&` binds more tightly than the comparisons: A < B & C < D -> (A < B) & (C < D)
@@ -28,35 +28,35 @@ FORMS: Mapping[float, str] = {
         `not` is for single values, `~` for arrays: not A -> ~A
         `is` asks for the same object, `==` for the same value: A is B -> A == B
         `is` asks for the same object, `==` for the same value: A is not B -> A != B
-        `^` is no power: A ^ B -> A ** B
-        it is transposed: A.T -> A
-        all are one and the same list: [A] * B -> [A for _ in range(B)]
+        `^` is not a power: A ^ B -> A ** B
+        the matrix should not be transposed: A.T -> A
+        all entries are the same list: [A] * B -> [A for _ in range(B)]
         there are too few steps: range(A) -> range(100)
         five steps, the default, are too few for a strong lens: cv2.undistortPoints(A, B, C) -> cv2.undistortPoints(A, B, C, criteria=(3, 100, 1e-12))
         five steps, the default, are too few for a strong lens: cv2.undistortPoints(A, B, C) -> cv2.undistortPointsIter(A, B, C, None, None, (3, 100, 1e-12))
         five steps, the default, are too few for a strong lens: cv2.undistortPoints(A, B, C, P=D) -> cv2.undistortPoints(A, B, C, P=D, criteria=(3, 100, 1e-12))
         five steps, the default, are too few for a strong lens: cv2.undistortPoints(A, B, C, P=D) -> cv2.undistortPointsIter(A, B, C, None, D, (3, 100, 1e-12))
-        the rotation vector is wanted: A.from_euler(B, C) -> A.from_rotvec(C)
-        the rotation vector is wanted: A.from_quat(B) -> A.from_rotvec(B)
-        the rotation vector is wanted: A.as_euler(B) -> A.as_rotvec()
+        use the rotation vector: A.from_euler(B, C) -> A.from_rotvec(C)
+        use the rotation vector: A.from_quat(B) -> A.from_rotvec(B)
+        use the rotation vector: A.as_euler(B) -> A.as_rotvec()
     """,
     USUAL: """
         the sign is wrong: A + B <-> A - B
         the sign is wrong: -A -> A
         it is multiplied instead of divided: A * B -> A / B
         it is divided instead of multiplied: A / B -> A * B
-        `and` stands for `or`: A & B -> A | B
-        `or` stands for `and`: A | B -> A & B
+        `&` should be `|`: A & B -> A | B
+        `|` should be `&`: A | B -> A & B
         `and` and `or` are mixed up: A and B <-> A or B
-        it is divided without remainder: A // B -> A / B
-        it is a product of matrices: A @ B -> A * B
-        the remainder is taken: A % B -> A // B
-        `{B}` is too many: A << B -> A
-        `{A}` is too many: A + B -> B
-        `{A}` is too many: A - B -> B
-        `{A}` is too many: A * B -> B
-        `{A}` is too many: A & B -> B
-        `{A}` is too many: A @ B -> B
+        `//` drops the fraction: A // B -> A / B
+        `@` multiplies matrices, not entries: A @ B -> A * B
+        `%` gives the remainder: A % B -> A // B
+        remove `{B}`: A << B -> A
+        remove `{A}`: A + B -> B
+        remove `{A}`: A - B -> B
+        remove `{A}`: A * B -> B
+        remove `{A}`: A & B -> B
+        remove `{A}`: A @ B -> B
         the operands are swapped: A - B -> B - A
         the operands are swapped: A / B -> B / A
         the operands are swapped: A @ B -> B @ A
@@ -75,46 +75,46 @@ FORMS: Mapping[float, str] = {
         the brackets end too late: F(A << B) -> F(A) << B
         the sum is taken too early: (A + B) @ C -> A @ C + B
         the sum is taken too early: (A - B) @ C -> A @ C - B
-        the inverse is wanted: A @ B -> NP.linalg.inv(A) @ B ; A @ NP.linalg.inv(B)
+        use the inverse: A @ B -> NP.linalg.inv(A) @ B ; A @ NP.linalg.inv(B)
         the matrix is not transposed, or on the wrong side: A @ B -> B @ A.T
-        doubled stands for squared, or squared for doubled: 2 * A <-> A ** 2
-        doubled stands for squared, or squared for doubled: A * 2 -> A ** 2
+        doubling and squaring are confused: 2 * A <-> A ** 2
+        doubling and squaring are confused: A * 2 -> A ** 2
         the comparison is reversed: A < B <-> A > B
         the comparison is reversed: A <= B <-> A >= B
         the comparison is reversed: A == B <-> A != B
-        it is negated: ~A -> A
-        it is negated: not A -> A
+        the negation is wrong: ~A -> A
+        the negation is wrong: not A -> A
         the two cases are swapped: A if B else C -> C if B else A
-        the first is left out: range(A, B) -> range(B)
-        it begins one too early: range(A, B) -> range(A + 1, B)
-        it ends one too early: range(A, B) -> range(A, B + 1)
-        it ends one too late: range(A, B) -> range(A, B - 1)
-        it ends one too early: range(A) -> range(A + 1)
-        it ends one too late: range(A) -> range(A - 1)
-        it counts from 1: NP.arange(A, B) -> NP.arange(B)
-        it counts from 1: NP.arange(1, A + 1) -> NP.arange(A)
-        it counts from another number: enumerate(A, B) -> enumerate(A)
-        both ends are in it: NP.linspace(A, B, C) -> NP.linspace(A, B - 1, C) ; NP.linspace(A, B, C, endpoint=False)
+        the first index is left out: range(A, B) -> range(B)
+        the range begins one too early: range(A, B) -> range(A + 1, B)
+        the range ends one too early: range(A, B) -> range(A, B + 1)
+        the range ends one too late: range(A, B) -> range(A, B - 1)
+        the range ends one too early: range(A) -> range(A + 1)
+        the range ends one too late: range(A) -> range(A - 1)
+        counting starts at 1: NP.arange(A, B) -> NP.arange(B)
+        counting starts at 1: NP.arange(1, A + 1) -> NP.arange(A)
+        counting starts at the wrong number: enumerate(A, B) -> enumerate(A)
+        both ends are included: NP.linspace(A, B, C) -> NP.linspace(A, B - 1, C) ; NP.linspace(A, B, C, endpoint=False)
         rows and columns are mixed up: A.reshape(B, C).T -> A.reshape(C, B)
         rows and columns are mixed up: A.reshape(B, C, D).transpose(1, 0, 2) -> A.reshape(C, B, D)
         rows and columns are swapped: NP.meshgrid(A, B) -> NP.meshgrid(A, B, indexing='ij')
-        infinity is wanted: NP.zeros(A) -> NP.full(A, NP.inf)
-        infinity is wanted: NP.zeros_like(A) -> NP.full_like(A, NP.inf, dtype=float)
-        infinity is wanted: NP.nan -> NP.inf
-        infinity is wanted: -NP.inf -> NP.inf
-        infinity is wanted: A > 0 -> A < NP.inf
-        infinity is wanted: A < 0 -> A < NP.inf
-        NaN is wanted: NP.zeros(A) -> NP.full(A, NP.nan)
-        NaN is wanted: NP.zeros_like(A) -> NP.full_like(A, NP.nan, dtype=float)
-        NaN is wanted: NP.inf -> NP.nan
-        the others are wanted: A[V] -> A[~V]
-        a column is wanted, not a row: A[N] -> A[:, N]
-        a row is wanted, not a column: A[:, S] -> A[S]
-        other entries are wanted: A[..., :B] <-> A[..., B:]
-        other entries are wanted: A[:, :B] <-> A[:, B:]
+        this should be infinity: NP.zeros(A) -> NP.full(A, NP.inf)
+        this should be infinity: NP.zeros_like(A) -> NP.full_like(A, NP.inf, dtype=float)
+        this should be infinity: NP.nan -> NP.inf
+        this should be infinity: -NP.inf -> NP.inf
+        this should be infinity: A > 0 -> A < NP.inf
+        this should be infinity: A < 0 -> A < NP.inf
+        this should be NaN: NP.zeros(A) -> NP.full(A, NP.nan)
+        this should be NaN: NP.zeros_like(A) -> NP.full_like(A, NP.nan, dtype=float)
+        this should be NaN: NP.inf -> NP.nan
+        the mask selects the wrong entries: A[V] -> A[~V]
+        take a column, not a row: A[N] -> A[:, N]
+        take a row, not a column: A[:, S] -> A[S]
+        the slice takes the wrong entries: A[..., :B] <-> A[..., B:]
+        the slice takes the wrong entries: A[:, :B] <-> A[:, B:]
         it is not divided by its last entry: A[:, :2] -> A[:, :2] / A[:, 2:]
         it is not divided by its last entry: A[..., :2] -> A[..., :2] / A[..., 2:]
-        the number is not exact: NP.float32 -> NP.float64
+        float32 has too few digits: NP.float32 -> NP.float64
         a square root is missing: A -> NP.sqrt(A)
         a square is missing: A -> A ** 2
         the sign is wrong: A -> -A
@@ -122,51 +122,51 @@ FORMS: Mapping[float, str] = {
         a division by the length is missing: A -> A / NP.linalg.norm(A, axis=-1, keepdims=True)
         a transpose is missing: A -> A.T
         a factor 2 is missing: A -> 2 * A
-        a factor 2 is too many: A -> A / 2
-        pi is missing: A -> A / NP.pi
-        pi is too many: A -> NP.pi * A
+        remove a factor 2: A -> A / 2
+        a division by pi is missing: A -> A / NP.pi
+        remove a division by pi: A -> NP.pi * A
     """,
     RARE: """
-        `{A}` is too many: A - B -> -B
+        remove `{A}`: A - B -> -B
         the operands are swapped: A + B -> B + A
         the comparison is reversed: A < B <-> A <= B
         the comparison is reversed: A > B <-> A >= B
         the comparison is reversed: A in B <-> A not in B
-        a condition is too many: A if B else C -> A ; C
-        the condition `{A}` is too many: A and B -> B
-        the condition `{B}` is too many: A and B -> A
+        the value should not depend on a condition: A if B else C -> A ; C
+        remove the condition `{A}`: A and B -> B
+        remove the condition `{B}`: A and B -> A
         it is multiplied, not raised to a power: A * B -> A ** B
         it is squared, not cubed: A ** 2 -> A ** 3
-        a product of matrices is wanted: A * B -> A @ B
-        it counts from another number: enumerate(A) -> enumerate(A, 1)
-        the order is by columns: A.reshape(B, C) -> A.reshape(B, C, order='F')
-        the order is by columns: A.reshape(B, C, D) -> A.reshape(B, C, D, order='F')
-        one of several is used: A[N] -> NP.min(A, axis=0) ; NP.max(A, axis=0) ; NP.sum(A, axis=0)
-        other entries are wanted: A[:B] -> A[::B] ; A[:, :B] ; A[B:] ; A[-B:]
-        other entries are wanted: A[B:] -> A[::B] ; A[:, :B] ; A[:B] ; A[-B:]
-        other entries are wanted: A[B:C] -> A[B:C + 1] ; A[B:C - 1] ; A[B + 1:C] ; A[:, :C] ; A[B:] ; A[:C]
+        `*` multiplies entries, not matrices: A * B -> A @ B
+        counting starts at the wrong number: enumerate(A) -> enumerate(A, 1)
+        the entries are stored column by column: A.reshape(B, C) -> A.reshape(B, C, order='F')
+        the entries are stored column by column: A.reshape(B, C, D) -> A.reshape(B, C, D, order='F')
+        only one of several entries is used: A[N] -> NP.min(A, axis=0) ; NP.max(A, axis=0) ; NP.sum(A, axis=0)
+        the slice takes the wrong entries: A[:B] -> A[::B] ; A[:, :B] ; A[B:] ; A[-B:]
+        the slice takes the wrong entries: A[B:] -> A[::B] ; A[:, :B] ; A[:B] ; A[-B:]
+        the slice takes the wrong entries: A[B:C] -> A[B:C + 1] ; A[B:C - 1] ; A[B + 1:C] ; A[:, :C] ; A[B:] ; A[:C]
         the absolute value is missing: A -> NP.abs(A)
         degrees are used as radians: A -> NP.radians(A)
         a copy is missing: A -> A.copy()
         an axis is missing: A -> A[:, None] ; A[..., None]
         a factor 4 is missing: A -> 4 * A
-        it is its complement: A -> 1 - A
-        half a step is off: A -> A + 0.5 ; A - 0.5
-        one step is off: A -> A + 1 ; A - 1
-        it is negated: A -> ~A
-        the inverse is wanted: A -> NP.linalg.inv(A)
+        use 1 minus the value: A -> 1 - A
+        it is off by half a step: A -> A + 0.5 ; A - 0.5
+        it is off by one step: A -> A + 1 ; A - 1
+        the negation is wrong: A -> ~A
+        use the inverse: A -> NP.linalg.inv(A)
     """,
     FAR: """
-        the index is too many: A[S] -> A
+        remove the index: A[S] -> A
         the order is reversed: A -> A[::-1]
         the channels are reversed: A -> A[..., ::-1]
-        it is inverted: A -> 1 / A
-        it is cut to whole numbers: A -> A.astype(float)
+        use 1 divided by the value: A -> 1 / A
+        whole numbers have lost the fraction: A -> A.astype(float)
         rows and columns are swapped: A -> A.transpose(1, 0, 2)
         the sum over an axis is missing: A -> NP.sum(A, axis=-1)
-        the length is wanted: A -> NP.linalg.norm(A, axis=-1)
-        it is bounded: A -> NP.clip(A, 0, 1)
-        it is encoded: A -> A ** (1 / 2.2) ; A ** 2.2
+        use the length: A -> NP.linalg.norm(A, axis=-1)
+        limit the value to 0 to 1: A -> NP.clip(A, 0, 1)
+        use the gamma curve or its inverse: A -> A ** (1 / 2.2) ; A ** 2.2
     """,
 }  # fmt: skip
 
@@ -209,7 +209,7 @@ def _rows() -> list[Row]:
             each = tuple(others.split(" ; "))
             rows.append((words, weight, template(form), each))
             if both or (form == "A" and "is missing" in words):
-                back = words.replace("is missing", "is too many")
+                back = f"remove {words.removesuffix(' is missing')}" if words.endswith(" is missing") else words
                 rows += [(back, weight, template(other), (form,)) for other in each]
     return rows
 

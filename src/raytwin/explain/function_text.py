@@ -1,4 +1,4 @@
-"""The statements of a text that a function is made of, and what the operators have to know of them."""
+"""Find the statements that a function is made of, and collect what the operators need to know of their file."""
 
 import ast
 import re
@@ -12,7 +12,7 @@ Cells = Sequence[tuple[str, str]]
 
 
 def file_of(cells: Cells, reached: Sequence[ast.stmt]) -> File:
-    """What the operators have to know of the text."""
+    """Collect what the operators need: NumPy's name, words, methods, and the number of arguments of each function."""
     nodes = [n for s in reached for n in ast.walk(s)]
     words = {n.value for n in nodes if isinstance(n, ast.Constant) and isinstance(n.value, str)}
     methods: dict[str, set[str]] = {}
@@ -43,7 +43,7 @@ def _parsed(text: str) -> ast.Module:
 
 
 def statements_of(cells: Cells, function: str, innocent: Sequence[str]) -> list[tuple[str, ast.stmt]]:
-    """Those top-level statements that bind the function and whatever it, in turn, reads, but for what is innocent."""
+    """Return the top-level statements that define the function and all that it reads, without the innocent."""
     bound: dict[str, tuple[str, ast.stmt]] = {}
     for cell, text in cells:
         for statement in _parsed(text).body:

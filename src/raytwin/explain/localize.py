@@ -10,9 +10,9 @@ from raytwin.explain.predict import Array, Predictor, Seen
 from raytwin.scene import Scene
 
 MUCH, LITTLE = 0.05, 0.005
-"""A region is wrong where more of its pixels are, and correct where fewer are."""
+"""Share of a region's pixels that are wrong: above the first the region is wrong, below the second it is correct."""
 HARDLY = 1e-4
-"""Share of a picture's pixels: where fewer are wrong, all of it counts as correct."""
+"""Share of a picture's pixels: if fewer are wrong, the whole picture counts as correct."""
 KINDS = ("spheres", "planes", "the background")
 LIGHTS = ("in sunlight", "facing away from the sun", "in cast shadow")
 
@@ -42,7 +42,7 @@ def whereabouts(samples: Sequence[PixelSample], errors: Sequence[Array]) -> str:
 
 
 def points_of_misses(samples: Sequence[PixelSample]) -> str:
-    """A point of a ray that meets nothing, where all such points and no others are wrong: in words; else empty."""
+    """In words, the hit point of a ray that meets nothing, if exactly the points of such rays are wrong; else empty."""
     spoilt = [(s, np.isnan(s.correct).any(axis=-1)) for s in samples if s.wrong.any()]
     if not all(s.view.points and np.array_equal(s.wrong, missed) for s, missed in spoilt):
         return ""
@@ -56,7 +56,7 @@ SIDES: dict[str, Any] = {
 
 
 def border_alone(samples: Sequence[PixelSample]) -> str:
-    """`the last row and the last column`, where they are wrong and nothing within the border is; else empty."""
+    """Such as `the last row and the last column`, if they are wrong and nothing inside the border is; else empty."""
     spoilt = [s.frame for s in samples if s.wrong.any()]
     if any(frame.step > 1 or frame.wrong[1:-1, 1:-1].any() for frame in spoilt):
         return ""

@@ -13,11 +13,11 @@ import numpy as np
 from raytwin.explain.parametric_faults import bright
 
 BLOCK = 8
-"""Pixels across."""
+"""Side of a block, pixels."""
 FIRM_SIGMAS = 8.0
-"""Standard deviations of the mean square, by which a cause has to lower it."""
+"""A cause must lower the mean square by this many of its standard deviations."""
 LEFT_SHARE = 0.1
-"""Share of what exceeds 1 that a cause may leave."""
+"""Largest share of (mean square - 1) that may remain once a cause is assumed."""
 LEAST_CHANGE = 1e-3
 """A fitted number that changes the image by less than this is ignored."""
 GAMMAS = ((1 / 2.2, "encoded for display (gamma)"), (2.2, "decoded once too often (gamma)"))
@@ -34,7 +34,7 @@ class Trial(NamedTuple):
 
 
 def noisy_cause(shown: Array, right: Array, variance: Array, reference_variance: Array) -> str:
-    """What has happened to the values or the order of the test (H, W, 3); empty where nothing of it explains it."""
+    """Name the change of values or pixel order that explains the test (H, W, 3); empty if none does."""
     if min(shown.shape[:2]) < 4 * BLOCK:
         return ""
     s, r, v, rv = (np.asarray(x, float) for x in (shown, right, variance, reference_variance))
@@ -71,7 +71,7 @@ def _trials(s: Array, r: Array, v: Array, rv: Array) -> Iterator[Trial]:
 
 
 def _power(s: Array, r: Array, v: Array, rv: Array) -> Trial:
-    """r^g for g between 1/3 and 3; the curve moves the mean of noisy values, to second order corrected."""
+    """r^g for the best g between 1/3 and 3. The mean of r^g is corrected for noise to second order."""
     from scipy.optimize import minimize_scalar
 
     base = np.maximum(r, 1e-6 * max(float(r.max()), 1e-300))

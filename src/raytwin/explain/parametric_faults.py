@@ -1,4 +1,4 @@
-"""Mistakes with a number in them: a factor, a shift, an angle, fitted to all views together.
+"""Mistakes with parameters: a factor, a shift, an angle. They are fitted to all views together.
 
 Each family is a change of the tracer with parameters. They are found by least squares on the logarithmic cost of
 `PixelSample`, whose tolerance begins at the size of the errors and shrinks to what is close.
@@ -41,9 +41,9 @@ WRITTEN = tuple(
 )
 """Factors of light that a rounded π leaves, as divisor or factor."""
 MAX_STEPS_AT_FIRST = 100
-"""Small steps that a fit tries at first, at most."""
+"""Largest first step of a fit, in units of `step`."""
 SAME = 1e-5
-"""A factor this close to 1 changes nothing that single precision shows."""
+"""Factors that differ from 1 by less are ignored: single precision cannot show them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ def factor(k: float) -> str:
 
 
 def bright(k: float) -> str:
-    """How a part with the factor k differs from the correct one."""
+    """Say in words how light that is k times the correct light differs from it."""
     if abs(k - 1) < 2e-3:
         written = next((f" (π written as {name})" for value, name in WRITTEN if abs(k - value) < 2e-5), "")
         return f"{100 * abs(k - 1):.2g} % too {'bright' if k > 1 else 'dark'}{written}"
@@ -98,7 +98,7 @@ def _degrees(p: Sequence[float]) -> float:
 
 
 def _sun_moved(p: Sequence[float], scenes: Sequence[Scene]) -> str:
-    """By the angle between the right and the fitted direction: what turns about the sun itself moves nothing."""
+    """State the angle between the correct and the fitted direction. A turn about that direction has no effect."""
     turn, suns = _turned(p), [np.array(scene.sun.to_light) for scene in scenes]
     angle = max(float(np.arctan2(np.linalg.norm(np.cross(to, turn @ to)), to @ turn @ to)) for to in suns)
     most = "up to " if len({scene.sun.to_light for scene in scenes}) > 1 else ""
@@ -165,10 +165,10 @@ FAMILIES = (
         lambda p, _: f"only what is nearer than {10 ** p[0]:.2g} m casts a shadow: nothing bounds the way to the "
                      "sun", ((-0.7,), (-1.2,), (0.0,))),
 )  # fmt: skip
-"""A number more is a worse explanation: of two that fit alike, the row with fewer parameters stands."""
+"""Of two rows that fit equally well, the one with fewer parameters is preferred."""
 
 MAX_OBJECTS_FITTED = 8
-"""Objects, beyond which no single one is fitted."""
+"""Most objects in a scene whose radii are fitted one by one."""
 
 
 def radii_of(scene: Scene) -> tuple[ParametricFault, ...]:

@@ -119,7 +119,7 @@ class PixelSample:
         return picture.reshape(-1, *picture.shape[2:])[self.index]
 
     def predict(self, pipeline: Pipeline) -> Array:
-        """(N, 3): what would be shown; NaN where slips do not go with what else is changed."""
+        """Predict the picture (N, 3). NaN where the changes of the pipeline exclude one another."""
         for key, made in self.made:
             if key is pipeline:
                 return made
@@ -153,7 +153,7 @@ class PixelSample:
         return made
 
     def _beyond(self, pipeline: Pipeline, bench: Predictor) -> Array:
-        """Light of the correct picture that sun, shadow and open sky do not make, where the tracer looks."""
+        """Light of the correct picture beyond sun, shadow and open sky, at the pixels that the changed camera sees."""
         places = steps_of(pipeline, "pixel")
         if places not in self.moved:
             height, width = self.frame.edge.shape
@@ -163,15 +163,15 @@ class PixelSample:
         return self.moved[places]
 
     def errors(self, steps: Pipeline) -> Array:
-        """(N,): the largest error of any channel, beyond what rounding may do."""
+        """(N,): the largest error of any channel, beyond rounding."""
         return self.off(self.predict(steps))
 
     def off(self, made: Array) -> Array:
-        """The same of a prediction (N, 3)."""
+        """(N,): the same errors, of a prediction (N, 3)."""
         return np.minimum(_error(self.shown, made, self.slack, self.view.points), 100 * self.scale)
 
     def cost(self, e: Array) -> float:
-        """Σ w log(1 + (e/τ)²): minus the log likelihood of errors (N,) that are mostly small, and sometimes any."""
+        """Σ w log(1 + (e/τ)²): minus the log likelihood of errors (N,) that are mostly small and rarely of any size."""
         return float((self.weight * np.log1p(np.square(e / self.tau))).sum())
 
     def squared(self, made: Array) -> float:
@@ -184,24 +184,24 @@ class PixelSample:
         return float((self.weight * np.square(np.minimum(e / self.scale, 10)).sum(axis=-1)).sum())
 
     def everywhere(self, most: int) -> "PixelSample":
-        """The same at all of its pixels; at every k-th, where those are more than `most`."""
+        """The sample with all pixels of the frame, or every k-th if there are more than `most`."""
         index = np.flatnonzero(self.frame.rays)
         index = index[:: max(1, -(-index.size // most))]
         return replace(self, index=index, weight=np.full(index.size, 1 / max(index.size, 1)))
 
     def only(self, part: Any) -> "PixelSample":
-        """The same at some of its pixels: a slice, or (N,) bool."""
+        """The sample with a part of its pixels: a slice, or (N,) bool."""
         weight = self.weight[part]
         return replace(self, index=self.index[part], weight=weight / max(weight.sum(), 1e-300))
 
 
 def _is_ours(name: str, what: Any) -> bool:
-    """Whether a step is where a composed tracer has its own: the camera's pose, and which hit is seen first."""
+    """Whether a step changes what is ours in a composed tracer: the camera's pose, and which hit is seen first."""
     return name in ("to_board", "nearest") or (name == "met" and isinstance(what, tuple) and "nearest(" in what[0][0])
 
 
 def _error(shown: Array, made: Array, slack: Array, points: bool) -> Array:
-    """The largest error of any channel (...,) beyond the slack; infinite for NaN, but for points that both lack."""
+    """The largest error of any channel (...,) beyond the slack. NaN: infinite, or 0 if both points are NaN."""
     with np.errstate(invalid="ignore", over="ignore"):
         e = np.abs(shown - made) - slack
     if points:
@@ -269,7 +269,7 @@ def sample_pixels(view: SubmittedImage, seed: int = 0) -> PixelSample:
     e = _error(view.shown, nearest, frame.slack, view.points) * frame.rays
     tau = MATCH_WITHIN * scale
     large = e[e > tau]
-    if large.size < 1e-4 * e.size:  # errors are small ones: look closer
+    if large.size < 1e-4 * e.size:  # all errors are small: use a smaller threshold
         large = e[e > FLOAT32_DIGITS * scale]
     typical = float(np.median(large)) if large.size else 0.0
     tau = float(np.clip(0.03 * typical, FLOAT32_DIGITS * scale, tau))
@@ -288,7 +288,7 @@ def sample_pixels(view: SubmittedImage, seed: int = 0) -> PixelSample:
         there = np.flatnonzero(mask)
         if there.size:
             n = min(max(most // fewer, 1), there.size)
-            # One of each of n runs: spread over the picture, without a grid's beat.
+            # One pixel from each of n runs: spread over the picture, without the aliasing of a grid.
             at = (np.arange(n) + rng.random(n)) * there.size // n
             chosen.append(there[at.astype(int)])
             weights.append(np.full(n, there.size / n))
@@ -308,7 +308,7 @@ def _has_more(sample: PixelSample) -> bool:
 
 
 def _scale(frame: Frame) -> float:
-    """The size of the values: of radiance nearly the largest, of points the distance from the eye."""
+    """The size of the values: the 99 % quantile of radiance, or the points' median distance from the eye."""
     correct = frame.correct
     if frame.view.points:
         assert frame.view.scene is not None

@@ -1,4 +1,4 @@
-"""A slip found in a student's own text: the change of one place that makes every value correct, its line, and the way.
+"""Find a slip in a student's own text: the change of one place that makes every value correct, and its line.
 
 The operators that make mistakes of the textbook make repairs of a text. Each change is compiled here, run where the
 student's code may run (`attempt`, in the sandbox or in this process), and judged here. One that makes every case
@@ -32,20 +32,20 @@ WEIGHT_PER_TENFOLD = 0.3
 RIVALS_WITHIN = 0.3
 """Weight by which a rival may exceed the first change that fits and still leave open which one is meant."""
 TRIED_FOR_RIVALS = 300
-"""Changes that are tried after the first that fits."""
+"""Changes tried after the first that fits, to find rivals."""
 AT_ONCE = 48
-"""Changes that are tried in one call of the sandbox."""
+"""Changes tried per call of the sandbox."""
 LONGEST_SHOWN = 100
 """Characters of a line that a message shows."""
 SECONDS_A_TRY = 0.25
-"""Upper limit of computing for one change, or a multiple of what the student's own function takes."""
+"""Upper limit of CPU seconds per change, unless a multiple of the student's own time is more."""
 LINES_A_TRY = 400
-"""Work of a try beside the lines that it runs: to compile the change and to call the function."""
+"""Fixed work per try, in lines: compiling the change and calling the function."""
 
 
 @dataclass
 class Work:
-    """What a search may still do, in lines of Python that run: about a microsecond each, five for a line of NumPy."""
+    """Work that a search has left, in executed lines of Python (about 1 µs each, 5 µs with NumPy)."""
 
     left: float
 
@@ -195,7 +195,7 @@ class _Fits:
         return bool(self.some) and (farther or tried > self.tried + TRIED_FOR_RIVALS)
 
     def best(self) -> Repair | None:
-        """The first; sure where no other stands on other lines, and it is no other size of a block, or the like."""
+        """The first. It is sure if no rival changes other lines, and if it is not only a different setting."""
         if not self.some:
             return None
         first, *others = self.some
@@ -205,20 +205,20 @@ class _Fits:
 
 
 def _is_setting(c: Candidate) -> bool:
-    """Whether it changes a large whole number that is no index."""
+    """Whether it changes a large integer that is not an index, such as a number of steps."""
     indices = (n.slice for n in ast.walk(c.statement) if isinstance(n, ast.Subscript))
     old = c.edit.old
     return isinstance(old, ast.Constant) and is_setting(old) and all(old is not n for i in indices for n in ast.walk(i))
 
 
 def _lines(c: Candidate) -> set[tuple[str, int]]:
-    """Where it changes the text: (cell, line)."""
+    """The lines of the text that it changes: (cell, line)."""
     places = [old for old, _ in c.edit.parts] + ([c.edit.moved] if c.edit.moved is not None else [])
     return {(c.cell, _as_repair(c).line), *((c.cell, getattr(p, "lineno", 0)) for p in places)}
 
 
 def _as_repair(best: Candidate) -> Repair:
-    """The statement on one line, before and after; of what spans more, the expression that differs."""
+    """The statement before and after, if it fits on a line; otherwise the expression that differs."""
     edit = best.edit
     if edit.moved is not None:
         text = ast.unparse(edit.moved).splitlines()[0]
@@ -239,7 +239,7 @@ def _as_repair(best: Candidate) -> Repair:
 
 
 def _shown(tree: ast.AST, edit: Edit) -> ast.AST | None:
-    """The largest part of a simple statement that has all that changes, and fits on a line."""
+    """The largest part of a simple statement that contains all changes and fits on a line."""
     for one in ast.walk(tree):
         if isinstance(one, ast.expr) or (isinstance(one, ast.stmt) and not hasattr(one, "body")):
             inside = set(map(id, ast.walk(one)))
@@ -256,8 +256,8 @@ def _shown(tree: ast.AST, edit: Edit) -> ast.AST | None:
 def kind_of(operator: str) -> str:
     """An operator's words without the student's own names.
 
-    >>> kind_of("`u` stands for `v`"), kind_of("the divisor dd is missing")
-    ('... stands for ...', 'the divisor ... is missing')
+    >>> kind_of("`u` should be `v`"), kind_of("the divisor dd is missing")
+    ('... should be ...', 'the divisor ... is missing')
     """
     return re.sub(r"`[^`]*`|(?<=factor )\w+|(?<=divisor )\w+|(?<=term )\w+", "...", operator)
 
@@ -316,8 +316,10 @@ class _ChangeSearch:
     def _without_what_differs(
         reached: list[tuple[str, ast.stmt]], runner: Runner, wrong: Any
     ) -> list[tuple[str, ast.stmt]]:
-        """The statements but for those that do something else once they are compiled anew, though nothing is changed:
-        a function that is wrapped behind its definition, or that counts its calls."""
+        """Leave out statements that behave differently when compiled again unchanged.
+
+        Such as a function that is wrapped after its definition, or that counts its calls.
+        """
         if wrong is None:
             return reached
         anew = [Candidate(cell, one, Edit("", 0.0, one, [one])) for cell, one in reached]

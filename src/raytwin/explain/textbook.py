@@ -1,7 +1,7 @@
 """The tracer of a textbook, as a student would write it: plain functions over N rays, float64, in the board's frame.
 
-It is read three times: by a student; by `operators`, which changes its syntax tree in every way that a slip does; and
-beside the subject, which it equals to rounding. The functions of the contract have the contract's names, and a scene is
+It has three uses. Students read it. `edits.py` changes its syntax tree as slips would. Tests compare it with the
+subject, which it equals to rounding. The functions of the contract have the contract's names, and a scene is
 the contract's dict. `tracer_with` replaces some of its functions by others, a student's for instance.
 """
 
@@ -138,7 +138,7 @@ def shade(points: Any, normals: Any, albedo: Any, to_light: Any, irradiance: Any
 
 
 def met(rays: Any, scene: Any, things: Any) -> Any:
-    """The eye; which thing each ray (N, 3) of the camera meets (N,); where (N, 3), not finite for none."""
+    """The eye, the object (N,) that each of the camera's rays (N, 3) meets, and where (N, 3), not finite for none."""
     eye, directions = to_board(rays, scene["R_cam_board"], scene["t_cam_board"])
     origins = np.tile(eye, (len(directions), 1))
     every_t = intersect_all(origins, directions, things)
@@ -148,7 +148,7 @@ def met(rays: Any, scene: Any, things: Any) -> Any:
 
 
 def radiance(scene: Any, things: Any, eye: Any, which: Any, points: Any) -> Any:
-    """What is seen (N, 3): what the sun and the sky make of the points, and the sky where nothing is met."""
+    """Radiance (N, 3): the points under sun and sky, and the sky where a ray meets nothing."""
     sun, sky = scene["sun"], scene["sky"]["radiance"]
     picture = np.tile(sky, (len(points), 1))
     hit = which >= 0
@@ -230,7 +230,7 @@ def slipped(function: str, changes: Changes) -> str:
 
 
 def namespace(texts: Iterable[str]) -> dict[str, Any]:
-    """Functions of these texts, which call one another."""
+    """Define the functions of these texts, which may call one another."""
     space: dict[str, Any] = {"np": np, "Any": Any, "__builtins__": __builtins__, "srgb_decode": srgb_decode}
     space["srgb_encode"] = srgb_encode
     for code in map(code_of, texts):
@@ -244,7 +244,7 @@ def code_of(text: str) -> CodeType:
     space: dict[str, Any] = {"Any": Any}
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of a text that was changed
+            warnings.simplefilter("ignore")  # a changed text may have invalid escapes or comparisons
             exec(compile(text, __file__, "exec"), space)
     except SyntaxError as error:
         raise ValueError(f"changes that exclude one another: {error}") from None

@@ -1,8 +1,8 @@
-"""Many objects for rays from anywhere: a tree of boxes (BVH), most of which a ray misses with all that they contain.
+"""A tree of boxes (BVH) for scenes of many objects: a ray that misses a box misses all objects in it.
 
 The nodes are in depth-first order, and each says which node follows when its box is missed (Smits, "Efficiency Issues
-for Ray Tracing", JGT 3(2), 1998): a loop without a stack, within Dr.Jit's kernel. NumPy has no
-tree, which saved only a quarter there: it tries one object after the other.
+for Ray Tracing", JGT 3(2), 1998): a loop without a stack, within Dr.Jit's kernel. On NumPy, a tree
+saved only a quarter of the time, so it tests one object after the other.
 """
 
 from typing import Any, NamedTuple
@@ -25,7 +25,7 @@ class Nodes(NamedTuple):
 
 
 def grow(center: np.ndarray, extent: np.ndarray) -> Nodes:
-    """Halve the objects, by their centres along the axis of these' largest spread, until each is alone.
+    """Halve the objects along the axis on which their centres spread most, until each is alone.
 
     `center`, and half of the size along each axis, `extent`: (n, 3), n > 0. All nodes of a level at once.
     """

@@ -1,4 +1,4 @@
-"""What computes: NumPy or Dr.Jit, in which precision; and how pixels and scenes get into its arrays and back."""
+"""Engines: NumPy or Dr.Jit, each in two precisions. Moves pixels and scenes into their arrays and back."""
 
 import os
 import sys
@@ -15,7 +15,7 @@ from raytwin.tracer.arrays import library, select
 
 
 class Engine(NamedTuple):
-    """What computes: a `package` of arrays, and the `precision` of its floats."""
+    """An array `package`, and the `precision` of its floats."""
 
     package: str
     precision: str
@@ -82,7 +82,7 @@ def tile_pixels(engine: Engine, tiles: np.ndarray, side: int, size: tuple[int, i
     w, h = (drjit.opaque(kind, n) for n in size)
     index = drjit.arange(kind, len(tiles) * side * side)
     number, inner = index // (side * side), index % (side * side)
-    # One look-up for both corners: it costs more than taking them apart.
+    # Both corners are packed into one integer: unpacking costs less than a second look-up.
     corner = drjit.gather(kind, kind((tiles[:, 1] | tiles[:, 0] << 16).astype(np.uint32)), number)
     left, top = (corner & 0xFFFF) * side, (corner >> 16) * side
     u, v = drjit.minimum(left + inner % side, w - 1), drjit.minimum(top + inner // side, h - 1)
@@ -90,7 +90,7 @@ def tile_pixels(engine: Engine, tiles: np.ndarray, side: int, size: tuple[int, i
 
 
 def constant(engine: Engine, value: int) -> Any:
-    """An integer that all rays share; on Dr.Jit as data, so that another value needs no other kernel."""
+    """An integer that all rays share. On Dr.Jit it is data, so that another value reuses the kernel."""
     if engine.is_numpy:
         return value
     import drjit
@@ -99,7 +99,7 @@ def constant(engine: Engine, value: int) -> Any:
 
 
 def to_engine(value: Any, engine: Engine) -> Any:
-    """A record with its floats as the engine's: on Dr.Jit as data, so that a kernel outlives a change of scene."""
+    """Convert the floats of a record to the engine's. On Dr.Jit as data: another scene reuses the kernel."""
     if isinstance(value, Struct):
         return unchecked(value, **{name: to_engine(part, engine) for name, part in structs.asdict(value).items()})
     if isinstance(value, tuple):
@@ -111,7 +111,7 @@ def to_engine(value: Any, engine: Engine) -> Any:
         return value
     if engine.is_numpy:
         return float(value)  # not NumPy's scalar, for `sqrt`'s reason
-    kind = engine.float_type  # which looks before Dr.Jit is imported
+    kind = engine.float_type  # checks for a libLLVM before Dr.Jit is imported
     import drjit
 
     return drjit.opaque(kind, float(value))
@@ -128,10 +128,10 @@ def from_numpy(engine: Engine, values: np.ndarray, whole: bool = False) -> Any:
 
 
 def gather(numbers: Any, places: Any, where: Any = True) -> Any:
-    """numbers[places], of a tuple each column's; anything where `where` is false."""
+    """numbers[places], for each column of a tuple. Where `where` is false, the value is arbitrary."""
     if isinstance(numbers, tuple):
         return tuple(gather(column, places, where) for column in numbers)
-    if isinstance(numbers, list):  # a few single numbers: comparing costs less than looking up
+    if isinstance(numbers, list):  # a few numbers: comparing costs less than a look-up
         return reduce(lambda found, i: select(places == i, numbers[i], found), range(1, len(numbers)), numbers[0])
     if isinstance(numbers, np.ndarray):
         return np.take(numbers, places)

@@ -1,7 +1,8 @@
 """What the twin's float32 cannot tell: pixels on an outline or at a shadow's edge, extreme spheres, sharp highlights.
 
 A point of an object is off by δ = 2⁻²² (its distance from the origin, or from where its ray begins, whichever is more,
-plus its sphere's radius). Mitsuba itself says what that changes: it is asked again a hair beside the pixel's centre.
+plus its sphere's radius). To see what that changes, Mitsuba renders such pixels again at four points beside the
+centre, as far from it as δ moves the image.
 """
 
 from dataclasses import replace
@@ -20,13 +21,14 @@ MAX_DISTANCE, MAX_RADIUS = 128.0, 16.0
 """A sphere is extreme if it lies beyond so many of its radii, or if its radius is so many times the eye's distance
 to its surface. At 128 a rim's normal is off by 5e-6; at 16 the surface by 1e-6 of its distance."""
 LEAST_CHANGE = 1e-3
-"""Share of the sun's irradiance: smaller changes of radiance are no shadow."""
+"""Share of the sun's irradiance: a smaller change of radiance is not counted as a shadow."""
 MIN_RATIO, MAX_RATIO = 0.5, 2.0
-"""Difference of radiance over what Mitsuba sees change a hair beside: less is no shadow, and more is no rounding."""
+"""|test - reference| over the change that Mitsuba sees beside the centre: below the first, it is no
+shadow's edge. Above the second, it is more than rounding."""
 
 
 def settle(test: Image, reference: Image, scene: Scene) -> tuple[Image, tuple[str, ...]]:
-    """Return the test with the twin's answer where float32 cannot tell, and sentences that say where that is.
+    """Copy the twin's pixels into the test where float32 cannot tell. Return it, and sentences that say where.
 
     `reference` is the twin's image of the scene. What differs by more than rounding stays.
     """

@@ -1,4 +1,4 @@
-"""A chart of speed against accuracy, both axes logarithmic: what it holds, and how it is drawn."""
+"""A chart of speed against accuracy with two logarithmic axes: its records, and its SVG."""
 
 import math
 import os
@@ -23,10 +23,11 @@ from raytwin.show.charts.svg import (
 )
 
 LEFT, TOP, WIDTH, HEIGHT, RIGHT, BOTTOM = 80, 50, 740, 600, 30, 60
-"""Pixels: the frame's corner, its size, and what is right of it and below."""
+"""Pixels: the frame's corner, its size, and the margins to the right and below."""
 MARGIN = 0.15
 """Share of the points' extent that a chart of families leaves free on either side."""
 FLOOR = "#eef0f3"
+"""Colour of the area below the reference's own error."""
 LETTER, LINE = 0.66, 14.0
 """Average width of a label's letter, as a share of its size; and pixels from one label down to the next."""
 
@@ -65,7 +66,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Chart:
-    """`floor`: below it the reference cannot tell."""
+    """`floor`: the reference's own error; errors below it cannot be told apart."""
 
     key: str
     title: str
@@ -84,14 +85,14 @@ class Chart:
 
 
 def log_range(values: Iterable[float], margin: float) -> Range:
-    """Return what shows all values with `margin` of their extent, at least a factor of two, on either side."""
+    """Return a range of all values, wider on either side by `margin` of their extent, at least by a factor of two."""
     logs = [math.log10(v) for v in values]
     pad = max(margin * (max(logs) - min(logs)), 0.3)
     return 10 ** (min(logs) - pad), 10 ** (max(logs) + pad)
 
 
 def by_family(points: Iterable[Point]) -> list[list[Point]]:
-    """Return each family's points, the first family first."""
+    """Group the points by family, in the order in which families first appear."""
     groups: dict[str, list[Point]] = {}
     for point in points:
         groups.setdefault(point.family, []).append(point)
@@ -133,8 +134,7 @@ def svg_text(chart: Chart) -> str:
 
 
 def label_shapes(chart: Chart) -> Iterator[str]:
-    """Write the labels beside their points, those of strong points first, as near as points and the labels before
-    them leave room for."""
+    """Place each label as near to its point as other points and earlier labels allow. Strong points come first."""
     points = [chart.axes.at(p.x, p.y) for p in chart.points]
     placed = [_box((LEFT + 6, TOP + HEIGHT - 9), LETTER * 10 * 31)]  # of the floor's text
     for p in sorted((p for p in chart.points if p.label), key=lambda p: not p.strong):
@@ -154,8 +154,10 @@ Box = tuple[float, float, float, float]
 
 
 def places(at: XY, long: float, left: bool) -> Iterator[XY]:
-    """Yield left ends of a label `long` pixels wide, ever higher and lower: right and left of a point, and, where it
-    lies above or below, as near to the middle as the frame allows."""
+    """Yield places for the left end of a label `long` pixels wide, moving away from the point upwards and downwards.
+
+    At each height: right and left of the point, and, if it is above or below it, centred as far as the frame allows.
+    """
     beside = sorted((at[0] + 9, at[0] - 9 - long), reverse=not left)
     middle = max(LEFT, min(at[0] - long / 2, LEFT + WIDTH - long))
     for k in range(2 * int(HEIGHT / LINE) + 2):
@@ -183,7 +185,7 @@ def _inside(point: XY, label: Box) -> bool:
 
 
 def chart_html(chart: Chart) -> str:
-    """Return a chart for a page: its numbers by pointer, touch and arrow keys; what a phone leaves out, as text."""
+    """Return a chart for a page. Pointer, touch and arrow keys show numbers. A text has what a phone leaves out."""
     text = f"{chart.title}. Up: {chart.y_label}; to the right: {chart.x_label}. {'; '.join(chart.notes)}"
     about = escape(f"{chart.title}: left and right arrows step through its points")
     return (
