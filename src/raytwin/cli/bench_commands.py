@@ -60,7 +60,7 @@ def list_command(methods: str = "*") -> None:
     from raytwin.study.bench import renderers_of
 
     for method in renderers_of(split(methods)):
-        say(f"{method.name:<28} {method.family}")
+        say(method.name)
 
 
 def stability_command(
