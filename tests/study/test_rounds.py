@@ -97,7 +97,8 @@ def test_a_users_function_is_asked_for_no_more_than_it_needs_and_may_repeat_itse
     elif verdict == "pass":
         assert result.subject.samples == certain <= 64
     else:
-        assert (result.subject.samples, certain) == (64, 4)  # a cause is hard to find in noise
+        assert result.subject.samples == 64  # a cause is hard to find in noise
+        assert certain <= 8
 
 
 def test_settings_that_contradict_each_other_are_refused():

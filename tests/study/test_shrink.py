@@ -55,7 +55,7 @@ def test_of_many_parts_one_is_found_in_few_questions():
 def test_a_planted_mistake_is_shown_by_two_objects_at_most(scenes, tmp_path, fault, kind, left):
     subject = Planted("shadow", fault)
     found = shrink(scenes / "overlap", subject=subject, size=SMALL)
-    assert len(found.after.scene.objects) <= 2
+    assert len(found.after.objects) <= 2
     assert found.failure.kind == kind
     assert found.evaluations == len(subject.calls)
     assert len(set(subject.calls)) == len(subject.calls)  # a seed of its own each time
@@ -99,7 +99,7 @@ def test_a_bug_that_one_sphere_shows_ends_with_that_sphere(scenes):
 
     found = shrink(scenes / "overlap", subject=UserRenderer("shadow", "one sphere", render), size=SMALL)
     assert len(found.after.spheres) == 1
-    assert len(found.after.scene.objects) == 1
+    assert len(found.after.objects) == 1
 
 
 def test_what_cannot_be_cut_down_is_refused(scenes):
@@ -152,5 +152,5 @@ def test_addresses_times_and_paths_in_a_message_are_no_other_failure(scenes):
         raise ValueError(f"{kept[-1]} at 12:{len(kept):02}.5 in /tmp/run{len(kept)}x/scene.json")
 
     found = shrink(scenes / "overlap", subject=UserRenderer("shadow", "verbose", broken), size=(48, 36))
-    assert not found.after.scene.objects
+    assert not found.after.objects
     assert not found.kept

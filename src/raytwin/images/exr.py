@@ -49,8 +49,8 @@ def write_exr(path: str | os.PathLike, image: Image, header: Mapping[str, str] |
     with replacing(path) as temporary, OpenEXR.File(built) as file:
         try:
             file.write(str(temporary))
-        except RuntimeError as error:  # a full disk, too: OpenEXR makes no OSError of it
-            raise InputError(path, "a writable path and layers of one size", error) from None
+        except RuntimeError as error:  # 'Cannot open image file "x". No such file or directory.'
+            raise InputError(path, "a writable path", str(error).rpartition('". ')[2].rstrip(".")) from None
 
 
 def _rgb(pixels: np.ndarray) -> dict[str, np.ndarray]:
