@@ -12,7 +12,7 @@ from raytwin.images.exr import read_exr
 from raytwin.renderers import references
 from raytwin.show import check_page
 
-pytestmark = pytest.mark.nightly
+nightly = pytest.mark.nightly
 
 pytest_plugins = ["pytester"]
 SHIPPED = references.SHIPPED
@@ -44,6 +44,37 @@ def failures(result: pytest.RunResult) -> dict[str, str]:
     """The first line that each failed test says, by its name."""
     lines = re.findall(r"^FAILED \S+::(\S+) - (.*)$", "\n".join(result.outlines), re.MULTILINE)
     return dict(lines)
+
+
+# ------------------------------------------------------------------------------------------ each feature once
+
+EACH_ONCE = """
+def test_shipped(raytwin_reference):
+    shadow = raytwin_reference("overlap", "shadow")
+    shadow.check(shadow.image.mean * 1.01)
+
+def test_image(raytwin_reference):
+    raytwin_reference("mine", "path", image=True).check(np.full((6, 8, 3), 0.5))
+
+def test_laws(raytwin_laws):
+    raytwin_laws(lambda scene: np.zeros((1, 1, 3)))
+"""
+
+
+def test_one_run_checks_updates_judges_by_laws_and_reports(tmp_path):
+    result = run(tmp_path, "--raytwin-update", "--raytwin-report", "out", test_each=EACH_ONCE)
+    result.assert_outcomes(passed=1, failed=2)
+    result.stdout.fnmatch_lines_random(
+        [
+            "E * overlap/shadow: *",
+            "E * <lambda>: expected an image (108, 144, 3), got float64 (1, 1, 3)",
+            "raytwin: made reference/mine/path.exr",
+            f"raytwin: 3 comparisons, 2 failed: {tmp_path}/out/index.html",
+        ]
+    )
+    assert read_exr(tmp_path / "reference/mine/path.exr")[0].mean == pytest.approx(0.5)
+    index = (tmp_path / "out/index.html").read_text()
+    assert re.findall(r"[✓✗!] (pass|fail|error)<", index) == ["error", "fail", "pass"]
 
 
 # ------------------------------------------------------------------------------------------ what may be checked
@@ -151,6 +182,7 @@ def checked(tmp_path_factory):
     return folder, run(folder, **{f"test_{name}": source for name, source in sources.items()})
 
 
+@nightly
 def test_arrays_files_renders_and_functions_pass_where_they_agree_and_fail_where_not(checked):
     _, result = checked
     expected = {f"test_{case}[1.01]" for case in ("array", "file", "variance", "function")}
@@ -163,6 +195,7 @@ def test_arrays_files_renders_and_functions_pass_where_they_agree_and_fail_where
     result.stdout.no_fnmatch_line("*cause (*")
 
 
+@nightly
 def test_what_is_wrong_is_said_in_a_line(checked):
     folder, result = checked
     for line in (
@@ -228,6 +261,7 @@ def test_shipped(raytwin_reference, name, rung):
 NEVER = {"test_broken", "test_mistyped", "test_shipped[single-shadow]", "test_shipped[glass-path]"}
 
 
+@nightly
 def test_update_makes_what_is_missing_or_stale_of_ones_own_and_nothing_else(tmp_path):
     (tmp_path / "pytest.ini").write_text("[pytest]\nraytwin_references = my/images\nraytwin_scenes = my/scenes\n")
     for name in ("ball", "overlap"):
@@ -274,6 +308,7 @@ def test_same(raytwin_reference, value):
 """
 
 
+@nightly
 def test_an_update_fails_two_other_images_of_one_name_and_names_both_tests(tmp_path):
     for _ in range(2):  # without a reference, then with one
         result = run(tmp_path, "--raytwin-update", test_two=TWO_NAMED_ALIKE)
@@ -286,6 +321,7 @@ def test_an_update_fails_two_other_images_of_one_name_and_names_both_tests(tmp_p
 # ------------------------------------------------------------------------------------------ many at once
 
 
+@nightly
 def test_report_lists_every_comparison_once_failures_first(tmp_path):
     """By two workers, of which neither may clear or write what the other has."""
     out = tmp_path / "out"
@@ -345,6 +381,7 @@ def test_a_summary_counts_in_words_and_does_not_pass_without_a_comparison():
     assert said == ["Nothing was compared.", "1 comparison passes."] + [f"All {n} comparisons pass." for n in (2, 3)]
 
 
+@nightly
 def test_an_image_is_accepted_into_the_folder_of_ones_own_and_an_update_tells_which_it_wrote(tmp_path):
     (tmp_path / "pytest.ini").write_text("[pytest]\nraytwin_references = tests/golden\n")
     (below := tmp_path / "below").mkdir()
@@ -369,6 +406,7 @@ def test_an_image_is_accepted_into_the_folder_of_ones_own_and_an_update_tells_wh
     run(below, "-k", "image").assert_outcomes(passed=2)
 
 
+@nightly
 def test_laws_are_judged_in_a_test_and_listed_in_the_report(tmp_path):
     result = run(tmp_path, "--raytwin-report", "pages", "-k", "laws", test_review="import raytwin\n" + REVIEWED)
     result.assert_outcomes(failed=2)
@@ -402,6 +440,7 @@ def test_spoils(raytwin_reference):
 """
 
 
+@nightly
 def test_a_report_that_cannot_be_written_is_a_wrong_option(tmp_path):
     (tmp_path / "file").touch()
     for place in ("file", "file/below"):
@@ -411,6 +450,7 @@ def test_a_report_that_cannot_be_written_is_a_wrong_option(tmp_path):
         assert re.match(rf"ERROR: --raytwin-report: {tmp_path}/{place}: expected a folder to write, got ", line)
 
 
+@nightly
 def test_a_report_that_is_lost_during_the_run_is_said_in_a_line(tmp_path):
     result = run(tmp_path, "--raytwin-report", "out", test_lost=SPOILS)
     assert failures(result)["test_spoils"].startswith("Failed: overlap/shadow: pass, but")

@@ -5,7 +5,7 @@ import pytest
 from measure import noise_models
 from measure.noise_models import picture
 
-from raytwin.compare import compare
+from raytwin.compare import compare, decision
 from raytwin.compare.decision import Deviations, decide, excluded_bias
 from raytwin.compare.exact import count_noise_free
 from raytwin.compare.scale import Bound
@@ -200,3 +200,17 @@ def test_an_image_of_few_batches_is_trusted_less_however_well_the_other_is_known
         few, many = (decided(*(Image(noisy, v, 256, None, n), known)[::swap]) for n in (4, 256))
         assert few.tile.detectable > 1.003 * many.tile.detectable
         assert few.value.worst.p > many.value.worst.p
+
+
+def test_a_value_is_forgiven_the_light_of_events_that_its_block_may_have_missed():
+    """One block, sd 0.01: it may lack 0.25 per pixel, or have 0.5 too much. What lies beyond counts."""
+    reference = Image(np.ones((8, 8, 3), np.float32))
+    for error, z in ((-0.2, 0), (-0.28, 3), (0.4, 0), (0.53, 3)):
+        test = Image(reference.mean + np.float32(error), np.full((8, 8, 3), 1e-4, np.float32), 64, None, 16)
+        known = decision._known(test, reference, Bound(1e-5, 1.0), 1e-3, None, 1.0)
+        (part,) = decision._strips(known)
+        missed = 64 * np.array([0.25, 0.5]).reshape(2, 1, 1, 1) * np.ones(3)
+        sums = decision._sums(known, [part])._replace(missed_light=missed)
+        family = decision.Family(decision.Worst(), 1e-3, 0, 192)
+        found, _ = decision._values(family, part, sums, np.full((2, 1, 1, 3), 1e-4), known)
+        assert found.worst.z == pytest.approx(z, abs=0.01)

@@ -256,6 +256,15 @@ def test_an_index_is_not_another_one_by_its_sign():
     assert all(edit.operator != "the sign is wrong" for edit in edits(statement) if "-2" in edit.after)
 
 
+def test_a_number_may_lack_its_sign_a_list_be_reversed_and_nothing_is_computed_with_a_text():
+    (statement,) = ast.parse("def f(a, b, c, d):\n    dark = 'dark'\n    return [a, b, c, 7 * d]").body
+    made = {(edit.operator, edit.before, edit.after) for rare in (False, True) for edit in edits(statement, rare=rare)}
+    assert ("another number is wanted", "7", "-7") in made
+    assert ("the order is wrong", "[a, b, c, 7 * d]", "[7 * d, c, b, a]") in made
+    assert ("a factor 2 is missing", "7", "2 * 7") in made
+    assert not [after for _, before, after in made if before == "'dark'"]
+
+
 NEAREST = """
 def f(things):
     balls, sheets = things

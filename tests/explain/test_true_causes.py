@@ -20,7 +20,7 @@ from raytwin.scene.scene_files import read_scene
 from raytwin.scene_folders import find_scene
 from raytwin.tracer import trace
 
-pytestmark = pytest.mark.nightly
+nightly = pytest.mark.nightly
 
 
 def small(name: str, size: tuple[int, int]) -> Scene:
@@ -53,6 +53,7 @@ def test_a_sun_that_is_turned_is_reported_with_the_angle_between_both_directions
     assert family.sentence((np.radians(5), 0.0, 0.0), suns) == "the sun's direction is off by up to 5 degrees"
 
 
+@nightly
 def test_an_image_of_one_value_is_said_to_be_one_and_no_power_is_fitted():
     scene = SCENES["overlap"]
     right = trace(scene)
@@ -63,6 +64,7 @@ def test_an_image_of_one_value_is_said_to_be_one_and_no_power_is_fitted():
         assert "power" not in said
 
 
+@nightly
 def test_a_rounded_pi_is_said_in_percent_and_nothing_wrong_is_called_right():
     scene = SCENES["overlap"]
     sun = with_sun(scene, irradiance=tuple(x * np.pi / 3.14 for x in scene.sun.irradiance))
@@ -73,6 +75,7 @@ def test_a_rounded_pi_is_said_in_percent_and_nothing_wrong_is_called_right():
     assert both.sentence((1.0, 2.0), ()) == "the sky's part is 2 times too bright"
 
 
+@nightly
 def test_where_a_few_scattered_values_are_off_nothing_is_named():
     for name, count in (("eclipse", 3), ("overlap", 12)):
         scene = SCENES[name]
@@ -84,6 +87,7 @@ def test_where_a_few_scattered_values_are_off_nothing_is_named():
             assert not any(said.names_a_cause for said in explain(Image(shown), right, known)), name
 
 
+@nightly
 def test_a_cause_under_noise_has_to_bring_the_noisy_pixels_nearer():
     """The rays three pixels aside, and as many to the other side; the noise is a third of the scale."""
     scene = SCENES["overlap"]
@@ -96,6 +100,7 @@ def test_a_cause_under_noise_has_to_bring_the_noisy_pixels_nearer():
     assert not is_likelier(samples, NO_MISTAKE)
 
 
+@nightly
 @pytest.mark.parametrize(("name", "known"), [("overlap", True), ("distorted", False)])
 def test_rounding_that_exceeds_the_tolerance_a_little_has_no_cause(name, known):
     """Half of what is called an error here, and more, is less than four tolerances: to leave it explains nothing."""
@@ -106,6 +111,7 @@ def test_rounding_that_exceeds_the_tolerance_a_little_has_no_cause(name, known):
     assert not any(finding.names_a_cause for finding in said)
 
 
+@nightly
 def test_a_fitted_number_is_proved_by_two_scenes_that_it_leaves_nothing_of_but_rounding():
     """Light with a factor of 1.7 in two scenes, in one, and but for half a thousandth of the scale."""
     v = np.arange(60)[:, None, None]
@@ -124,6 +130,7 @@ def with_radius(scene, index, more):
     return changed(scene, objects=(*scene.objects[:index], wrong, *scene.objects[index + 1 :]))
 
 
+@nightly
 def test_a_radius_that_is_a_little_off_is_named_with_its_sphere_and_not_taken_for_several_rays_a_pixel():
     for name in ("eclipse", "distorted"):
         scene = SCENES[name]
@@ -146,6 +153,7 @@ PREDICTIONS = 6000
 """That a search makes at most, mostly of few pixels."""
 
 
+@nightly
 @pytest.mark.parametrize("kind", SHOWN)
 def test_a_search_has_an_end(kind, monkeypatch):
     right = trace(SCENES["overlap"]).mean

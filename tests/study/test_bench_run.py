@@ -23,7 +23,7 @@ from raytwin.study.bench.bench_run import reference_of, sized
 from raytwin.study.converged import converged
 from raytwin.teach.contract.subject import method as as_method
 
-pytestmark = pytest.mark.nightly
+nightly = pytest.mark.nightly
 
 KEYS = [
     "method", "engine", "precision", "rung", "trim", "speculation", "samples", "width", "height", "seconds_median",
@@ -76,6 +76,7 @@ def truth(view):
     return functools.cache(lambda name: converged(view("overlap"), *name.split("-"), samples=64).image.mean)
 
 
+@nightly
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_of_method_gives_an_image_near_its_truth(view, truth, kind):
     scene = view("overlap")
@@ -125,12 +126,14 @@ def small_run(scenes):
     return bench.bench(scenes / "overlap", methods=(*GLOBS, as_method(mine)), **FEW)
 
 
+@nightly
 def test_a_run_accounts_for_every_method(small_run):
     asked = {m.name for m in renderers_of(GLOBS)} | set(small_run.subjects)
     assert {r.method for r in small_run.rows} | small_run.left_out.keys() == asked
     assert all(small_run.left_out.values())
 
 
+@nightly
 def test_errors_are_against_the_own_rung_and_against_the_whole_light(small_run):
     own, whole = ({r.method: r.rmse for r in rows} for rows in (small_run.rows, small_run.errors))
     assert {e.truth for e in small_run.errors} == {"path-area"}
@@ -141,6 +144,7 @@ def test_errors_are_against_the_own_rung_and_against_the_whole_light(small_run):
     assert all(r.truth_floor > 0 and r.seconds_median > 0 for r in small_run.rows)
 
 
+@nightly
 def test_a_row_has_exactly_the_promised_keys_and_an_error_bar_where_seeds_differ(small_run, tmp_path):
     bench.write_bench([small_run], tmp_path / "a.json")
     data = json.loads((tmp_path / "a.json").read_text())
@@ -151,6 +155,7 @@ def test_a_row_has_exactly_the_promised_keys_and_an_error_bar_where_seeds_differ
     assert bars["twin-llvm-path-1"] > 0
 
 
+@nightly
 def test_each_row_has_the_verdict_of_its_picture_beside_the_twin_at_its_own_light_level(small_run):
     (own,) = small_run.subjects
     found = {row.method: row.verdict for row in small_run.rows}
@@ -186,6 +191,7 @@ def mine(tmp_path):
     return str(tmp_path / "mine.py")
 
 
+@nightly
 def test_several_scenes_have_a_result_each_and_a_crash_costs_its_own_row_alone(mine, scenes):
     methods = ["fill", *(as_method(f"{mine}:{name}", name) for name in ("right", "unlit"))]
     methods += [as_method("numpy32-shadow-none"), "numpy32-shadow-none"]
@@ -202,6 +208,7 @@ def test_several_scenes_have_a_result_each_and_a_crash_costs_its_own_row_alone(m
     assert (overlap.exit_code, single.exit_code) == (1, 2)
 
 
+@nightly
 def test_a_crash_in_a_later_render_leaves_it_out_and_light_through_centers_has_a_twin_of_its_own(mine, scenes):
     def moody(scene, seed):
         if seed > 1:
@@ -361,7 +368,14 @@ def test_the_exit_code_is_that_of_the_subjects_and_the_folder_has_json_page_and_
     )  # fmt: skip
     assert done.returncode == 1, done.stderr
     assert "FAIL  overlap" in done.stdout
-    assert [found["scene"] for found in json.loads((tmp_path / "a.json").read_text())] == ["overlap", "single"]
+    overlap, single = json.loads((tmp_path / "a.json").read_text())
+    assert (overlap["scene"], single["scene"]) == ("overlap", "single")
+    own = f"{mine}:unlit"
+    verdicts = [{row["method"]: row["verdict"] for row in found["rows"]} for found in (overlap, single)]
+    assert verdicts == [{"fill": "fail", own: "fail"}, {"fill": "fail", own: "pass"}]
+    assert all(list(row) == KEYS for found in (overlap, single) for row in (*found["rows"], *found["errors"]))
+    errors = [{row["method"]: row["rmse"] for row in single[rows]}[own] for rows in ("rows", "errors")]
+    assert errors[0] < 1e-5 < errors[1]  # against its own light level, against the whole light
     assert {"bench.html", "bench.json"} <= {p.name for p in (tmp_path / "out").iterdir()}
 
 

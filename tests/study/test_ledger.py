@@ -16,6 +16,7 @@ from raytwin.explain.ledger import make_ledger
 from raytwin.explain.light_decomposition import split
 from raytwin.explain.light_parts import WholeLight, sampled_parts
 from raytwin.explain.pixel_sample import SubmittedImage, sample_pixels
+from raytwin.images.image import Image
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
 from raytwin.scene.scene_files import read_scene
@@ -127,6 +128,15 @@ def test_of_a_sampled_level_the_subjects_error_and_its_samples_are_one_part(smal
     missing = (shown[1].mean - shown[0].mean).mean(dtype=float)
     assert both.share_of_light == pytest.approx(missing / shown[0].mean.mean(dtype=float), rel=0.1)
     assert both.share_of_error == pytest.approx(1, abs=1e-6)
+
+
+def test_a_faint_error_has_a_share_and_none_has_none(overlap, fast):
+    light = ledger.WholeLight(overlap.with_camera(overlap.camera.resized(8, 6)), fast)
+    light.halves = light.halves[:1] * 2
+    whole = np.sum([*light.halves[0].values()], axis=0, dtype=np.float32)
+    for error, share in ((0, None), (1e-3, pytest.approx(1))):
+        found = ledger.split_error(light, Image(whole + np.float32(error)), "path")
+        assert rows(found)["its own samples"].share_of_error == share
 
 
 def test_a_large_frame_is_judged_by_every_kth_pixel_with_that_pixels_own_area(overlap, fast, monkeypatch):

@@ -138,6 +138,8 @@ def test_a_reference_keeps_its_cameras_aspect_ratio(width, height):
         assert w * h == pytest.approx(make_reference.PIXELS, rel=0.06)
         assert w / h == pytest.approx(width / height, rel=0.06)
     assert make_reference.size_of((640, 480)) == (336, 252)
+    for extreme in ((100, 10**9), (10**9, 100)):  # one pixel across is the least
+        assert min(make_reference.size_of(extreme)) == 1
 
 
 # ------------------------------------------------------------------------------------------ scenes

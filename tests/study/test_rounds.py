@@ -11,7 +11,7 @@ from raytwin.errors import InputError
 from raytwin.images.image import Image
 from raytwin.progress import Stages
 from raytwin.study.compare_scene import compare_scene
-from raytwin.study.rounds import Budget, Rounds, parse_budget
+from raytwin.study.rounds import Budget, Rounds, parse_budget, round_seed
 from raytwin.study.settings import CompareSettings
 
 SMALL = {"rung": "path", "tracer_rung": "path", "engine": "numpy32", "size": (48, 36), "cache": False}
@@ -54,6 +54,8 @@ def test_every_sample_is_rendered_once_with_a_seed_of_its_own(calls):
     for found in asked.values():
         assert sum(samples for samples, _ in found) == check.samples == 24
         assert len({seed for _, seed in found}) == len(found)
+    assert [seed for _, seed in asked["reference"]] == [round_seed(7, k) for k in range(len(asked["reference"]))]
+    assert len({round_seed(seed, number) for seed in range(4) for number in range(4)}) == 16
     assert len(asked["test"]) == {1: len(asked["reference"]), math.inf: 24}.get(calls, len(asked["test"]))
     assert "24 samples" in made.reasons[0]
 

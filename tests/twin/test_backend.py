@@ -78,13 +78,15 @@ def drawn(**found: float) -> str:
     return f"print({json.dumps(json.dumps({'depth': 3.0, 'lit': 1.0, 'light': 0.125, 'llvm': '99'} | found))})"
 
 
+RENDERS = "renders (LLVM 99)"
+
 PROBES = [
     ("import time; time.sleep(60)", "no picture after 1 s"),
     ("print('nan')", "no output"),
     ("import os, sys; print('LLVM ERROR: Cannot select: fmaximum', file=sys.stderr); os.abort()",
      "aborts the process (signal 6): LLVM ERROR: Cannot select: fmaximum"),
-    (drawn(depth=3 + 0.9e-3), "renders"), (drawn(depth=3 - 1.1e-3), "a wrong picture"),
-    (drawn(lit=1 - 1 / 4096), "a wrong picture"), (drawn(light=0.125 + 4.9e-3), "renders"),
+    (drawn(depth=3 + 0.9e-3), RENDERS), (drawn(depth=3 - 1.1e-3), "a wrong picture"),
+    (drawn(lit=1 - 1 / 4096), "a wrong picture"), (drawn(light=0.125 + 4.9e-3), RENDERS),
     (drawn(light=0.125 - 5.1e-3), "a wrong picture"), (drawn(light=math.nan), "a wrong picture"),
 ]  # fmt: skip
 
@@ -99,7 +101,7 @@ def test_a_candidate_that_hangs_aborts_or_draws_more_than_noise_wrong_is_passed_
             monkeypatch.setattr(backend, "PROBE", script)
             monkeypatch.setattr(backend, "PROBE_SECONDS", 1 if "sleep" in source else 60)
             monkeypatch.setattr(backend, "llvm_candidates", lambda script=script: [str(script)])
-            found, works = backend.find_backend(), why == "renders"
+            found, works = backend.find_backend(), why == RENDERS
             assert why in found.tried[0].why
             assert (found.variant == "llvm_ad_rgb") == found.tried[0].ok == works
             assert len([*tmp_path.glob("backend-*.json")]) == works  # what works is remembered

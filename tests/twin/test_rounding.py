@@ -102,6 +102,10 @@ def test_only_what_is_extreme_is_said_to_be_in_single_precision():
         wrong = replace(image, mean=image.mean * np.float32(1.002))  # more than rounding
         settled, sentences = settle(wrong, image, scene)
         assert [text.startswith("single precision") for text in sentences] == [True] * said
+        firefly = image.mean.copy()
+        ball = np.argwhere(image.surface.ids == 0)
+        firefly[*ball[len(ball) // 2]] = 1.0  # elsewhere, of which no pixel of the tiny ball is said to be at an edge
+        assert settle(replace(image, mean=firefly), image, scene)[1] == sentences
         assert (settled.mean[tiny] == wrong.mean[tiny]).all(axis=-1).mean() > 0.9
         if said:
             assert f"{tiny.sum()} pixels, compared within the rounding of object 1" in sentences[0]

@@ -9,8 +9,8 @@ from PIL import Image as Pillow
 
 from raytwin.fast import trace
 from raytwin.show.live.light_path import NEAR_METRES, _project
-from raytwin.show.live.progressive import picture, to_screen
-from raytwin.show.live.view_state import Look
+from raytwin.show.live.progressive import Session, picture, to_screen
+from raytwin.show.live.view_state import Look, wanted_of
 
 
 def srgb(x: float) -> float:
@@ -25,6 +25,7 @@ def test_a_pictures_pixels_are_the_radiance_as_the_viewer_would_show_it():
         (Look(exposure=1.0), lambda x: srgb(min(2 * x, 1))),
         (Look(gamma=2.0), lambda x: srgb(min(x, 1)) ** 0.5),
         (Look(tone="Reinhard"), lambda x: srgb(x / (1 + x))),
+        (Look(tone="filmic"), lambda x: srgb(min((2.51 * x * x + 0.03 * x) / (2.43 * x * x + 0.59 * x + 0.14), 1))),
     ):
         pixels = to_screen(np.tile(np.array(values, np.float32)[:, None, None], (1, 8, 3)), look)
         for value, row in zip(values, pixels, strict=True):
@@ -39,6 +40,16 @@ def test_the_jpeg_that_is_sent_shows_the_image(base):
     assert (event["pane"], event["seconds"], event["samples"]) == ("test", 0.5, 1)
     assert np.mean(np.abs(sent - to_screen(image.mean, Look()))) < 4  # JPEG's own loss
     assert np.ptp(sent) > 100
+
+
+def test_while_the_view_moves_two_pictures_are_sent_and_no_surface_is_kept(base):
+    session, still = Session(base), wanted_of(base, "numpy32")
+    moving = msgspec.structs.replace(still, moving=True)
+    assert [event["kind"] for event, _ in session.passes(moving)] == ["picture", "picture"]
+    for level in ("shadow", "path"):
+        for wish in (still, moving):
+            tracer = session.tracer(msgspec.structs.replace(wish, rung=level), 1)
+            assert tracer.surface == (wish is still)
 
 
 def test_a_path_that_runs_to_the_eyes_plane_or_behind_it_ends_before_it(base):
