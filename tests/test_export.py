@@ -97,7 +97,7 @@ def test_what_is_asked_wrongly_is_told():
         ("overlap --json --mitsuba-xml", "expected one of them, got both"),
         ("studio --mitsuba-xml", "the same radiance everywhere, for this, got an environment map"),
         ("gloss --mitsuba-xml", "Lambertian objects alone, for a file of Mitsuba's, got a Phong highlight"),
-        ("overlap --mitsuba-xml --rung shadow", "--rung: expected a rung that Mitsuba's integrators have"),
+        ("overlap --mitsuba-xml --rung shadow", "--rung: expected a light level that Mitsuba's integrators have"),
         ("overlap --json --rung shadw", "did you mean shadow?"),
         ("nowhere --json", "nowhere"),
     ):

@@ -259,8 +259,8 @@ def test_an_index_is_not_another_one_by_its_sign():
 def test_a_number_may_lack_its_sign_a_list_be_reversed_and_nothing_is_computed_with_a_text():
     (statement,) = ast.parse("def f(a, b, c, d):\n    dark = 'dark'\n    return [a, b, c, 7 * d]").body
     made = {(edit.operator, edit.before, edit.after) for rare in (False, True) for edit in edits(statement, rare=rare)}
-    assert ("another number is wanted", "7", "-7") in made
-    assert ("the order is wrong", "[a, b, c, 7 * d]", "[7 * d, c, b, a]") in made
+    assert ("the number is wrong", "7", "-7") in made
+    assert ("the entries are in the wrong order", "[a, b, c, 7 * d]", "[7 * d, c, b, a]") in made
     assert ("a factor 2 is missing", "7", "2 * 7") in made
     assert not [after for _, before, after in made if before == "'dark'"]
 
