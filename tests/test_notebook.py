@@ -112,7 +112,7 @@ def test_a_scene_changes_by_with():
         (ball, {"radius": -1}, "Sphere.radius: expected metres > 0, got -1"),
         (ball, {"radus": 1}, "did you mean radius"),
         (scene, {"sun": 3}, "Scene.sun"),
-        (scene, {"size": (0, 4)}, "Camera.image_size: expected a whole number >= 1"),
+        (scene, {"size": (0, 4)}, "K: expected focal lengths > 0 px, got 0"),
     ):
         with pytest.raises(InputError, match=said):
             record.with_(**wrong)

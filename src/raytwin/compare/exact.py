@@ -53,8 +53,13 @@ def count_noise_free(
     worst = float(error[y, x, channel])
     if worst <= bound.least:
         return NoiseFree(values, 0, 0, worst, x, y, channel)
-    allowed, more = bound.of(radiance), 0 if forgiven is None else forgiven
-    wrong, beyond = error > allowed + more, error > OUTLIER * allowed + more
-    outliers = int(np.count_nonzero(beyond.any(axis=-1)))
-    places = blocks_of(np.asarray(wrong.any(axis=-1)), 0, len(error))
+    # No value may err by less than `bound.least`: only those beyond it, mostly few, are looked at one by one.
+    off = np.flatnonzero(error > bound.least)
+    allowed, more = bound.of(radiance.ravel()[off]), 0 if forgiven is None else forgiven.ravel()[off]
+    off_by, pixel = error.ravel()[off], off // error.shape[2]
+    wrong = off_by > allowed + more
+    outliers = len(np.unique(pixel[off_by > OUTLIER * allowed + more]))
+    seen_wrong = np.zeros(error.shape[:2], bool)
+    seen_wrong.ravel()[pixel[wrong]] = True
+    places = blocks_of(seen_wrong, 0, len(error))
     return NoiseFree(values, int(np.count_nonzero(wrong)), outliers, worst, x, y, channel, places)
