@@ -17,7 +17,8 @@ def fresh(monkeypatch, tmp_path):
     """A process that has chosen nothing yet, with an empty memory and no wishes."""
     monkeypatch.setenv("RAYTWIN_CACHE", str(tmp_path))
     for name in ("RAYTWIN_VARIANT", "RAYTWIN_NO_LLVM", "DRJIT_LIBLLVM_PATH"):
-        monkeypatch.delenv(name, raising=False)
+        monkeypatch.setenv(name, "")  # so that what a test leaves in it is undone, even if it was not set before
+        monkeypatch.delenv(name)
     for name, value in {"USERS_LLVM": None, "_chosen": {}, "_current": None}.items():
         monkeypatch.setattr(backend, name, value)
     monkeypatch.setattr(backend, "_drjit_is_imported", lambda: False)
