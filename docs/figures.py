@@ -54,7 +54,7 @@ def draw_lines(rows: Sequence[tuple[str, float, float]], x: str, y: str, title: 
         Point(a, b, line, line, COLOURS[lines.index(line)], strong=True, label=line if last[line] == (a, b) else "")
         for line, a, b in rows
     ]
-    path.write_text(svg_text(family_chart(path.stem, title, x, y, points)))
+    path.write_text(svg_text(family_chart(path.stem, title, x, y, points, floor=None)))
 
 
 def in_sigmas(test: Image, reference: Image, most: float = 4.0) -> np.ndarray:
