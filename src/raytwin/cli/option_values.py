@@ -8,8 +8,6 @@ from typing import Any
 
 from raytwin.errors import InputError
 
-MAX_PIXELS = 400_000_000
-"""Most pixels of a picture that `--size` may ask for: 4.8 GB per image."""
 MAX_SIDE = 100_000
 """Largest width or height of a picture, in pixels, that is not taken for a typing error."""
 
@@ -22,6 +20,8 @@ def parse_size(text: str, option: str) -> tuple[int, int]:
     match = re.fullmatch(r"\s*(\d{1,6})\s*[xX×]\s*(\d{1,6})\s*", text)
     if not match or not all(0 < int(side) <= MAX_SIDE for side in match.groups()):
         raise InputError(option, "WIDTHxHEIGHT in pixels, as 640x480", text)
+    from raytwin.images.limits import MAX_PIXELS
+
     width, height = int(match[1]), int(match[2])
     if width * height > MAX_PIXELS:
         gigabytes = 12e-9 * width * height
