@@ -123,6 +123,7 @@ def test_a_variant_that_is_no_choice_is_named_with_what_to_use(monkeypatch):
     monkeypatch.setattr(backend, "probe", lambda variant, path: backend.Tried(path, False, "no device"))
     with pytest.raises(MachineError, match=r"an NVIDIA GPU.*no device"):
         backend.activate("cuda_ad_rgb")
+    assert "DRJIT_LIBLLVM_PATH" not in os.environ  # a missing GPU says nothing about LLVM
 
 
 def test_doctor_tells_versions_candidates_and_choice(monkeypatch):

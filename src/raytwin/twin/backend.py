@@ -98,7 +98,7 @@ def chosen(variant: str | None = None) -> Backend:
     if wanted not in _chosen:
         _chosen[wanted] = find_backend(wanted)
     backend = _chosen[wanted]
-    if backend.variant is None:
+    if backend.variant is None and wanted == LLVM:
         os.environ[LIBRARY] = os.devnull  # or Dr.Jit takes its own choice, and may abort
     elif backend.libllvm not in (None, OWN_CHOICE):
         os.environ[LIBRARY] = backend.libllvm
