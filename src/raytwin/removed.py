@@ -53,6 +53,7 @@ COMMANDS: dict[str, str] = {
     "reference make --jobs": "Leave it out: Mitsuba renders on every core.",
     "reference make -j": "Leave it out: Mitsuba renders on every core.",
     "reference make --shard": "Use one `reference make SCENE` per machine.",
+    "reference merge": "Use the summary.md of each machine's report, side by side.",
     "stability sphere-picture": "Use `raytwin stability sphere-far`.",
     "shrink --allow": "Use a scene.toml: shrink takes no Mitsuba files, which alone have plugins.",
 }
