@@ -67,8 +67,8 @@ const began = new Map();
 function ask(moving = false) {
   if (!asking) change = performance.now();
   wanted.moving = moving;
-  const { exposure, gamma, tone, map } = viewer.state, { low, high, log } = map === "signed" && viewer.values.d ? viewer.scale() : { low: 0, high: 0.5, log: false };
-  wanted.look = { exposure, gamma, tone, low, high, log };
+  const { exposure, map } = viewer.state, { low, high, log } = map === "signed" && viewer.values.d ? viewer.scale() : { low: 0, high: 0.5, log: false };
+  wanted.look = { exposure, low, high, log };
   if (!moving) remember();
   asking ??= requestAnimationFrame(() => {
     asking = null;

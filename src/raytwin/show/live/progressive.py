@@ -22,7 +22,7 @@ from raytwin.explain.ledger import make_ledger
 from raytwin.fast import ENGINES
 from raytwin.images.image import Image
 from raytwin.images.packing import binned
-from raytwin.images.photo_files import encoded, srgb_encode
+from raytwin.images.photo_files import encoded, to_bytes
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.rungs import RUNGS
@@ -155,7 +155,7 @@ def point(side: str, method: Renderer | None, image: Image, seconds: float, halv
 
 def picture(pane: str, image: Image, look: Look, seconds: float, samples: int) -> Event:
     """A JPEG of it, as the page would show it."""
-    jpeg = encoded(to_screen(image.mean, look), "jpeg", quality=QUALITY)
+    jpeg = encoded(to_screen(image.mean, look.exposure), "jpeg", quality=QUALITY)
     return {"kind": "picture", "pane": pane, "seconds": seconds, "samples": samples}, (jpeg,)
 
 
@@ -189,28 +189,18 @@ def pair(test: Image, reference: Image, names: tuple[str, ...], noisy: bool) -> 
     }, words
 
 
-TONES = {
-    "sRGB": lambda x: x,
-    "Reinhard": lambda x: x / (1 + x),
-    "filmic": lambda x: (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14),
-}
-"""As colour.js has them."""
-
-
-def to_screen(mean: np.ndarray, look: Look) -> np.ndarray:
-    """(H, W, 3) uint8 by the viewer's exposure, tone and gamma."""
+def to_screen(mean: np.ndarray, exposure: float) -> np.ndarray:
+    """(H, W, 3) uint8 by the viewer's exposure in stops."""
     with np.errstate(over="ignore"):
-        return _bytes_of(look)[mean.astype(np.float16).view(np.uint16)]
+        return _bytes_of(exposure)[mean.astype(np.float16).view(np.uint16)]
 
 
 @lru_cache(4)
-def _bytes_of(look: Look) -> np.ndarray:
-    """(65536,) uint8: what is shown for every half float. Many pictures in a row have one look."""
+def _bytes_of(exposure: float) -> np.ndarray:
+    """(65536,) uint8: what is shown for every half float. Many pictures in a row have one exposure."""
     halves = np.arange(1 << 16, dtype=np.uint16).view(np.float16).astype(np.float32)
     with np.errstate(all="ignore"):
-        x = np.minimum(np.where(halves > 0, halves, 0) * 2.0**look.exposure, 1e9)
-        y = srgb_encode(np.clip(TONES.get(look.tone, TONES["sRGB"])(x), 0, 1)) ** (1 / look.gamma)
-        return np.nan_to_num(255 * y + 0.5).astype(np.uint8)
+        return to_bytes(halves * np.float32(2.0**exposure))
 
 
 def as_message(event: Mapping[str, Any], blobs: tuple[bytes, ...]) -> bytes:

@@ -27,8 +27,6 @@ class Look(Record, frozen=True):
     """
 
     exposure: Annotated[float, msgspec.Meta(ge=-20, le=20)] = 0.0
-    gamma: Annotated[float, msgspec.Meta(ge=0.2, le=5)] = 1.0
-    tone: str = "sRGB"
     low: NonNegative = 0.0
     high: Positive = 1.0
     log: bool = False
