@@ -54,7 +54,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Line:
-    """`dash`: solid, dotted or dashed; `strength`: 1 is the full colour."""
+    """`dash`: solid or dashed; `strength`: 1 is the full colour."""
 
     xs: tuple[float, ...]
     ys: tuple[float, ...]
