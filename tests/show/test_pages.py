@@ -231,14 +231,3 @@ def test_a_page_opens_offline_keeps_names_as_text_and_shuts_nobody_out(kind, mak
         styles = re.sub(r"<script\b[^>]*>.*?</script>", "", text, flags=re.DOTALL)
         assert not re.search(r"(?:@import|url\()\s*[\"']?(?!data:|#)", styles), page
         assert barriers_of(chromium, page) == [], page
-
-
-def test_a_cell_of_a_summary_holds_no_markup():
-    for text, cell in (
-        ("a | b", "a \\| b"),
-        ("<b>", "&lt;b&gt;"),
-        ("*x* `y` [z](w)", "\\*x\\* \\`y\\` \\[z\\](w)"),
-        ("two\nlines", "two lines"),
-    ):
-        assert check_page.cell(text) == cell
-    assert check_page.cell("a", "", "b") == "a<br>b"

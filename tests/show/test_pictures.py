@@ -11,7 +11,7 @@ from raytwin.compare import compare
 from raytwin.compare.finding import Finding, Place
 from raytwin.images.image import Image, Surface
 from raytwin.show import data_urls
-from raytwin.show.locations import linked
+from raytwin.show.compare_page import linked
 
 
 def grey(values) -> Image:
@@ -63,18 +63,6 @@ def test_worst_pixels_come_worst_first_and_one_from_a_tile():
     assert data_urls.worst_pixels(error, 10) == [(0, 69), (6, 5), (90, 40)]
     assert data_urls.worst_pixels(error, 1) == [(0, 69)]
     assert data_urls.worst_pixels(0 * error[:60], 10) == []  # equal images have none
-
-
-def test_a_png_keeps_every_byte_and_a_noisy_picture_becomes_a_jpeg():
-    rng = np.random.default_rng(0)
-    smooth = np.broadcast_to(np.arange(200, dtype=np.uint8)[None, :, None], (150, 200, 3))
-    url, lossless = data_urls.picture_url(smooth)
-    assert lossless
-    np.testing.assert_array_equal(np.asarray(loaded(url)), smooth)
-    noisy = rng.integers(0, 256, (600, 800, 3), np.uint8)
-    url, lossless = data_urls.picture_url(noisy)
-    assert not lossless
-    assert loaded(url).size == (800, 600)
 
 
 def test_a_photo_of_many_pixels_is_made_smaller_and_says_so():

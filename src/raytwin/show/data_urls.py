@@ -118,11 +118,3 @@ def changed(before: np.ndarray, after: np.ndarray) -> tuple[int, int, int, int]:
         for n, side in ((columns, before.shape[1]), (rows, before.shape[0]))
     )
     return x, y, width, height
-
-
-def picture_url(pixels: np.ndarray) -> tuple[str, bool]:
-    """(data URL, whether it is lossless): PNG, or JPEG where noise makes a PNG of more than a byte a pixel."""
-    url = png_url(pixels)
-    if len(url) <= pixels.shape[0] * pixels.shape[1] + 200_000:
-        return url, True
-    return jpeg_url(pixels), False
