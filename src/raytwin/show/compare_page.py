@@ -139,20 +139,15 @@ def packed_and_panes(view: PairView) -> tuple[viewer.Packed, list[dict[str, Any]
 
 
 def photos(view: PairView) -> list[dict[str, Any]]:
-    """Panes of the photo and of the augmented one, stored as the rectangle that differs. Large photos are reduced."""
-    photo, augmented = view.pair.photo, view.pair.augmented
-    panes: list[dict[str, Any]] = []
-    if photo is not None:
-        url, note = data_urls.small_jpeg(photo, photo.shape)
-        panes.append({"key": "photo", "kind": "picture", "title": "Photo", "tab": "photo", "url": url, "note": note})
-    if augmented is not None:
-        pane: dict[str, Any] = {"key": "augmented", "kind": "picture", "title": "Augmented photo", "tab": "augmented"}
-        x, y, w, h = (0, 0, *augmented.shape[1::-1])
-        if photo is not None and photo.shape == augmented.shape == view.reference.shape:
-            x, y, w, h = data_urls.changed(photo, augmented)
-            pane |= {"over": "photo", "box": (x, y, w, h)}
-        url, note = data_urls.small_jpeg(augmented[y : y + h, x : x + w], augmented.shape)
-        panes.insert(0, pane | {"url": url, "note": note})
+    """Panes of the augmented photo and of the photo. Large ones are reduced."""
+    panes = []
+    for tab, title, pixels in (
+        ("augmented", "Augmented photo", view.pair.augmented),
+        ("photo", "Photo", view.pair.photo),
+    ):
+        if pixels is not None:
+            url, note = data_urls.small_jpeg(pixels)
+            panes.append({"key": tab, "kind": "picture", "title": title, "tab": tab, "url": url, "note": note})
     return panes
 
 
@@ -161,7 +156,7 @@ def alone(view: PairView) -> list[dict[str, str]]:
     found = []
     for title, image in ((view.names.test_title, view.test), (view.names.reference_title, view.reference)):
         if showable(image):
-            url, note = data_urls.small_jpeg(data_urls.exposed(image, data_urls.exposure(image)), image.shape)
+            url, note = data_urls.small_jpeg(data_urls.exposed(image, data_urls.exposure(image)))
             size = "{1} × {0} pixels".format(*image.shape)
             found.append({"title": title, "alt": f"{title}, {size}", "note": f"{size}; shown as {note}", "url": url})
     return found

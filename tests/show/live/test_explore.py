@@ -228,15 +228,6 @@ def test_passes_go_on_with_twice_the_samples_until_all_are_there(base):
     assert moving == ["picture", "picture"]
 
 
-def test_passes_rest_as_soon_as_the_verdict_on_all_of_them_is_certain(base):
-    wish = msgspec.structs.replace(wanted_of(base, "numpy32"), rung="path", twin_rung="path", samples=1024)
-    *events, rest = [event for event, _ in Session(base).passes(wish)]
-    assert rest["said"].startswith("PASS, certain after ")
-    samples = [event["samples"] for event in events if event["kind"] == "pair"]
-    assert samples[-1] == [2 ** (len(samples) - 1)] * 2
-    assert 8 <= samples[-1][0] < 1024
-
-
 def test_the_ledger_of_a_subject_that_fails_on_its_own_level_names_its_own_error(base):
     for rung, twin_rung, faulty in (("shadow", "path", False), ("lambert", "shadow", True)):
         subject = UserRenderer("shadow", "mine", lambda _, rung=rung: trace(base, rung).mean)

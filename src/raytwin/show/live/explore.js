@@ -161,8 +161,8 @@ const handlers = {
   refused(event) {
     say(event.text, true);
   },
-  rest(event) {
-    $("state").textContent += event.said ? `; ${event.said}` : "; at rest";
+  rest() {
+    $("state").textContent += "; at rest";
     document.body.dataset.rest = String(shown);
   },
 };

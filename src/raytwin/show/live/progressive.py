@@ -9,7 +9,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,6 @@ import msgspec
 import numpy as np
 
 from raytwin import twin
-from raytwin.compare import SequentialComparison
 from raytwin.explain.ledger import make_ledger
 from raytwin.fast import ENGINES
 from raytwin.images.image import Image
@@ -108,9 +107,8 @@ class Session:
             maps = viewer.raw_parts(ledger.pictures, ledger.step, noise)
             words = tuple(blob for _, blobs in maps for blob in blobs)
             yield {"kind": "ledger", "parts": plain(ledger.parts), "maps": [about for about, _ in maps]}, words
-        check, said = self.rounds(wanted, scene, method, test, reference), ""
         samples = 2
-        while samples <= wanted.samples and (method.noisy or RUNGS[wanted.twin_rung].noisy) and not said:
+        while samples <= wanted.samples and noisy:
             if method.noisy:
                 method = self.tracer(wanted, samples)
                 test, seconds = _timed(method, scene, samples)
@@ -119,21 +117,8 @@ class Session:
                 reference, seconds = _timed(self.twin, wanted, scene, samples, samples)
                 yield point("twin", None, reference, seconds, halves)
             yield pair(test, reference, scene.names, noisy)
-            if check is not None and (made := check.add(test if method.noisy else None, reference)):
-                said = f"{made.verdict.upper()}, {made.reasons[-1]}"
             samples *= 2
-        yield {"kind": "rest", "said": said}, ()
-
-    def rounds(
-        self, wanted: ViewRequest, scene: Scene, method: Renderer, test: Image, reference: Image
-    ) -> SequentialComparison | None:
-        """Return what decides about the passes; None where the sides have other light, or no noise."""
-        if wanted.rung != wanted.twin_rung or not RUNGS[wanted.twin_rung].noisy:
-            return None
-        judge = partial(compare_with_twin, scene=scene, tolerance=self.base.tolerance)
-        check = SequentialComparison(test=None if method.noisy else test, judge=judge)
-        check.add(test if method.noisy else None, reference)
-        return check
+        yield {"kind": "rest"}, ()
 
 
 def _timed(make: Callable[..., Image], *arguments: Any) -> tuple[Image, float]:

@@ -6,7 +6,7 @@
 // `parts` of the error, `overlay(g, pane, frame, viewer)` (draws more), `exposure` (stops), `address` (whether the
 // page's address says where to look).
 // Kinds of panes: radiance (key test or reference), map (of their difference), objects (what each pixel sees), picture
-// (8 bits: `url`, perhaps drawn `over` another pane at `box`). All panes show the same part of the frame.
+// (8 bits: `url`). All panes show the same part of the frame.
 
 import { CHANNELS, MAPPING, OBJECTS, PART, encode } from "./colour.js";
 import { clamp, digits, el, short, signed, single, values } from "./values.js";

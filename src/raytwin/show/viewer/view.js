@@ -147,11 +147,6 @@ class View extends Colours {
       source = this.layer(pane, k);
       cw = ch = thin * k;
     }
-    if (pane.over) {
-      this.draw(g, this.panes.get(pane.over), f, dots);
-      const [x, y, w, h] = pane.box;
-      return g.drawImage(source, ...f.at(x - 0.5, y - 0.5), w * f.s, h * f.s);
-    }
     g.imageSmoothingEnabled = pane.kind !== "map" && pane.kind !== "objects" && f.s * dots * cw < 1;
     g.imageSmoothingQuality = source instanceof ImageBitmap ? "low" : "medium"; // one of many that move
     const most = size(source), part = (from, size, cell, all) => {
