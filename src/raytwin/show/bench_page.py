@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from raytwin.show.charts.chart import Chart, Line, Point, by_family, chart_html, family_chart, write_charts
+from raytwin.show.charts.chart import Chart, Line, Point, chart_html, family_chart, write_charts
 from raytwin.show.charts.svg import INK, SOFT, Range
 from raytwin.show.numbers import seconds, shown
 from raytwin.show.page import write_page
@@ -159,20 +159,18 @@ def error_chart(bench: Bench, size: tuple[int, int], truth: str) -> Chart | None
         )
         for r, y in zip(found, raised(errors, floor), strict=True)
     ]
-    groups = by_family(sorted(points, key=lambda p: (p.family, order.get(p.name, 0))))
-    named = [p for group in groups for p in (*group[:-1], group[-1] if group[-1].label else rest_of(group))]
     drawn = family_chart(
         f"{size[0]}x{size[1]}/{truth}",
         f"{bench.scene}, {megapixels(size)}, against {TRUTHS.get(truth, truth)}",
         "seconds per frame (median)",
         "RMSE",
-        named,
+        sorted(points, key=lambda p: (p.family, order.get(p.name, 0))),
         floor or None,
     )
     stairs = steps([points[i] for i in staircase(times, errors, floor)], drawn.x_range[1])
     bars = [error_bar(r, p.colour, drawn.y_range) for r, p in zip(found, points, strict=True) if r.rmse_sigma]
     lines = *drawn.lines, *bars, stairs
-    return replace(drawn, lines=lines, notes=("upright: two standard errors either way",))
+    return replace(drawn, lines=lines, notes=("Upright lines are two standard errors either way.",))
 
 
 def error_bar(r: Measurement, colour: str, y_range: Range) -> Line:
@@ -180,11 +178,6 @@ def error_bar(r: Measurement, colour: str, y_range: Range) -> Line:
     reach = 2 * (r.rmse_sigma or 0.0)
     ends = max(r.rmse - reach, y_range[0]), min(max(r.rmse + reach, y_range[0]), y_range[1])
     return Line((r.seconds_median,) * 2, ends, colour)
-
-
-def rest_of(family: Sequence[Point]) -> Point:
-    """Return the last point of a family, labelled with the family's name, or its own where it is the only one."""
-    return replace(family[-1], label=family[-1].family if len(family) > 1 else family[-1].name)
 
 
 def measured(bench: Bench, size: tuple[int, int], truth: str) -> list[Measurement]:
