@@ -53,6 +53,8 @@ COMMANDS: dict[str, str] = {
     "reference make --jobs": "Leave it out: Mitsuba renders on every core.",
     "reference make -j": "Leave it out: Mitsuba renders on every core.",
     "reference make --shard": "Use one `reference make SCENE` per machine.",
+    "scenes export --json": "Leave it out: JSON is what is written.",
+    "scenes export --mitsuba-xml": "Use raytwin.mitsuba_sensor in a Mitsuba scene, or the JSON.",
     "stability sphere-picture": "Use `raytwin stability sphere-far`.",
     "shrink --allow": "Use a scene.toml: shrink takes no Mitsuba files, which alone have plugins.",
 }
@@ -70,6 +72,7 @@ MOVED: dict[str, str] = {
 """Old name of a command -> its name today. The old name does the same, and `--help` does not list it."""
 
 NAMES: dict[str, str] = {
+    "camera_rays": "Use back_project and to_board of raytwin.tracer.pixel_to_ray, as docs/python.md shows.",
     "ladder": "Use raytwin.levels(scene).",
     "needs": "Use raytwin.levels(scene, tolerance).",
     "SceneFile": "Use raytwin.Scene, which read_scene returns.",

@@ -18,7 +18,7 @@ from raytwin.photos.camera import lens_model
 from raytwin.photos.synthetic_photos import QUALITY, Truth, expose, poses, sheet_of, write_truth
 from raytwin.scene import Camera, Environment, Lambert, Matrix, Rectangle, Scene, Sky, Sphere, Sun, Vector
 from raytwin.study.photograph import TABLE
-from raytwin.twin.opencv_sensor import sensor_at
+from raytwin.twin.opencv_sensor import lens_at, mitsuba_sensor
 from raytwin.twin.twin_scene import load, place_of, translate
 
 TEXELS_PER_METRE = 4500.0
@@ -93,7 +93,7 @@ def rendered(scene: Scene, textures: dict[int, np.ndarray], samples: int, seed: 
     world = translate(scene, place := place_of(scene), textures)
     reflectance = {"type": "rgb", "value": list(scene.objects[0].material.albedo)}
     world["object-0"]["bsdf"] = {"type": "conductor", "material": "none", "specular_reflectance": reflectance}
-    world["sensor"] = sensor_at(scene.camera, place.eye, place.unit)
+    world["sensor"] = mitsuba_sensor(scene.camera) | lens_at(scene.camera, place.eye)
     world["integrator"] = {"type": "path", "max_depth": 8}
     loaded, passes = load(world), math.ceil(samples / SAMPLES_PER_PASS)
     total = np.zeros((scene.camera.height, scene.camera.width, 3))

@@ -10,7 +10,6 @@ from raytwin.errors import InputError
 from raytwin.scene import Camera, Lambert, Rectangle, Sky, Sphere, Sun
 from raytwin.scene.scene_files import read_scene
 from raytwin.twin import render
-from raytwin.twin.opencv_sensor import sensor_at
 from raytwin.twin.twin_scene import load, place_of, translate
 
 SUN, SKY = Sun(to_light=(0.0, 0.0, 1.0), irradiance=(3.0, 2.0, 1.0)), Sky((0.1, 0.2, 0.3))
@@ -211,7 +210,14 @@ def test_the_light_is_that_of_mitsubas_own_camera_film_and_integrator(scenes, ru
     try:
         mi.set_variant("scalar_rgb")
         world = translate(scene, place := place_of(scene), {}) | {"integrator": {"type": "path", "max_depth": depth}}
-        world["sensor"] = sensor_at(scene.camera, place.eye, place.unit)
+        camera, pose = scene.camera, np.eye(4)  # Mitsuba's own looks along +z with x to the left and y up
+        pose[:3, :3], pose[:3, 3] = np.transpose(camera.R_cam_board) * (-1, -1, 1), place.eye
+        world["sensor"] = {
+            "type": "perspective", "fov": math.degrees(2 * math.atan(24 / camera.fx)),
+            "principal_point_offset_x": (23.5 - camera.cx) / 48, "principal_point_offset_y": (17.5 - camera.cy) / 36,
+            "to_world": mi.ScalarTransform4f(pose), "near_clip": 1.0,
+            "film": {"type": "hdrfilm", "width": 48, "height": 36, "rfilter": {"type": "box"}},
+        }  # fmt: skip
         theirs = [np.array(mi.render(load(world), spp=16, seed=seed)) for seed in range(8)]
     finally:
         mi.set_variant("llvm_ad_rgb")
