@@ -30,8 +30,7 @@ from raytwin.photos.lighting import light_models as models
 from raytwin.photos.lighting.estimate_light import LightEstimate, estimate_light
 from raytwin.photos.synthetic_photos import sheet_of
 from raytwin.scene import Camera, Environment, Lambert, Sky, Sphere, Sun
-from raytwin.scene.scene_files import write_camera
-from raytwin.scene.toml_json import write_json
+from raytwin.scene.toml_json import write_json, write_toml
 from raytwin.study.photograph import TABLE
 from raytwin.tracer.lights.envmap_tables import REC_709
 
@@ -84,7 +83,7 @@ def judge(folder: Path, seed: int) -> list[dict]:
     """Return a row per thing that shows the light: errors and z of the light that is found in `folder`."""
     truth = synthetic_photos.read_truth(folder / "photos" / "truth.toml")
     R, t = truth.photos["photo_00.jpg"]
-    write_camera(folder / "camera.toml", Camera(truth.image_size, truth.K, R, t, truth.dist))
+    write_toml(folder / "camera.toml", Camera(truth.image_size, truth.K, R, t, truth.dist).to_dict())
     to_light, E, Ls, around = random_light(seed)
     white = PAPER * (E * to_light[2] / np.pi + Ls) @ REC_709
     sky = around / white if around is not None else np.broadcast_to(np.float32(Ls / white), (16, 32, 3))
