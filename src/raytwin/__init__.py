@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from raytwin.photos.camera import calibrate as calibrate
     from raytwin.renderers.references import reference as reference
     from raytwin.scene import Camera as Camera
-    from raytwin.scene import Lambert as Lambert
     from raytwin.scene import Rectangle as Rectangle
     from raytwin.scene import Scene as Scene
     from raytwin.scene import Sky as Sky
@@ -73,7 +72,6 @@ _HOME = {
     "DiffSettings": "study.diff_settings",
     "Image": "images.image",
     "InputError": "errors",
-    "Lambert": "scene",
     "Rectangle": "scene",
     "Scene": "scene",
     "SequentialComparison": "compare",

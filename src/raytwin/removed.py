@@ -73,6 +73,7 @@ MOVED: dict[str, str] = {
 
 NAMES: dict[str, str] = {
     "camera_rays": "Use back_project and to_board of raytwin.tracer.pixel_to_ray, as docs/python.md shows.",
+    "Lambert": "Write the albedo itself: raytwin.Sphere(center, radius, (0.8, 0.2, 0.2)).",
     "ladder": "Use raytwin.levels(scene).",
     "needs": "Use raytwin.levels(scene, tolerance).",
     "SceneFile": "Use raytwin.Scene, which read_scene returns.",

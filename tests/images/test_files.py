@@ -34,7 +34,7 @@ from raytwin.images.photo_files import (
     write_picture,
 )
 from raytwin.safe_write import replacing, write_text
-from raytwin.scene import Camera, Lambert, Rectangle, Sphere
+from raytwin.scene import Camera, Rectangle, Sphere
 from raytwin.scene.scene_files import read_camera, read_scene
 from raytwin.scene.toml_json import read_toml, write_json, write_toml
 
@@ -90,7 +90,7 @@ def test_a_scene_is_read_as_it_is_written(tmp_path):
     assert scene.name == "x"
     assert scene.camera.image_size == (64, 48)
     assert scene.camera.coefficients == (-0.1, 0.01, 0, 0, 0)
-    assert scene.objects[1] == Sphere((0.1, 0.0, 0.04), 0.04, Lambert((0.8, 0.4, 0.2)))
+    assert scene.objects[1] == Sphere((0.1, 0.0, 0.04), 0.04, (0.8, 0.4, 0.2))
     assert scene.objects[2:] == (Rectangle((0.0, 0.0, 0.0), (0.2, 0.0, 0.0), (0.0, 0.3, 0.0)),)
     assert scene.tolerance.p999_abs == 1e-4
     assert read_scene(tmp_path / "x" / "scene.toml") == scene

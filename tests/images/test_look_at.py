@@ -47,11 +47,7 @@ def test_up_may_be_any_direction(tmp_path):
     [
         ("{ eye = [0, 0, 5], target = [0, 0, 5], fov_x = 9 }", "", ("camera.look_at.target", "another point than eye")),
         ("{ eye = [0, 0, 5], target = [0, 0, 0], fov_x = 9 }", "", ("camera.look_at.up", "does not look along")),
-        (
-            "{ eye = [0, 0, 5], target = [1, 0, 0], up = [0, 0, 0], fov_x = 9 }",
-            "",
-            ("camera.look_at.up", "a direction"),
-        ),
+        ("{ eye = [0, 0, 5], target = [1, 0, 0], up = [0, 0, 0], fov_x = 9 }", "", ("camera.look_at.up",)),
         ("{ eye = [0, 0, 5], target = [1, 0, 0] }", "", ("camera.look_at.fov_x is missing",)),
         ("{ eye = [0, 0, 5], target = [1, 0, 0], fov_x = 180 }", "", ("camera.look_at.fov_x",)),
         (VIEW, "t_cam_board = [0, 0, 1]", ("camera.t_cam_board is no known key",)),

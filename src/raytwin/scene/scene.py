@@ -8,7 +8,6 @@ from msgspec import UNSET, UnsetType
 from raytwin.errors import InputError
 from raytwin.scene.camera import Camera
 from raytwin.scene.lights import Environment, Sky, Sun
-from raytwin.scene.material import Phong
 from raytwin.scene.record_base import Albedo, Fraction, Positive, Radiance, Record, Vector
 from raytwin.scene.shapes import Rectangle, Shape, Sphere
 
@@ -110,7 +109,7 @@ class Scene(Record, frozen=True):
     @property
     def glossy(self) -> bool:
         """Return whether any object has a highlight."""
-        return any(isinstance(thing.material, Phong) for thing in self.objects)
+        return any(thing.highlight for thing in self.objects)
 
     def check_lambertian(self, who: str) -> None:
         """Raise InputError if an object has a highlight, which `who` does not support."""

@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 
 from raytwin.images.image import Image, Surface
-from raytwin.scene import Phong, Scene
+from raytwin.scene import Scene
 from raytwin.twin.twin_scene import SHADOW_OFFSET, SPHERE_OFFSET, place_of
 
 ROUNDING = 2.0**-22
@@ -38,7 +38,7 @@ def settle(test: Image, reference: Image, scene: Scene) -> tuple[Image, tuple[st
     other = own.ids != seen.ids
     apart = other | ((change.max(axis=-1) > LEAST_CHANGE * max(scene.sun.irradiance)) & seen.mask)
     extreme = [i for i in extreme_spheres(scene) if (seen.ids == i).any()]
-    glossy = [i for i, thing in enumerate(scene.objects) if isinstance(thing.material, Phong)]
+    glossy = [i for i, thing in enumerate(scene.objects) if thing.highlight]
     valid = (np.isfinite(test.mean) & (test.mean >= 0)).all(axis=-1)  # rounding makes no other values
     coarse = np.isin(seen.ids, [*extreme, *glossy])
     if (asked := valid & (apart | coarse)).any():
