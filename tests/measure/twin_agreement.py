@@ -22,7 +22,7 @@ from raytwin import fast, twin
 from raytwin.compare import Comparison, compare
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Rectangle, Scene, Sky, Sphere, Sun
-from raytwin.scene.mitsuba_file import read_mitsuba, with_film
+from raytwin.scene.mitsuba_file import read_mitsuba
 from raytwin.scene.scene_files import read_scene
 from raytwin.study.beside_twin import compare_with_twin
 from raytwin.tracer import trace
@@ -91,9 +91,8 @@ def alarms(seeds: int) -> Iterator[tuple[str, int, int]]:
     box = mi.parser.parse_dict(mi.parser.ParserConfig(mi.variant()), mi.cornell_box())
     (folder / "box.xml").write_text(mi.parser.write_string(box))
     for scene in (glass, read_mitsuba(folder / "box.xml")):
-        small = with_film(scene, 96, 96 * scene.image_size[1] // scene.image_size[0])
-        right = twin.render_mitsuba(small, 1024, 1_000_000, cache=False)
-        tested = [twin.render_mitsuba(small, 64, seed, cache=False) for seed in range(seeds)]
+        right = twin.render_mitsuba(scene, 1024, 1_000_000, cache=False)
+        tested = [twin.render_mitsuba(scene, 64, seed, cache=False) for seed in range(seeds)]
         yield scene.name, seeds, sum(compare(image, right).verdict == "fail" for image in tested)
 
 
