@@ -54,6 +54,8 @@ COMMANDS: dict[str, str] = {
     "reference make -j": "Leave it out: Mitsuba renders on every core.",
     "reference make --shard": "Use one `reference make SCENE` per machine.",
     "reference merge": "Use the summary.md of each machine's report, side by side.",
+    "scenes export --json": "Leave it out: JSON is what is written.",
+    "scenes export --mitsuba-xml": "Use raytwin.mitsuba_sensor in a Mitsuba scene, or the JSON.",
     "stability sphere-picture": "Use `raytwin stability sphere-far`.",
     "shrink --allow": "Use a scene.toml: shrink takes no Mitsuba files, which alone have plugins.",
 }
@@ -71,6 +73,8 @@ MOVED: dict[str, str] = {
 """Old name of a command -> its name today. The old name does the same, and `--help` does not list it."""
 
 NAMES: dict[str, str] = {
+    "camera_rays": "Use back_project and to_board of raytwin.tracer.pixel_to_ray, as docs/python.md shows.",
+    "Lambert": "Write the albedo itself: raytwin.Sphere(center, radius, (0.8, 0.2, 0.2)).",
     "ladder": "Use raytwin.levels(scene).",
     "needs": "Use raytwin.levels(scene, tolerance).",
     "SceneFile": "Use raytwin.Scene, which read_scene returns.",

@@ -161,9 +161,7 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
         "solved": _opt("Fill in every function.", None, "--solved"),
     },
     "scenes export": {
-        "json": _opt("Write JSON, as programs of --subject read it.", None, "--json"),
-        "mitsuba_xml": _opt("Write a Mitsuba 3 scene.", None, "--mitsuba-xml"),
-        "rung": _opt("Light level: in JSON (shadow) or of the XML, sky or path (path)."),
+        "rung": _opt("Light level that the file asks for."),
         "out": _opt("File to write (standard output).", "FILE", *OUT),
     },
     "scenes copy": {

@@ -83,6 +83,10 @@ class TwinLight:
         depth = (self.double(seen.hit.t) + self.lens.start) / self.place.unit
         return surface_of(self.scene, seen, numbers, depth, size)
 
+    def directions(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Unit directions (k, 3), in the board's frame, of the rays through these places of the image."""
+        return np.stack([part.numpy() for part in self.lens.direction(self.double(u), self.double(v))], axis=1)
+
     def at(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, ...]:
         """Ids (k,), depth (k,), normals (k, 3) and the sun's light (k, 3) at these places of the image."""
         seen = seen_along(self.scene, self.lens.ray(self.double(u), self.double(v)))

@@ -15,7 +15,7 @@ from raytwin.images.photo_files import from_bytes, read_photo, to_bytes, write_p
 from raytwin.photos import synthetic_photos
 from raytwin.photos.augment import to_rec709
 from raytwin.scene import Camera
-from raytwin.scene.scene_files import read_scene, write_camera
+from raytwin.scene.scene_files import read_scene
 from raytwin.scene.toml_json import read_toml, write_toml
 from raytwin.study.augment_photos import augment_photos
 from raytwin.study.photograph import photograph_board
@@ -35,7 +35,7 @@ def taken(scenes, tmp_path_factory):
     photograph_board(board, folder / "all", scene=scenes / "desk", count=1, size=SIZE, samples=8)
     truth = synthetic_photos.read_truth(folder / "all" / "truth.toml")
     R, t = truth.photos["photo_00.jpg"]
-    write_camera(folder / "camera.toml", Camera(truth.image_size, truth.K, R, t, truth.dist))
+    write_toml(folder / "camera.toml", Camera(truth.image_size, truth.K, R, t, truth.dist).to_dict())
     (folder / "all" / "photo_00.jpg").rename(folder / "photo.jpg")
     return folder
 
