@@ -234,7 +234,7 @@ def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[
     first, *rest = [(cases[i], got[i]) for i in order]
 
     def explains(variant: Variant) -> bool:
-        function = variant.change(stage.reference)
+        function = variant.make()
         predicted, _ = _call(function, first[0])
         others = (one for one in rest if not (variant.sometimes and _passes(stage, *one)))
         return (

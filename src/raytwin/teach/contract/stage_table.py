@@ -4,10 +4,9 @@ from raytwin.teach.contract.stage import Stage
 from raytwin.teach.contract.stages import (
     back_project,
     estimate_pose,
-    hit_points,
     intersect_sphere,
     intrinsics,
-    render,
+    pictures,
     samplers,
     shade,
     sky_visible,
@@ -22,8 +21,8 @@ CONTRACT: dict[str, Stage] = {
         estimate_pose.STAGE,
         intersect_sphere.STAGE,
         shade.STAGE,
-        hit_points.STAGE,
-        render.STAGE,
+        pictures.HIT_POINTS,
+        pictures.RENDER,
     )
 }
 """name -> stage, in the order in which a tracer goes through them."""

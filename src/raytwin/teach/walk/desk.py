@@ -84,7 +84,8 @@ class Desk:
         given = as_arrays(self.scene)
         self.K, self.dist, self.R, self.t = (given[key] for key in ("K", "dist", "R_cam_board", "t_cam_board"))
         self.eye = -self.R.T @ self.t
-        self.to_light, self.irradiance, self.sky = *given["sun"].values(), given["sky"]["radiance"]
+        self.to_light, self.irradiance = given["sun"]["to_light"], given["sun"]["irradiance"]
+        self.sky = given["sky"]["radiance"]
         spheres, self.things = given["spheres"], [*given["spheres"], *given["planes"]]
         self.centers, self.radii = (np.array([sphere[key] for sphere in spheres]) for key in ("center", "radius"))
         return self

@@ -4,17 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.teach.contract.stage import Arrays, Case, Stage, slips
+from raytwin.teach.contract.stage import Arrays, Case, Stage, text_variants
 
 
 def intrinsics(homographies: Any) -> Any:
-    """K (3, 3), [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels, of the camera that took all views.
-
-    H = s K (r1 r2 t) takes the board's (x, y, 1) to pixels. r1 and r2 are unit and perpendicular, so with
-    B = K⁻ᵀ K⁻¹ and the columns h1, h2 of H each view gives h1ᵀ B h2 = 0 and h1ᵀ B h1 = h2ᵀ B h2.
-
-    homographies: (N, 3, 3), N >= 3 views from different sides, each up to its own scale.
-    """
+    """K (3, 3), [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels, of the camera that took all views."""
     H = np.asarray(homographies, float)
     B11, B22, B13, B23, B33 = _solved(H)
     cx, cy = -B13 / B11, -B23 / B22
@@ -62,23 +56,4 @@ def errors(case: Case, got: Arrays) -> np.ndarray:
     return np.asarray(np.abs(got[0] - case.expected[0]) / case.expected[0][0, 0])
 
 
-# ------------------------------------------------------------------------------------------ typical mistakes
-
-
-VARIANTS = slips(intrinsics, (
-    ("rows for columns", "h1 and h2 are taken from the rows of H: they are its first two columns, H[:, 0] and H[:, 1]",
-     "_solved(H)", "_solved(H.transpose(0, 2, 1))"),
-    ("no scale of B", "B is known up to a scale: fx² = s / B11 with s = B33 + cx B13 + cy B23",
-     "B33 + cx * B13 + cy * B23", "B33"),
-    ("K inverted", "that is K⁻¹: B = K⁻ᵀ K⁻¹", "np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])",
-     "np.linalg.inv(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]))"),
-    ("K transposed", "K is transposed: cx and cy stand in its last column",
-     "np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])", "np.array([[fx, 0, 0], [0, fy, 0], [cx, cy, 1]])"),
-    ("focal lengths swapped", "fx and fy are swapped: fx² = s / B11", "fx, fy = np", "fy, fx = np"),
-    ("principal point swapped", "cx and cy are swapped: cx = -B13 / B11",
-     "np.array([[fx, 0, cx], [0, fy, cy]", "np.array([[fx, 0, cy], [0, fy, cx]"),
-    ("focal lengths squared", "fx and fy are squared: take the root",
-     "np.sqrt(s / B11), np.sqrt(s / B22)", "s / B11, s / B22"),
-))  # fmt: skip
-
-STAGE = Stage(intrinsics, ("K",), cases, errors, 1e-4, "of fx", VARIANTS)
+STAGE = Stage(intrinsics, ("K",), cases, errors, 1e-4, "of fx", text_variants(intrinsics))

@@ -4,18 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.teach.contract.stage import Arrays, Case, Stage, slips, unit
+from raytwin.teach.contract.stage import Arrays, Case, Stage, text_variants, unit
 
 
 def sky_visible(points: Any, normals: Any, centers: Any, radii: Any) -> Any:
-    """The share (N,) of an even sky's light that reaches each surface element past the spheres.
-
-    1/π ∫ V max(0, n·ω) dω: a sphere of radius r at the distance d, whose centre is seen at the angle θ from the normal,
-    hides (r/d)² cos θ of it, where it is wholly above the element's horizon; below it, nothing. No two spheres hide
-    the same part of the sky here, and none is cut by a horizon.
-
-    points, normals: (N, 3), metres and unit. centers: (M, 3), radii: (M,), metres.
-    """
+    """The share (N,) of an even sky's light that reaches each surface element past the spheres."""
     f = np.asarray(centers)[None] - np.asarray(points)[:, None]
     d = np.linalg.norm(f, axis=-1)
     cosine = (f * np.asarray(normals)[:, None]).sum(-1) / d
@@ -44,25 +37,4 @@ def errors(case: Case, got: Arrays) -> np.ndarray:
     return np.asarray(np.abs(got[0] - case.expected[0]))
 
 
-# ------------------------------------------------------------------------------------------ typical mistakes
-
-
-VARIANTS = slips(sky_visible, (
-    ("no cosine", "the cosine is missing: light from the side counts less, (r/d)² cos θ",
-     "np.maximum(cosine, 0)", "(cosine > 0)"),
-    ("not squared", "r/d is not squared: seen from twice as far a sphere hides a quarter", "/ d) ** 2", "/ d)"),
-    ("solid angle", "the solid angle is taken, 1 - √(1 - (r/d)²), without the cosine law: (r/d)² cos θ",
-     "(np.asarray(radii) / d) ** 2 * np.maximum(cosine, 0)",
-     "(1 - np.sqrt(np.maximum(1 - (np.asarray(radii) / d) ** 2, 0))) * (cosine > 0)"),
-    ("half of it", "half too little is hidden: the whole sky sends π, not 2π", "/ d) ** 2 *", "/ d) ** 2 / 2 *"),
-    ("below the horizon", "a sphere below the horizon adds light: clamp the cosine, max(0, cos θ)",
-     "np.maximum(cosine, 0)", "cosine"),
-    ("occlusion for light", "that is what is hidden: 1 - it is what is seen", "1 - hidden", "hidden"),
-    ("only the first sphere", "only the first sphere hides the sky: sum over all",
-     "hidden.sum(axis=1)", "hidden[:, 0]"),
-    ("cosine of a vector that is not unit", "the cosine is that of a vector which is not unit: divide n·f by d",
-     ".sum(-1) / d", ".sum(-1)"),
-    ("no occlusion", "nothing is hidden", "hidden.sum(axis=1)", "0 * hidden.sum(axis=1)"),
-))  # fmt: skip
-
-STAGE = Stage(sky_visible, ("share",), cases, errors, 1e-6, "of 1", VARIANTS)
+STAGE = Stage(sky_visible, ("share",), cases, errors, 1e-6, "of 1", text_variants(sky_visible))

@@ -4,17 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.teach.contract.stage import Arrays, Case, Stage, slips, unit
+from raytwin.teach.contract.stage import Arrays, Case, Stage, text_variants, unit
 
 
 def sun_visible(points: Any, to_light: Any, centers: Any, radii: Any) -> Any:
-    """1 where the sun is seen from a point, 0 where a sphere is in the way: (N,).
-
-    A point may lie on one of the spheres, on the side that faces the sun: that sphere is not in its way, though
-    rounding may put the point a little inside.
-
-    points: (N, 3), metres. to_light: (3,), unit. centers: (M, 3). radii: (M,), metres.
-    """
+    """1 where the sun is seen from a point, 0 where a sphere is in the way: (N,)."""
     f = np.asarray(centers)[None] - np.asarray(points)[:, None]
     along = f @ np.asarray(to_light)
     square = np.asarray(radii) ** 2 - (f**2).sum(-1) + along**2
@@ -63,24 +57,4 @@ def errors(case: Case, got: Arrays) -> np.ndarray:
     return np.asarray(np.abs(got[0] - case.expected[0]))
 
 
-# ------------------------------------------------------------------------------------------ typical mistakes
-
-
-VARIANTS = slips(sun_visible, (
-    ("shadow for light", "1 and 0 are swapped: 1 is where the sun is seen", "0.0, 1.0", "1.0, 0.0"),
-    ("spheres behind", "spheres behind the point block, too: only those with t > 0, towards the sun, are in the way",
-     "& ahead", ""),
-    ("light reversed", "the ray goes away from the sun: to_light points to it", "f @ np", "-f @ np"),
-    ("no shadows", "there are no shadows: 0 where a sphere is in the way", "0.0, 1.0", "1.0, 1.0"),
-    ("only the first sphere", "only the first sphere casts a shadow", "blocked.any(axis=1)", "blocked[:, 0]"),
-    ("only the last sphere", "only the last sphere casts a shadow: each answer replaces the one before",
-     "blocked.any(axis=1)", "blocked[:, -1]"),
-    ("own shadow", "a sphere is in the way of its own points: rounding puts them a little inside, so start the ray a "
-     "little off the surface, or leave the own sphere out", "& ahead & ~own", "& ahead & ~own | own"),
-    ("spheres receive none", "points on the spheres are never in shadow: other spheres are in their way",
-     "blocked.any(axis=1)", "blocked.any(axis=1) & ~own.any(axis=1)"),
-    ("diameter", "the radius is halved", "np.asarray(radii) ** 2", "(np.asarray(radii) / 2) ** 2"),
-    ("radius not squared", "the radius is not squared", "np.asarray(radii) ** 2", "np.asarray(radii)"),
-))  # fmt: skip
-
-STAGE = Stage(sun_visible, ("visible",), cases, errors, 1e-6, "of 1", VARIANTS)
+STAGE = Stage(sun_visible, ("visible",), cases, errors, 1e-6, "of 1", text_variants(sun_visible))

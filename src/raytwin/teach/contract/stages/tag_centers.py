@@ -4,18 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from raytwin.teach.contract.stage import Arrays, Case, Stage, slips
+from raytwin.teach.contract.stage import Arrays, Case, Stage, text_variants
 
 
 def tag_centers(corners: Any) -> Any:
-    """The images (N, 2) of the tags' centres, in OpenCV's pixels: (0, 0) is the centre of the top-left pixel.
-
-    A lens maps lines to lines (but for its distortion, which is small within a tag), so the centre's image is where the
-    diagonals' images cross: not the mean of the corners, since what is farther away is seen smaller.
-
-    corners: (N, 4, 2), u and v of each tag's corners, one after the other around it, as the AprilTag library counts:
-    (0, 0) is the top-left pixel's outer corner, half a pixel up and left of its centre.
-    """
+    """The images (N, 2) of the tags' centres, in OpenCV's pixels: (0, 0) is the centre of the top-left pixel."""
     a, b, c, d = np.moveaxis(np.asarray(corners, float), 1, 0)
     return _crossing(a, c, b, d) - 0.5
 
@@ -49,18 +42,4 @@ def errors(case: Case, got: Arrays) -> np.ndarray:
     return np.asarray(np.linalg.norm(got[0] - case.expected[0], axis=-1))
 
 
-# ------------------------------------------------------------------------------------------ typical mistakes
-
-
-VARIANTS = slips(tag_centers, (
-    ("half a pixel left out", "half a pixel is to be taken off: the AprilTag library counts from the outer corner of "
-     "the top-left pixel, OpenCV from its centre", "- 0.5", ""),
-    ("half a pixel added", "half a pixel is added: it is to be taken off", "- 0.5", "+ 0.5"),
-    ("mean of the corners", "the mean of the corners is taken: a tag's far half is seen smaller, so its centre is "
-     "where the diagonals cross", "_crossing(a, c, b, d)", "np.mean(corners, axis=1)"),
-    ("mean of the corners and half a pixel", "the mean of the corners is taken, and half a pixel is not taken off: the "
-     "centre is where the diagonals cross, less (0.5, 0.5)", "_crossing(a, c, b, d) - 0.5", "np.mean(corners, axis=1)"),
-    ("x and y swapped", "u and v are swapped: u, along the rows, comes first", "- 0.5", "[:, ::-1] - 0.5"),
-))  # fmt: skip
-
-STAGE = Stage(tag_centers, ("centers",), cases, errors, 1e-3, "pixels", VARIANTS)
+STAGE = Stage(tag_centers, ("centers",), cases, errors, 1e-3, "pixels", text_variants(tag_centers))
