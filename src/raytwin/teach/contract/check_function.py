@@ -229,7 +229,7 @@ def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[
     case is no explanation: it would account for any small error.
     """
     if told := stage.by_values(cases, got):
-        return [told]
+        return [Variant(*told, lambda: stage.reference)]
     order = sorted(range(len(cases)), key=lambda i: _case_result(stage, cases[i], got[i]).passed)
     first, *rest = [(cases[i], got[i]) for i in order]
 

@@ -145,7 +145,7 @@ class Stage:
     `cases(seed)`: the calls. `errors(case, got)`: how far each value is off, in `unit`; at most `tolerance` passes,
     but for a share `outliers` of the values. `returns`: what its arrays are called. `columns`: (3, 1) does for (3,).
     `in_other_forms`: variants made of other correct functions, tried where none of them alone explains what is wrong.
-    `by_values(cases, got)`: a variant that the values themselves tell, such as the number by which misses are marked.
+    `by_values(cases, got)`: name and sentence of a mistake that the values themselves tell, as a mark of misses does.
     `tells(cases, got)`: numbers in words, said of what passes and of what no mistake explains.
     `judged_by`: the statistical test that decides beside the tolerance.
     `last(seed)`: calls that are made only once all others are correct: what is wrong there is one mistake by itself.
@@ -162,7 +162,7 @@ class Stage:
     in_other_forms: tuple[Variant, ...] = ()
     outliers: float = 0.0
     columns: bool = False
-    by_values: Callable[[Sequence[Case], Sequence[Arrays]], Variant | None] = lambda cases, got: None
+    by_values: Callable[[Sequence[Case], Sequence[Arrays]], tuple[str, str] | None] = lambda cases, got: None
     tells: Callable[[Sequence[Case], Sequence[Arrays]], str] = lambda cases, got: ""
     judged_by: str = ""
     last: Callable[[int], list[Case]] = lambda seed: []

@@ -1,4 +1,7 @@
-"""What students may write: the stages of the contract, a row each. To add one: a file in `stages/`, its row here."""
+"""What students may write: the stages of the contract, a row each.
+
+To add one: a file in `stages/`, its row here, its text in starter.py.txt, its mistakes in stage_faults.tsv.
+"""
 
 from raytwin.teach.contract.stage import Stage
 from raytwin.teach.contract.stages import (

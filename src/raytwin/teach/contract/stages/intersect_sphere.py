@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from raytwin.explain import textbook
-from raytwin.teach.contract.stage import Arrays, Case, Stage, Variant, quiet, textbook_variants, unit
+from raytwin.teach.contract.stage import Arrays, Case, Stage, quiet, textbook_variants, unit
 
 intersect_sphere = quiet(textbook.intersect_sphere)
 
@@ -54,8 +54,8 @@ def errors(case: Case, got: Arrays) -> np.ndarray:
     return np.where(np.isnan(t), np.inf, np.where(np.isinf(right) != np.isinf(t), 1.0, off))
 
 
-def marked_misses(drawn: Sequence[Case], got: Sequence[Arrays]) -> Variant | None:
-    """The variant that marks misses by other numbers, where all is correct once these are read as infinity.
+def marked_misses(drawn: Sequence[Case], got: Sequence[Arrays]) -> tuple[str, str] | None:
+    """The mistake of marking misses by other numbers, where all is correct once these are read as infinity.
 
     One number, or one for rays that pass the sphere and one for a sphere behind the ray.
     """
@@ -69,7 +69,7 @@ def marked_misses(drawn: Sequence[Case], got: Sequence[Arrays]) -> Variant | Non
             return None
     named = " or ".join(f"{mark:.5g}" for mark in marks)
     said = f"a miss has to be np.inf, not {named}: where the discriminant is negative, and where t is not positive"
-    return Variant("misses-not-infinite", said, lambda: intersect_sphere)
+    return "misses-not-infinite", said
 
 
 T_TOLERANCE = 1e-4

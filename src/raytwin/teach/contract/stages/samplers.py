@@ -15,7 +15,7 @@ from scipy.integrate import trapezoid
 from scipy.stats import chi2
 
 from raytwin.teach.contract.loading import arrays_of
-from raytwin.teach.contract.stage import Arrays, Case, Stage, Variant, read_faults
+from raytwin.teach.contract.stage import Arrays, Case, Stage, read_faults
 
 DRAWS = 16384
 """Directions per case."""
@@ -195,16 +195,16 @@ def faults(stage: str) -> tuple[tuple[str, str, tuple[Sampler, ...]], ...]:
     )
 
 
-def _named(stage: str, cases: Sequence[Case], got: Sequence[Arrays]) -> Variant | None:
+def _named(stage: str, cases: Sequence[Case], got: Sequence[Arrays]) -> tuple[str, str] | None:
     """The mistake that predicts what was drawn and claimed in all cases, whatever the formula; None if none does."""
     drawn = [Drawn(SAMPLERS[stage], case, arrays) for case, arrays in zip(cases, got, strict=True)]
     if not all(np.isfinite(one.directions).all() for one in drawn):
         return None
     if not all(one.unit for one in drawn):
-        return Variant("not unit", "the directions are not unit: x² + y² + z² = 1", lambda: SAMPLERS[stage])
+        return "not unit", "the directions are not unit: x² + y² + z² = 1"
     for name, sentence, ways in faults(stage):
         if any(all(one.fits(way) for one in drawn) for way in ways):
-            return Variant(name, sentence, partial(Sampler, *ways[0]))
+            return name, sentence
     return None
 
 
