@@ -8,13 +8,10 @@ from raytwin.teach.contract.stages import (
     back_project,
     estimate_pose,
     intersect_sphere,
-    intrinsics,
+    lessons,
     pictures,
     samplers,
     shade,
-    sky_visible,
-    sun_visible,
-    tag_centers,
 )
 
 CONTRACT: dict[str, Stage] = {
@@ -33,10 +30,7 @@ CONTRACT: dict[str, Stage] = {
 LESSONS: dict[str, Stage] = CONTRACT | {
     stage.name: stage
     for stage in (
-        tag_centers.STAGE,
-        intrinsics.STAGE,
-        sun_visible.STAGE,
-        sky_visible.STAGE,
+        *lessons.LESSON_STAGES,
         *samplers.SAMPLER_STAGES,
     )
 }

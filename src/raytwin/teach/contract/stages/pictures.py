@@ -19,14 +19,14 @@ render, hit_points = quiet(textbook.render), quiet(textbook.hit_points)
 
 
 def drawn_scenes(seed: int) -> dict[str, Scene]:
-    """What a scene shows -> the scene: one thing more in each."""
-    scene = draw_scene(seed + DRAWN_FROM, STAGE_SIZE)
-    pinhole = replace(scene, camera=replace(scene.camera, dist=()))
+    """What a scene shows -> the scene; the last alone has a lens that distorts."""
+    scene, other = (draw_scene(seed + DRAWN_FROM + k, STAGE_SIZE, scale=scale) for k, scale in enumerate((1, LARGER)))
+    pinhole, larger = (replace(one, camera=replace(one.camera, dist=())) for one in (scene, other))
     return {
         "spheres alone": replace(pinhole, planes=()),
         "spheres and rectangles": pinhole,
+        f"{LARGER:.0f} times as large": larger,
         "seen through a lens": scene,
-        f"{LARGER:.0f} times as large": draw_scene(seed + DRAWN_FROM + 1, STAGE_SIZE, scale=LARGER),
     }
 
 
@@ -44,10 +44,10 @@ def around_eye(scene: Scene) -> Scene:
 
 
 def render_cases(seed: int) -> list[Case]:
-    """Pictures without shadows, then with them."""
-    drawn = drawn_scenes(seed)
-    made = [(f"{shows}, no shadows", as_arrays(drawn[shows], "lambert")) for shows in list(drawn)[:2]]
-    made += [(f"{shows}, with shadows", as_arrays(drawn[shows], "shadow")) for shows in list(drawn)[1:]]
+    """Pictures without shadows, then with them: not of the larger scene, where float32 shadow rays hit their start."""
+    alone, flat, larger, lens = drawn_scenes(seed).items()
+    made = [(f"{shows}, no shadows", as_arrays(scene, "lambert")) for shows, scene in (alone, flat, larger)]
+    made += [(f"{shows}, with shadows", as_arrays(scene, "shadow")) for shows, scene in (flat, lens)]
     return [Case(shows, (scene,), (render(scene),)) for shows, scene in made]
 
 
