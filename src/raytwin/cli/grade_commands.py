@@ -103,14 +103,14 @@ def zip_command(rubric: Path, out: Path = Path("autograder.zip"), wheel: Path | 
     say(f"{out}: {len(names)} files, {out.stat().st_size / 1e6:.1f} MB")
 
 
-def walk_command(notebook: bool = False, out: Path = Path(), solved: bool = False) -> None:
+def walk_command(notebook: bool = False, out: Path = Path()) -> None:
     """Write eight lessons, from photos to path tracing.
 
     Each has a function to fill in, a check in words, and the picture so far.
     """
-    from raytwin.teach.walk.written import write_walk
+    from raytwin.teach.walk import write_walk
 
     check_outputs(folders=(out,))
-    path = write_walk(out, notebook, solved)
+    path = write_walk(out, notebook)
     say(f"wrote {path}")
     say(f"jupyter lab {path}" if notebook else f"python {path}    # its pictures go to walk/; edit it, run it again")

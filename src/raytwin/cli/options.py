@@ -158,7 +158,6 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
     },
     "walk": {
         "notebook": _opt("Write a Jupyter notebook instead of a script.", None, "--notebook"),
-        "solved": _opt("Fill in every function.", None, "--solved"),
     },
     "scenes export": {
         "rung": _opt("Light level that the file asks for."),
