@@ -31,7 +31,7 @@ from raytwin.photos.lighting import light_models
 from raytwin.photos.lighting.estimate_light import LightEstimate
 from raytwin.photos.lighting.linear_photo import LinearPhoto
 from raytwin.scene import Camera
-from raytwin.show import atlas_page, check_page, class_page, laws_page, light_page, sampler_page, viewer
+from raytwin.show import atlas_page, check_page, class_page, laws_page, light_page, merged_page, sampler_page, viewer
 from raytwin.show.bench_page import write_bench_page
 from raytwin.show.calibration_page import write_calibration
 from raytwin.show.compare_page import write_report
@@ -96,6 +96,15 @@ def test_run(folder: Path, make_result, scenes) -> list[Path]:
     check_page.write_crash(folder, f"test_it.py::crash[{EVIL}]", 0, EVIL, f"ValueError: {EVIL}")
     assert check_page.write_index(folder) == (3, 2)
     return sorted(folder.glob("*.html"))
+
+
+def merged(folder: Path, make_result, scenes) -> list[Path]:
+    machines = [folder / name for name in ("linux", "mac", "windows")]
+    for machine in machines:
+        test_run(machine, make_result, scenes)
+    next(machines[1].glob("check-*[0-9a-f].json")).unlink()
+    merged_page.write_merged(merged_page.merge(machines), machines, folder / "all")
+    return [folder / "all" / "index.html"]
 
 
 def laws(folder: Path, make_result, scenes) -> list[Path]:
@@ -193,6 +202,7 @@ KINDS: dict[str, Write] = {
     "compare, fail": partial(comparison, spoiled=True),
     "diff of two sizes": two_sizes,
     "pytest": test_run,
+    "merged": merged,
     "laws": laws,
     "bench": bench,
     "stability": atlas,

@@ -224,6 +224,9 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
         "new": _arg("Image that a test run kept, or SCENE/RUNG.", "NAME"),
         "because": _opt("Why, for the file's header.", "REASON"),
     },
+    "reference merge": {
+        "folders": _arg("Reports, one per machine.", "FOLDER..."),
+    },
     "grade": {
         "submissions": _arg("Folder with a file or folder per student; or a single submission."),
         "rubric": _opt("TOML file with exercises and points.", "FILE", "--rubric", "-r"),
