@@ -119,7 +119,8 @@ def bench(folder: Path, make_result, scenes) -> list[Path]:
     subjects = "numpy32-shadow-conic", EVIL
     rows = tuple(msgspec.structs.replace(r, verdict="fail", reason=EVIL) for r in found.rows)
     wrong = msgspec.structs.replace(found, scene=f"{EVIL}2", rows=rows, subjects=subjects)
-    write_bench_page([msgspec.structs.replace(found, subjects=subjects), wrong], folder / "bench.html")
+    images = {name: Image(noise(seed=i)) for i, name in enumerate((*subjects, "reference path-area"))}
+    write_bench_page([msgspec.structs.replace(found, subjects=subjects), wrong], folder / "bench.html", images)
     return [folder / "bench.html"]
 
 

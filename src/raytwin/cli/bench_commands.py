@@ -1,6 +1,7 @@
 """raytwin bench and `bench list`: speed against accuracy; raytwin stability."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -9,6 +10,9 @@ from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say, worst_code
 from raytwin.errors import check_one_of
 from raytwin.rungs import RUNGS
+
+if TYPE_CHECKING:
+    from raytwin.images.image import Image
 
 
 def scene_command(
@@ -28,6 +32,7 @@ def scene_command(
     check_one_of("--rung", rung, RUNGS)
     check_outputs(folders=(out or Path("out"),), files=(json,))
     megapixels = parse_numbers(sizes, "--sizes")
+    images: dict[str, Image] = {}
     with show_progress() as progress:
         found = bench_scenes(
             scenes,
@@ -37,10 +42,11 @@ def scene_command(
             repeats=repeats,
             truth_samples=truth_samples,
             progress=progress,
+            picture=images.__setitem__,
         )
         folder = out or Path("out") / (f"bench-{found[0].scene}" if len(found) == 1 else "bench")
         with progress.stage("page"):
-            bench_page.write_bench_all(found, folder)
+            bench_page.write_bench_all(found, folder, images)
     if json:
         write_bench(found, json)
     for of_scene in found:

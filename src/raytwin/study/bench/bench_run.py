@@ -43,7 +43,12 @@ OUT_OF_TIME = "no time"
 
 clock = time.perf_counter
 OnImage = Callable[["_Run", Image], None]
-"""Takes each image of a method."""
+Picture = Callable[[str, Image], None]
+"""Takes the name and the first image of a method, or of a reference."""
+
+
+def no_picture(name: str, image: Image) -> None:
+    """Images are not kept."""
 
 
 def bench(
@@ -55,6 +60,7 @@ def bench(
     repeats: int = 15,
     truth_samples: int = 4096,
     progress: Progress = silent,
+    picture: Picture = no_picture,
 ) -> Bench:
     """Measure each method's time and error on a scene (`path`: its folder, name, or a Scene), at each of `sizes`
     (megapixels), and judge its picture beside the twin's.
@@ -63,7 +69,8 @@ def bench(
     scene, and what `method` returns. `budget`: seconds for all, preparing and references too; methods that do not fit
     are named in `left_out`, and InputError says so if none does. `repeats`: most timed calls of each. `truth_samples`:
     most samples per pixel of each reference. `table()` of what is returned has a row per method and size: seconds,
-    errors, verdict, and whether it is on the frontier. `progress(stage, done, total)` is called as work goes on.
+    errors, verdict, and whether it is on the frontier. `progress(stage, done, total)` is called as work goes on,
+    `picture(name, image)` with the images at the first size.
     """
     check_numbers("--sizes", sizes or (0,), most=1000)
     for where, number in (("--budget", budget), ("--repeats", repeats), ("--truth-samples", truth_samples)):
@@ -79,7 +86,7 @@ def bench(
     for i, camera in enumerate(cameras):
         own, whole, missing = measure_size(
             scene.with_camera(camera), scene.tolerance, chosen, subjects, start + budget * (i + 1) / len(sizes),
-            repeats, truth_samples, progress,
+            repeats, truth_samples, progress, no_picture if i else picture,
         )  # fmt: skip
         rows, errors, left = rows + own, errors + whole, missing | left
     if not rows:
@@ -96,16 +103,22 @@ def bench_scenes(
     *,
     methods: Sequence[str | Renderer | Callable[..., Any]] = ("*",),
     budget: float = 300.0,
+    picture: Picture = no_picture,
     **options: Any,
 ) -> tuple[Bench, ...]:
-    """Measure on each scene, in turn: see `bench`. `budget`: seconds for all scenes, each of which has an equal share.
+    """Measure on each scene, in turn: see `bench`. `budget`: seconds for all scenes, each of which has an equal share;
+    `picture`: of the first.
 
     Raises InputError for a scene or a method that cannot be, before anything is measured.
     """
     chosen_methods(methods)
     check_names("SCENE", [scene_and_photos(path)[0].name for path in paths])
+    pictures = picture, *[no_picture] * len(paths)
     share = budget / max(len(paths), 1)
-    return tuple(bench(path, methods=methods, budget=share, **options) for path in paths)
+    return tuple(
+        bench(path, methods=methods, budget=share, picture=of_scene, **options)
+        for path, of_scene in zip(paths, pictures, strict=False)
+    )
 
 
 def chosen_methods(
@@ -174,7 +187,7 @@ def reference_of(method: Renderer) -> str:
 
 def measure_size(
     scene: Scene, tolerance: Tolerance, methods: Sequence[Renderer], subjects: Collection[str], deadline: float,
-    repeats: int, truth_samples: int, progress: Progress,
+    repeats: int, truth_samples: int, progress: Progress, picture: Picture,
 ) -> tuple[list[Measurement], list[Measurement], dict[str, str]]:  # fmt: skip
     """Measure all methods at one size: rows against their own references and the one with all light, and why not."""
     references: dict[str, Reference] = {}
@@ -187,6 +200,7 @@ def measure_size(
         seconds = REFERENCE_SHARE * given / len(names)
         known = converged(scene, rung, sampling, samples=truth_samples, seconds=seconds, clock=clock)
         references[name] = known
+        picture(f"reference {name}", known.image)
         twins[name] = known.image if RUNGS[rung].noisy else twin.render(scene, rung, sampling=sampling)
     progress("references", len(names), len(names))
 
@@ -196,6 +210,7 @@ def measure_size(
             found = [METRICS[metric].function(image.mean, references[name].image.mean) for metric in ERRORS]
             run.errors.setdefault(name, []).append([math.nan if value is None else value for value in found])
         if run.judged is None:
+            picture(run.method.name, image)
             if run.method.noisy and image.variance is None:
                 image = replace(image, batches=1)  # or one sample would count as free of noise
             run.judged = compare_with_twin(image, twins[own], scene, tolerance)
