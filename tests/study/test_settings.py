@@ -9,7 +9,7 @@ import raytwin
 from raytwin.cli import compare_commands, photo_commands
 from raytwin.cli.options import with_options
 from raytwin.errors import InputError
-from raytwin.study.diff_settings import DiffSettings
+from raytwin.judging import DiffSettings
 from raytwin.study.settings import AugmentSettings, CompareSettings
 
 WRONG = [

@@ -5,5 +5,4 @@ RENDERERS -> references -> first calls -> rounds in random order -> Measurement 
 
 from raytwin.renderers.renderer_table import RENDERERS, renderers_of
 from raytwin.study.bench.bench_record import Bench, Measurement, write_bench
-from raytwin.study.bench.bench_run import bench, bench_scenes
-from raytwin.study.bench.frontier import on_frontier, staircase
+from raytwin.study.bench.bench_run import bench, bench_scenes, on_frontier, staircase
