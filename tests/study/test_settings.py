@@ -60,7 +60,7 @@ def test_each_field_is_an_option_with_the_records_default_and_reaches_the_comman
     fields = {f.name: f.default for f in dataclasses.fields(record) if f.name in options}
     assert len(fields) >= 5
     assert {field: options[field].default for field in fields} == fields
-    changed = {"flip": True} if "flip" in fields else {"shadows": False}
+    changed = {"flip": True} if "flip" in fields else {"boxes": True}
 
     def keep(settings):
         got.append(settings)

@@ -72,7 +72,7 @@ def bench(
     `picture(name, image)` with the images at the first size.
     """
     check_numbers("--sizes", sizes or (0,), most=1000)
-    for where, number in (("--budget", budget), ("--repeats", repeats), ("--truth-samples", truth_samples)):
+    for where, number in (("--budget", budget), ("repeats", repeats), ("truth_samples", truth_samples)):
         check_numbers(where, (number,))
     chosen, subjects = chosen_methods(methods)
     twin.activate()
