@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from raytwin.scene.camera_rays import camera_rays as camera_rays
     from raytwin.scene.scene_files import read_scene as read_scene
     from raytwin.scene_folders import scenes as scenes
-    from raytwin.study.bench.bench_run import bench as bench
+    from raytwin.study.bench import bench as bench
     from raytwin.study.compare_scene import compare_scene as compare_scene
     from raytwin.study.diff_files import compare as compare
     from raytwin.study.levels import levels as levels
@@ -82,7 +82,7 @@ _HOME = {
     "Sphere": "scene",
     "Sun": "scene",
     "augment_photo": "photos.augment:augment",
-    "bench": "study.bench.bench_run",
+    "bench": "study.bench",
     "calibrate": "photos.camera",
     "camera_rays": "scene.camera_rays",
     "check": "teach.contract.check",

@@ -10,6 +10,7 @@ COMMANDS: dict[str, str] = {
     "bench calibration": "Use `python -m measure.calibration_cost`, in tests/ of the repository.",
     "bench paper": "Use `python -m measure.paper`, in tests/ of the repository.",
     "compare --must-see": "Use --detectable-bias.",
+    "compare --verbose -v": "Use --json, which has the seconds of every stage.",
     "diff --allow-failures --allowfailures --fail --fail-percent --fail-relative --failpercent --failrelative"
     " --hard-fail --hard-warn --hardfail --hardwarn --warn --warn-percent --warn-relative --warnpercent"
     " --warnrelative": "Use OpenImageIO's idiff, which has these options.",
@@ -31,6 +32,7 @@ COMMANDS: dict[str, str] = {
     "reference diff": "Use `reference make --again`, which shows changes and asks; `diff A B` on two folders.",
     "reference make --dask --shard": "Use one `reference make SCENE` per machine.",
     "reference make --jobs -j": "Leave it out: Mitsuba renders on every core.",
+    "reference make --seed": "Leave it out: one seed is as good as another.",
     "reference show --all": "Name one reference, and all that is known of it is printed.",
     "stability sum-samples": "Use np.cumsum of float32 values, which shows it.",
 }

@@ -18,8 +18,7 @@ from raytwin.renderers.subject_renderers import Filled, Speculated
 from raytwin.renderers.twin_renderers import Twin
 from raytwin.scene.scene_files import read_scene
 from raytwin.study import bench
-from raytwin.study.bench import bench_run as run
-from raytwin.study.bench.bench_run import reference_of, sized
+from raytwin.study.bench import reference_of, sized
 from raytwin.study.converged import converged
 from raytwin.teach.contract.subject import method as as_method
 
@@ -230,13 +229,13 @@ def test_the_budget_is_shared_by_all_scenes(scenes, monkeypatch):
         left.append(deadline - time.perf_counter())
         return ["a row"], [], {}
 
-    monkeypatch.setattr(run, "measure_size", measured)
+    monkeypatch.setattr(bench, "measure_size", measured)
     bench.bench_scenes([scenes / "overlap", scenes / "single"], methods=["fill"], sizes=(0.001, 0.002), budget=400)
     assert left == pytest.approx([100, 200, 100, 200], abs=20)
 
 
 def test_what_cannot_be_is_refused_before_anything_is_measured(scenes, monkeypatch):
-    monkeypatch.setattr(run, "measure_size", None)
+    monkeypatch.setattr(bench, "measure_size", None)
     for names, methods, said in (
         (("overlap", "nowhere"), ("fill",), "no such scene"),
         (("overlap", "overlap"), ("fill",), "SCENE: expected each once, under a name of its own, got overlap twice"),
@@ -271,7 +270,7 @@ class Clock:
 
 @pytest.fixture
 def clock(monkeypatch):
-    monkeypatch.setattr(run, "clock", made := Clock())
+    monkeypatch.setattr(bench, "clock", made := Clock())
     return made
 
 
@@ -314,7 +313,7 @@ def silent_look(run, image):
 )
 def test_too_little_time_leaves_the_cheapest_of_every_family(clock, preparing, calling, budget, begun, why):
     methods = [Slow("shadow", clock, kind, n, preparing, calling) for kind in "ab" for n in (1, 2, 4, 8)]
-    runs, left = run.first_calls(None, methods, (), silent_look, clock.now + budget, silent)
+    runs, left = bench.first_calls(None, methods, (), silent_look, clock.now + budget, silent)
     assert [r.method.name for r in runs] == begun
     assert left.keys() == {m.name for m in methods} - set(begun)
     assert left.get("b-2", left.get("b-1")) == why
@@ -322,8 +321,8 @@ def test_too_little_time_leaves_the_cheapest_of_every_family(clock, preparing, c
 
 def test_every_round_runs_each_method_once_in_an_order_of_its_own_with_another_seed(clock):
     ran = []
-    runs = [run._Run(Slow("shadow", clock), lambda seed, name=name: ran.append((name, seed))) for name in "abcdef"]
-    run.rounds(runs, silent_look, clock.now + 1, 9)
+    runs = [bench._Run(Slow("shadow", clock), lambda seed, name=name: ran.append((name, seed))) for name in "abcdef"]
+    bench.rounds(runs, silent_look, clock.now + 1, 9)
     rounds = ["".join(name for name, seed in ran if seed == number) for number in range(1, 10)]
     assert len(ran) == 54
     assert all(sorted(names) == list("abcdef") for names in rounds)
@@ -332,14 +331,14 @@ def test_every_round_runs_each_method_once_in_an_order_of_its_own_with_another_s
 
 def test_no_call_begins_that_would_end_past_the_deadline_and_what_the_first_cost_is_kept_apart(clock):
     methods = [Slow("shadow", clock, "quick", 1, 0.0, 0.125), Slow("shadow", clock, "slow", 1, 0.0, 30.0, 4.0)]
-    runs, _ = run.first_calls(None, methods, (), silent_look, clock.now + 100, silent)
+    runs, _ = bench.first_calls(None, methods, (), silent_look, clock.now + 100, silent)
     deadline = clock.now + 100
-    run.rounds(runs, silent_look, deadline, 50)
+    bench.rounds(runs, silent_look, deadline, 50)
     assert clock.now <= deadline
     assert {r.method.kind: len(r.seconds) for r in runs} == {"quick": 50, "slow": 3}
     for one in runs:
         one.judged, one.errors = Judged(), {"path-area": [[1.0, 2.0, 3.0]]}
-    _, row = run.measurements(runs, "path-area", 0.0, (4, 3))
+    _, row = bench.measurements(runs, "path-area", 0.0, (4, 3))
     assert (row.seconds_median, row.seconds_iqr, row.compile_seconds) == (30, 0, 4)
 
 
@@ -354,9 +353,9 @@ def test_an_error_bar_covers_the_mean_of_many_images(clock):
     rng, covered = np.random.default_rng(5), 0
     for _ in range(300):
         errors = rng.normal(2.0, 0.3, (16, 1)) * np.ones(3)
-        one = run._Run(Slow("shadow", clock), lambda seed: None, seconds=[1.0], errors={"x": errors.tolist()})
+        one = bench._Run(Slow("shadow", clock), lambda seed: None, seconds=[1.0], errors={"x": errors.tolist()})
         one.judged = Judged()
-        (row,) = run.measurements([one], "x", 0.0, (4, 3))
+        (row,) = bench.measurements([one], "x", 0.0, (4, 3))
         covered += abs(row.rmse - 2.0) < row.rmse_sigma
     assert 0.59 < covered / 300 < 0.75
 

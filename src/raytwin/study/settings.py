@@ -125,7 +125,6 @@ class ReferenceSettings:
     """How a reference is made. What is None stays as in the old one, or is the default; `again`: even if up to date."""
 
     samples: int | None = None
-    seed: int | None = None
     sampling: str | None = None
     size: tuple[int, int] | None = None
     again: bool = False
