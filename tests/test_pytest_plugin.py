@@ -423,19 +423,6 @@ def test_laws_are_judged_in_a_test_and_listed_in_the_report(tmp_path):
     assert "FAIL" in (tmp_path / "pages" / page).read_text().upper()
 
 
-SPOILS = """
-from pathlib import Path
-import shutil
-
-def test_spoils(raytwin_reference):
-    held = raytwin_reference("overlap")
-    held.check(held.image.mean)
-    shutil.rmtree("out")
-    Path("out").write_text("a file in the folder's place")
-    held.check(held.image.mean)
-"""
-
-
 @nightly
 def test_a_report_that_cannot_be_written_is_a_wrong_option(tmp_path):
     (tmp_path / "file").touch()
@@ -444,16 +431,6 @@ def test_a_report_that_cannot_be_written_is_a_wrong_option(tmp_path):
         assert result.ret == pytest.ExitCode.USAGE_ERROR
         (line,) = filter(None, result.outlines)
         assert re.match(rf"ERROR: --raytwin-report: {tmp_path}/{place}: expected a folder to write, got ", line)
-
-
-@nightly
-def test_a_report_that_is_lost_during_the_run_is_said_in_a_line(tmp_path):
-    result = run(tmp_path, "--raytwin-report", "out", test_lost=SPOILS)
-    assert failures(result)["test_spoils"].startswith("Failed: overlap/shadow: pass, but")
-    result.stdout.fnmatch_lines(
-        ["*pass, but its page cannot be written: */out/*", f"raytwin: no report: {tmp_path}/out*"]
-    )
-    result.stdout.no_fnmatch_line("*INTERNALERROR*")
 
 
 # ------------------------------------------------------------------------------------------ at no cost
