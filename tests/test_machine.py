@@ -99,7 +99,8 @@ def test_pipes_and_devices_are_refused_where_files_are_read(tmp_path, pair):
         refused(raytwin(*command), "pipe")
 
 
-def test_an_option_beyond_reason_is_refused(tmp_path, scenes):
+def test_an_option_beyond_reason_is_refused(tmp_path):
+    (tmp_path / "B").touch()
     light = "photo light B -o l.toml --camera c"
     for command, said in (
         ("compare single --size 100000x100000", "400 megapixels, got 100000x100000, 120 GB an image"),
