@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from raytwin.images.image import Image as Image
     from raytwin.images.image_formats import read_image as read_image
     from raytwin.images.image_formats import write_image as write_image
+    from raytwin.judging import DiffSettings as DiffSettings
     from raytwin.photos.augment import augment as augment_photo
     from raytwin.photos.boards import read_board as read_board
     from raytwin.photos.camera import calibrate as calibrate
@@ -51,10 +52,9 @@ if TYPE_CHECKING:
     from raytwin.scene import Sun as Sun
     from raytwin.scene.scene_files import read_scene as read_scene
     from raytwin.scene_folders import scenes as scenes
-    from raytwin.study.bench.bench_run import bench as bench
+    from raytwin.study.bench import bench as bench
     from raytwin.study.compare_scene import compare_scene as compare_scene
     from raytwin.study.diff_files import compare as compare
-    from raytwin.study.diff_settings import DiffSettings as DiffSettings
     from raytwin.study.levels import levels as levels
     from raytwin.study.settings import CompareSettings as CompareSettings
     from raytwin.teach.contract.check import check as check
@@ -69,7 +69,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Camera": "scene",
     "CompareSettings": "study.settings",
-    "DiffSettings": "study.diff_settings",
+    "DiffSettings": "judging",
     "Image": "images.image",
     "InputError": "errors",
     "Rectangle": "scene",
@@ -79,7 +79,7 @@ _HOME = {
     "Sphere": "scene",
     "Sun": "scene",
     "augment_photo": "photos.augment:augment",
-    "bench": "study.bench.bench_run",
+    "bench": "study.bench",
     "calibrate": "photos.camera",
     "check": "teach.contract.check",
     "compare": "study.diff_files",

@@ -24,7 +24,7 @@ from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.scene.mitsuba_file import read_mitsuba
 from raytwin.scene.scene_files import read_scene
-from raytwin.study.beside_twin import compare_with_twin
+from raytwin.study.compare_scene import compare_with_twin
 from raytwin.tracer import trace
 
 SHIPPED = "ball", "distorted", "eclipse", "gloss", "grazing", "overlap", "single", "studio", "wedge", "weekend"

@@ -12,7 +12,7 @@ from truths import camera_above, view_of
 from raytwin import fast
 from raytwin.images.image import Image
 from raytwin.scene import Rectangle, Scene, Sky, Sphere, Sun
-from raytwin.study.beside_twin import compare_with_twin
+from raytwin.study.compare_scene import compare_with_twin
 from raytwin.twin import render, settle
 
 LIGHTS = Sun((0.4, 0.5, 0.8)), Sky((0.5, 0.7, 1.0))

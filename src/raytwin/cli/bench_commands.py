@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 
 def scene_command(
     scenes: list[Path], methods: str = "*", subject: list[str] | None = None, rung: str = "shadow",
-    sizes: str = "0.2", budget: float = 300, repeats: int = 15, truth_samples: int = 4096,
-    json: Path | None = None, out: Path | None = None,
+    sizes: str = "0.2", budget: float = 300, json: Path | None = None, out: Path | None = None,
 ) -> None:  # fmt: skip
     """Measure time and error of each method, and judge each picture.
 
@@ -39,8 +38,6 @@ def scene_command(
             methods=[*split(methods), *(find_subject(what, rung) for what in subject or ())],
             sizes=megapixels,
             budget=budget,
-            repeats=repeats,
-            truth_samples=truth_samples,
             progress=progress,
             picture=images.__setitem__,
         )

@@ -10,14 +10,11 @@ from raytwin.cli.option_values import check_outputs
 from raytwin.cli.progress_bar import print_seconds, show_progress
 from raytwin.cli.terminal import say, worst_code
 from raytwin.errors import InputError
-from raytwin.study.diff_settings import DiffSettings
+from raytwin.judging import DiffSettings
 from raytwin.study.settings import CompareSettings
 
 
-def compare_command(
-    scene: Path, settings: CompareSettings, json: Path | None = None, out: Path | None = None,
-    verbose: bool = False,
-) -> None:  # fmt: skip
+def compare_command(scene: Path, settings: CompareSettings, json: Path | None = None, out: Path | None = None) -> None:
     """Compare a tracer with Mitsuba on a scene.
 
     The folder gets report.html, comparison.json and both images as EXR. Exit code 0: they agree, or differ as expected;
@@ -32,7 +29,7 @@ def compare_command(
         folder = out or Path("out") / result.scene.name
         report_folder.write_all(result, folder, json, progress=progress)
     say(terminal_text.summary(result))
-    print_seconds(progress, verbose, result.worth)
+    print_seconds(progress, result.worth)
     say(f"report: {folder / 'report.html'}")
     raise typer.Exit(result.comparison.exit_code)
 

@@ -72,7 +72,6 @@ SHARED_OPTIONS: dict[str, dict[str, Row]] = {
         "out": _opt("Folder to write.", "DIR", *OUT),
         "jobs": _opt("Number of local processes.", "N", "--jobs", "-j"),
         "dask": _opt("Dask scheduler (extra `cluster`); its workers share the disk.", "ADDRESS"),
-        "verbose": _opt("Print the seconds of every stage.", None, "--verbose", "-v"),
     },
     CERTAINTY: {
         "budget": _opt("Samples per pixel (1024) or time (30s) after which the verdict is undecided.", "N|TIME"),
@@ -186,7 +185,6 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
     "photo draw": {
         "scene": _opt("Scene whose objects are drawn.", "SCENE", **SCENE),
         "camera": _opt("camera.toml (default: calibrate the scene's own photos).", "FILE", kind=Path | None),
-        "shadows": _opt("Cast shadows on what the photo shows."),
         "boxes": _opt("Outline each sphere's trim box.", None, "--boxes"),
         "exposure": _opt("The photo's linear value of radiance 1 (1; with --light, from its paper).", min=0.0),
     },
@@ -195,8 +193,6 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
         "board": _opt("TOML file of the board.", "BOARD"),
         "count": _opt("Number of photos.", min=1, max=1000),
         "size": _opt("Size of a photo in pixels (2016x1512).", **SIZE),
-        "focal": _opt("Focal length in pixels of a photo 2016 wide."),
-        "dist": _opt("Distortion: k1,k2,p1,p2,k3 or a prefix."),
         "samples": _opt("Light paths per pixel.", min=1),
         "with_objects": _opt("Put the scene's objects there, too.", None, "--with-objects"),
     },
@@ -207,8 +203,6 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
         "rows": _opt("Rows of tags.", "N"),
         "pitch": _opt("Distance between tag centres.", "LENGTH"),
         "paper": _opt("a4 or letter.", "NAME"),
-        "first_id": _opt("Id of the lower left tag.", "N"),
-        "family": _opt("tag36h11, tag25h9 or tag16h5."),
     },
     "reference": {
         "scenes": _arg("Scenes: folders, names, Mitsuba files (XML). Default: all."),
@@ -249,8 +243,6 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
         "subject": _opt("Renderer to judge and measure, as in compare; repeatable. Decides the exit code.", "WHAT"),
         "sizes": _opt("Picture sizes in megapixels.", "MP,..."),
         "budget": _opt("Time for all scenes; methods that do not fit are listed.", "SECONDS"),
-        "repeats": _opt("At most this many timed calls per method."),
-        "truth_samples": _opt("At most this many samples per pixel of the reference."),
     },
     "stability": {
         "experiments": _arg("Names from --list; all by default.", "[EXPERIMENT]..."),

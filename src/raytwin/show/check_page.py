@@ -25,7 +25,7 @@ from raytwin.show.compare_page import write_report
 from raytwin.show.page import write_page
 from raytwin.show.terminal_text import counted
 from raytwin.show.view import Names, PairView, in_radiance, numbered, tiles
-from raytwin.study.compared import Compared
+from raytwin.study.diff_files import Compared
 
 if TYPE_CHECKING:
     from raytwin.study.laws import Laws

@@ -11,8 +11,7 @@ from raytwin.images.image import Image, Surface
 from raytwin.scene import Tolerance
 from raytwin.show.numbers import seconds, short, shown
 from raytwin.show.terminal_text import counted
-from raytwin.study.compared import Compared
-from raytwin.study.diff_files import Diff
+from raytwin.study.diff_files import Compared, Diff
 
 if TYPE_CHECKING:
     from raytwin.study.compare_scene import Result

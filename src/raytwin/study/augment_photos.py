@@ -74,7 +74,7 @@ def augment_photos(
             exposure: float | np.ndarray = 1.0 if chosen.exposure is None else chosen.exposure
             if light is not None and chosen.exposure is None:
                 exposure = photo_exposure(path, stand, definition, light)
-            options = {"engine": engine, "shadows": chosen.shadows, "exposure": exposure}
+            options = {"engine": engine, "exposure": exposure}
             drawn = augment(pixels, printed(here, definition), **options).pixels
             for pyramid in scene.pyramids:
                 drawn = draw_pyramid(drawn, stand, pyramid)

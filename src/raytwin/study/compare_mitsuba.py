@@ -16,9 +16,8 @@ from raytwin.progress import Progress, Stages, silent
 from raytwin.renderers.twin_renderers import Twin
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.scene.mitsuba_file import read_mitsuba
-from raytwin.study.compare_scene import Result
+from raytwin.study.compare_scene import Result, judged_in_view
 from raytwin.study.make_reference import IN_THE_FILE, LEVEL_OF_FILES
-from raytwin.study.nothing_in_view import judged_in_view
 from raytwin.study.rounds import render_sides
 from raytwin.study.settings import CompareSettings
 from raytwin.teach.contract.subject import find_subject

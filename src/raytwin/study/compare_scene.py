@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from raytwin import twin
-from raytwin.compare import Comparison, Report
+from raytwin.compare import Comparison, Report, compare
 from raytwin.compare.finding import Finding, notes
 from raytwin.explain.ledger import LIGHT_LEFT_OUT, Ledger, make_ledger
 from raytwin.images.image import Image
@@ -22,14 +22,12 @@ from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.rungs import RUNGS
-from raytwin.scene import MitsubaScene, Scene
+from raytwin.scene import MitsubaScene, Scene, Tolerance
 from raytwin.scene.lens import without_ray
 from raytwin.scene.mitsuba_file import is_mitsuba
 from raytwin.scene.scene_files import scene_and_photos
 from raytwin.scene_folders import find_scene
-from raytwin.study.beside_twin import compare_with_twin
-from raytwin.study.compared import Compared
-from raytwin.study.nothing_in_view import judged_in_view
+from raytwin.study.diff_files import Compared
 from raytwin.study.rounds import render_sides
 from raytwin.study.settings import CompareSettings
 
@@ -42,6 +40,12 @@ RAYS_THROUGH_CENTERS = (
     "expected difference: the tracer sends one ray through each pixel's center, the twin samples the pixel's area "
     "(--sampling center compares like with like); through the centers they agree"
 )
+
+TO_CHECK = (
+    "R_cam_board and t_cam_board must take the board's frame to OpenCV's camera (x right, y down, z forward). OpenGL, "
+    "NeRF and Blender have y and z the other way, and their matrices take the camera's frame to the world"
+)
+"""What is wrong with most such poses."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -119,6 +123,20 @@ def compare_scene(
     judge = partial(compare_with_twin, scene=job.scene, tolerance=job.scene.tolerance, flip=chosen.flip)
     made, reference, found = render_sides(job.subject, job.scene, job.twin, judge, chosen, job.stages, noisy, job.alike)
     return _result(job, made, reference, *_explained(job, made, reference, found))
+
+
+def compare_with_twin(
+    test: Image, reference: Image, scene: Scene, tolerance: Tolerance | None = None, flip: bool = False, **options: Any
+) -> Comparison:
+    """Compare with the twin's `reference`, whose float32 may err (`twin.settle`). `flip`: with the perceptual metric.
+
+    What the format of the test's file has rounded off is not counted. `options` are further ones of `compare`.
+    """
+    rounding = rounding_of(test)
+    test, said = twin.settle(test, reference, scene)
+    shown, half_steps = rounding.shown(reference), (rounding.half, None)
+    found = compare(test, shown, tolerance=tolerance or Tolerance(), half_steps=half_steps, flip=flip, **options)
+    return found.saying(*said)
 
 
 def prepared(path: str | Path | Scene, chosen: CompareSettings, stages: Stages) -> Job:
@@ -265,6 +283,19 @@ def stage_causes(subject: Renderer) -> tuple[Finding, ...]:
         else Finding("proved", f"{r.stage} fails its own test: {r.sentence}")
         for r in (msgspec.structs.replace(r, hint=hint) for r, hint in zip(wrong, hints, strict=True))
     )  # fmt: skip
+
+
+def judged_in_view(comparison: Comparison, reference: Image, scene: Scene | MitsubaScene) -> Comparison:
+    """The comparison; undecided where it passed although no pixel's center sees any of the scene's objects."""
+    surface = reference.surface
+    if surface is None or (surface.depth > 0).any() or not scene.names:
+        return comparison
+    said = "the camera sees no object, so that only the sky is compared"
+    if isinstance(scene, Scene):
+        said += f". {TO_CHECK}"
+    if not comparison.passed:
+        return comparison.saying(said)
+    return comparison.judged("undecided", *notes([f"undecided: {said}"]), *comparison.findings)
 
 
 def _untested(scene: Scene, rung: str, passed: bool) -> Iterator[str]:

@@ -199,8 +199,7 @@ def _sampling(had: dict[str, str], asked: ReferenceSettings) -> tuple[str, int, 
     """Sampling, samples and seed: as asked, else as the old one had (1 sample: it has no noise), else the defaults."""
     before = int(had.get("samples", 1))
     samples = asked.samples or (before if before > 1 else SAMPLES)
-    seed = int(had.get("seed", 0)) if asked.seed is None else asked.seed
-    return asked.sampling or had.get("sampling", "center"), samples, seed
+    return asked.sampling or had.get("sampling", "center"), samples, int(had.get("seed", 0))
 
 
 def _placed(
@@ -292,8 +291,7 @@ def check(
         comparison = compare(today, old.image, tolerance=old.tolerance)
     else:
         check = SequentialComparison(old.image, judging=judging, tolerance=old.tolerance)
-        names = (f"{path.parent.name}/{rung}", "twin")
-        comparison = Rounds(check, render_round, None, seed, Stages(progress), names=names).decide(budget)
+        comparison = Rounds(check, render_round, None, seed, Stages(progress)).decide(budget)
         today = check.image("test")
     said = "cannot be told from today's render" if comparison.exit_code == 2 else "today's render disagrees"
     problems = () if comparison.passed else (f"{path}: {said}", *comparison.reasons)

@@ -9,11 +9,11 @@ from PIL import ImageCms
 from program import raytwin
 
 from raytwin.errors import InputError
-from raytwin.fast import trace
+from raytwin.fast import trace, trim_boxes
 from raytwin.images.photo_files import from_bytes, read_photo, to_bytes, write_picture
 from raytwin.photos import synthetic_photos
 from raytwin.scene import Camera
-from raytwin.scene.scene_files import read_scene
+from raytwin.scene.scene_files import read_camera, read_scene, scene_and_photos
 from raytwin.scene.toml_json import read_toml, write_toml
 from raytwin.study.augment_photos import augment_photos
 from raytwin.study.photograph import photograph_board
@@ -121,19 +121,17 @@ def test_the_pyramid_is_drawn(taken, draw):
     assert 0.005 < changed.mean() < 0.3
 
 
-def test_trim_boxes_are_outlined_about_the_drawn_spheres(taken, draw):
-    plain = read_photo(taken / "photo.jpg").astype(int)
+def test_trim_boxes_are_outlined_about_the_drawn_spheres(taken, scenes, draw):
     with_boxes, without = (
-        read_photo(draw(taken / "photo.jpg", str(boxes), boxes=boxes, shadows=False)).astype(int)
-        for boxes in (True, False)
+        read_photo(draw(taken / "photo.jpg", str(boxes), boxes=boxes)).astype(int) for boxes in (True, False)
     )
     # JPEG smears an outline into its blocks of 8, and no farther.
     outlined = np.argwhere(np.abs(with_boxes - without).max(axis=-1) > 40)
-    spheres = np.argwhere(np.abs(without - plain).max(axis=-1) > 40)
-    assert (outlined.min(axis=0) <= spheres.min(axis=0) + 2).all()
-    assert (outlined.max(axis=0) >= spheres.max(axis=0) - 2).all()
-    assert (np.abs(outlined.min(axis=0) - spheres.min(axis=0)) < 16).all()
-    assert len(outlined) < 0.05 * plain[..., 0].size
+    spheres = scene_and_photos(scenes / "desk")[0].spheres
+    boxes = np.array(trim_boxes(spheres, read_camera(taken / "camera.toml")))[:, ::-1]
+    assert (np.abs(outlined.min(axis=0) - boxes[:, 2:].min(axis=0)) < 9).all()
+    assert (np.abs(outlined.max(axis=0) - boxes[:, :2].max(axis=0)) < 9).all()
+    assert len(outlined) < 0.05 * without[..., 0].size
 
 
 def test_the_photos_own_folder_is_never_written_to(taken, scenes):

@@ -1,4 +1,7 @@
-"""Scenes, methods and sizes in; a Bench per scene out, within a budget of seconds."""
+"""Every method's seconds beside its error, on scenes and at sizes, within a budget of seconds.
+
+RENDERERS -> references -> first calls -> rounds in random order -> Measurement -> frontier -> report
+"""
 
 import gc
 import math
@@ -15,19 +18,20 @@ import msgspec
 import numpy as np
 
 from raytwin import twin
-from raytwin.compare import METRICS, Comparison
+from raytwin.compare import METRICS, Comparison, Verdict
 from raytwin.errors import InputError
 from raytwin.images.image import Image
+from raytwin.notebook import InNotebook
 from raytwin.photos.find_camera import find_camera
 from raytwin.progress import Progress, silent
 from raytwin.renderers.renderer import Call, Renderer
 from raytwin.renderers.renderer_table import RENDERERS, renderers_of
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, Tolerance
+from raytwin.scene.record_base import Row
 from raytwin.scene.scene_files import scene_and_photos
-from raytwin.study.bench.bench_record import Bench, Measurement
-from raytwin.study.bench.frontier import on_frontier
-from raytwin.study.beside_twin import compare_with_twin
+from raytwin.scene.toml_json import write_json
+from raytwin.study.compare_scene import compare_with_twin
 from raytwin.study.converged import Reference, converged
 from raytwin.teach.contract.subject import method as as_method
 
@@ -45,6 +49,80 @@ clock = time.perf_counter
 OnImage = Callable[["_Run", Image], None]
 Picture = Callable[[str, Image], None]
 """Takes the name and the first image of a method, or of a reference."""
+
+
+class Measurement(Row, frozen=True):
+    """Seconds and error of one method at one size, against the converged reference `truth` ("shadow-center").
+
+    `seconds_median`, `seconds_iqr` of the warm calls; `compile_seconds`: what only the first call cost. `rmse`,
+    `relmse` and `p999_abs` are means over the images of independent seeds, `rmse_sigma` is the standard error of the
+    mean of `rmse` (None: one image). `truth_floor`: the reference's own RMSE, below which `rmse` tells nothing.
+    `on_frontier`: among the methods measured against the same reference. `verdict` of the first image beside the twin
+    at the method's own light level; `reason`: its first reason, in words.
+    """
+
+    method: str
+    engine: str
+    precision: str
+    rung: str
+    trim: str | None
+    speculation: int
+    samples: int
+    width: int
+    height: int
+    seconds_median: float
+    seconds_iqr: float
+    compile_seconds: float
+    truth: str
+    rmse: float
+    rmse_sigma: float | None
+    relmse: float
+    p999_abs: float
+    truth_floor: float
+    on_frontier: bool
+    verdict: Verdict
+    reason: str
+
+
+class Bench(Row, InNotebook, frozen=True):
+    """A whole run at `sizes` (width, height).
+
+    `rows`: each method against its own light level; `errors`: against the highest one.
+    `left_out`: the methods that were not measured at some size -> why. `subjects`: the names of the methods that were
+    given themselves, not by a pattern.
+    """
+
+    scene: str
+    machine: dict[str, str]
+    versions: dict[str, str]
+    budget: float
+    seconds: float
+    sizes: tuple[tuple[int, int], ...]
+    rows: tuple[Measurement, ...]
+    errors: tuple[Measurement, ...]
+    left_out: dict[str, str]
+    subjects: tuple[str, ...] = ()
+
+    @property
+    def exit_code(self) -> int:
+        """1 if a subject fails, else 2 if one is undecided or was not measured, else 0: nothing else decides."""
+        verdicts = [row.verdict for row in self.rows if row.method in self.subjects]
+        if "fail" in verdicts:
+            return 1
+        measured = {row.method for row in self.rows}
+        return 2 if "undecided" in verdicts or not measured.issuperset(self.subjects) else 0
+
+    def table(self) -> list[dict[str, Any]]:
+        """Return a row per method and size: what `pandas.DataFrame` takes."""
+        return [row.to_dict() for row in self.rows]
+
+    def __repr__(self) -> str:
+        return f"<raytwin.bench of {self.scene}: {len(self.rows)} measurements, {len(self.left_out)} left out>"
+
+
+def write_bench(benches: Sequence[Bench], path: str | os.PathLike[str]) -> None:
+    """As JSON: one scene's result, or a list of several; NaN and infinity, which JSON lacks, become null."""
+    write_json(path, benches[0] if len(benches) == 1 else list(benches))
 
 
 def no_picture(name: str, image: Image) -> None:
@@ -73,7 +151,7 @@ def bench(
     `picture(name, image)` with the images at the first size.
     """
     check_numbers("--sizes", sizes or (0,), most=1000)
-    for where, number in (("--budget", budget), ("--repeats", repeats), ("--truth-samples", truth_samples)):
+    for where, number in (("--budget", budget), ("repeats", repeats), ("truth_samples", truth_samples)):
         check_numbers(where, (number,))
     chosen, subjects = chosen_methods(methods)
     twin.activate()
@@ -319,6 +397,35 @@ def measurements(runs: Sequence[_Run], name: str, floor: float, size: tuple[int,
         )  # fmt: skip
     flags = on_frontier([row.seconds_median for row in rows], [row.rmse for row in rows], floor)
     return [msgspec.structs.replace(row, on_frontier=flag) for row, flag in zip(rows, flags, strict=True)]
+
+
+# ------------------------------------------------------------------------------------------ frontier
+
+NEAR_TIME, NEAR_ERROR = 1.1, 1.05
+"""Times within this ratio, or errors, are a tie: another run might turn them round."""
+
+
+def on_frontier(seconds: Sequence[float], errors: Sequence[float], floor: float = 0.0) -> list[bool]:
+    """Which methods no other clearly beats: none is as accurate and clearly faster, or as fast and clearly better.
+
+    Errors below `floor` count as `floor`: the truth cannot tell them apart. Ties share the frontier, so that noise of a
+    few per cent does not push a method off it.
+    """
+    t, e = np.asarray(seconds, float), np.maximum(np.asarray(errors, float), floor)
+    e = np.where(np.isfinite(e), e, np.inf)
+    faster = (t[None] * NEAR_TIME < t[:, None]) & (e[None] <= e[:, None] * NEAR_ERROR)
+    better = (e[None] * NEAR_ERROR < e[:, None]) & (t[None] <= t[:, None] * NEAR_TIME)
+    return [bool(b) for b in ~(faster | better).any(axis=1) & np.isfinite(e)]
+
+
+def staircase(seconds: Sequence[float], errors: Sequence[float], floor: float = 0.0) -> list[int]:
+    """Indices of the methods that no other beats at all, from the fastest to the most accurate: the line to draw."""
+    found, best = [], np.inf
+    for i in sorted(range(len(seconds)), key=lambda i: (seconds[i], errors[i])):
+        if max(errors[i], floor) < best:
+            best = max(errors[i], floor)
+            found.append(i)
+    return found
 
 
 # ------------------------------------------------------------------------------------------ sizes, machine
