@@ -7,8 +7,7 @@ from measure.noise_models import picture
 
 from raytwin.compare import compare, decision
 from raytwin.compare.decision import Deviations, decide, excluded_bias
-from raytwin.compare.exact import count_noise_free
-from raytwin.compare.scale import Bound
+from raytwin.compare.exact import Bound, count_noise_free
 from raytwin.images.image import Image
 from raytwin.scene import Tolerance
 

@@ -34,7 +34,7 @@ import numpy as np
 
 from raytwin.array_types import Bool, Float, Float32
 from raytwin.compare.blocks import SIDE, Blocks, Means, Pixels, block_counts, block_sums, slide, strips, to_pixels
-from raytwin.compare.exact import NoiseFree, count_noise_free
+from raytwin.compare.exact import Bound, NoiseFree, count_noise_free
 from raytwin.compare.finding import MOST_PLACES, Place, blocks_of
 from raytwin.compare.noise import (
     TINY,
@@ -45,7 +45,6 @@ from raytwin.compare.noise import (
     larger_variance,
     variance_ratio,
 )
-from raytwin.compare.scale import Bound
 from raytwin.compare.significance import as_skewed, less_skewed, quantile, sidak, two_sided, welch
 from raytwin.images.image import Image
 

@@ -9,7 +9,7 @@ import numpy as np
 from raytwin.compare.blocks import Pixels
 from raytwin.compare.comparison import Statistics
 from raytwin.compare.decision import TESTS, Decision, Rounding, decide, enough_samples
-from raytwin.compare.exact import NoiseFree, count_noise_free
+from raytwin.compare.exact import Bound, NoiseFree, count_noise_free
 from raytwin.compare.finding import Finding, Place, notes, plural
 from raytwin.compare.messages import agreement, noise_findings, percent, what_could_be_seen
 from raytwin.compare.metrics import METRICS, nth_largest
@@ -24,7 +24,6 @@ from raytwin.compare.noise import (
     rare_light,
     residual,
 )
-from raytwin.compare.scale import Bound
 from raytwin.compare.shift import Shift, shift_findings
 from raytwin.compare.significance import sidak
 from raytwin.compare.untold import ESTIMATED, GIVE, UNEXPLAINED, borne_out, dense, unexplained

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raytwin.compare.report import Part
+from raytwin.compare.comparison import Part
 from raytwin.explain.light_parts import WholeLight
 from raytwin.images.image import Image
 from raytwin.rungs import RUNGS
