@@ -16,7 +16,7 @@ These rules hold the rate. Behind each stands how many correct renders fail with
 - A sum's z is corrected for skewness by its third moment (significance.less_skewed): 3 of 120, where 0 fail with it,
   lognormal 1.5 at a rate of 1 %.
 - A variance is at least what the other image's says, by the ratio of their samples: 8 of 30, fireflies that the test
-  hardly catches. So is a third moment, which finds faults sooner.
+  hardly catches.
 - Few events may be missed, as neighbours tell, in sums: 2 of 20, in 10 x 14 pixels; in values: 14 of 60, in a stripe.
 - Samples that all agree may have missed one as bright as the image's scale: 18 of 20, one sample in 200 shaded.
 - Beside an exact image few samples leave an error undecided that brighter events explain: 17 of 20, few fireflies.
@@ -181,7 +181,6 @@ class Noisy(NamedTuple):
 
     number: int
     variance: Pixels
-    third: Pixels | None
     blocks: Blocks
     dof: float
 
@@ -219,7 +218,7 @@ def _known(test: Image, reference: Image, bound: Bound, share: float, rounding: 
     for number, image in enumerate((test, reference)):
         if image.variance is not None:
             blocks = block_means(image.variance).astype(np.float32)
-            noisy.append(Noisy(number, image.variance, image.third, blocks, degrees_of_freedom(image)))
+            noisy.append(Noisy(number, image.variance, blocks, degrees_of_freedom(image)))
             if float(blocks.max()) > least:
                 unmet = max(unmet, 1 / (image.samples if image.samples > 1 else max(image.batches or 0, 2)))
     ratio = variance_ratio(test, reference, least)
@@ -366,7 +365,7 @@ class Sums(NamedTuple):
 def _sums(known: Known, parts: list[Strip]) -> Sums:
     """Sums over all blocks of 8 x 8 pixels.
 
-    A third moment that is not known is the covariance of v and t - r: a mean and its own variance share just that.
+    The third moment is the covariance of v and t - r: a mean and its own variance share just that.
     """
     found = []
     for part in parts:
@@ -377,10 +376,7 @@ def _sums(known: Known, parts: list[Strip]) -> Sums:
             k, v = image.number, image.variance[part.here]
             variances[k] = part.total(v)
             squares += part.total(np.square(v)) / image.dof
-            if image.third is not None:
-                thirds[k] = part.total(image.third[part.here])
-            else:
-                thirds[k] = (1 - 2 * k) * (part.total(v * part.error) - error * variances[k] / pixels)
+            thirds[k] = (1 - 2 * k) * (part.total(v * part.error) - error * variances[k] / pixels)
         if known.rounding is not None:
             rounding = block_sums(known.rounding.mean[part.here], part.rows)
         if part.agreeing is not None:
@@ -390,21 +386,10 @@ def _sums(known: Known, parts: list[Strip]) -> Sums:
     return Sums(*(np.concatenate(x, axis=-3) for x in zip(*found, strict=True)))
 
 
-def third_against(thirds: Float[np.ndarray, "2 *n 3"], known: Known) -> Float[np.ndarray, "2 *n 3"]:
-    """The third moments of sums of t - r that make them look too dark, and too bright, where events were missed.
-
-    What one image has seen of them, the other must have, by its number of samples, where it knows of any.
-    """
-    to_test, to_reference = 0.0, 0.0
-    if known.ratio is not None:
-        to_test, to_reference = (
-            0.0 if image.third is None else scale
-            for image, scale in zip(known.images[::-1], (known.ratio**2, known.ratio**-2), strict=True)
-        )
+def third_against(thirds: Float[np.ndarray, "2 *n 3"]) -> Float[np.ndarray, "2 *n 3"]:
+    """The third moments of sums of t - r that make them look too dark, and too bright, where events were missed."""
     up, down = np.maximum(thirds, 0), np.maximum(-thirds, 0)
-    dark = np.maximum(up[0], to_test * up[1]) + np.maximum(down[1], to_reference * down[0])
-    bright = np.maximum(down[0], to_test * down[1]) + np.maximum(up[1], to_reference * up[0])
-    return np.stack([dark, bright])
+    return np.stack([up[0] + down[1], down[0] + up[1]])
 
 
 def _with_rare_events(sums: Sums, known: Known) -> tuple[Sums, Float[np.ndarray, "2 by bx 3"]]:
@@ -416,10 +401,7 @@ def _with_rare_events(sums: Sums, known: Known) -> tuple[Sums, Float[np.ndarray,
     from scipy.ndimage import maximum_filter, uniform_filter
     from scipy.special import ndtri
 
-    variance, third = (
-        larger_variance(sums.variances[0], sums.variances[1], known.ratio),
-        third_against(sums.thirds, known),
-    )
+    variance, third = larger_variance(sums.variances[0], sums.variances[1], known.ratio), third_against(sums.thirds)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         number = np.where(third > 0, variance**3 / np.square(third), np.inf)
         rare = number < RARE_EVENTS
@@ -482,7 +464,7 @@ def _deviations(sums: Sums, known: Known, shared: float, level: float) -> Deviat
     shown = np.divide(variance, spread, out=np.zeros_like(spread), where=spread > 0)
     missed = sums.missed_light * np.maximum(1 - shown, 0) * (sums.missed_number < FEW_EVENTS) / n
     with np.errstate(divide="ignore", invalid="ignore"):
-        skewness = np.nan_to_num(third_against(sums.thirds, known) * shared**2 / (sd * n) ** 3)
+        skewness = np.nan_to_num(third_against(sums.thirds) * shared**2 / (sd * n) ** 3)
     beyond = np.maximum(np.abs(error) - granted - np.where(error < 0, *missed), 0)
     z = less_skewed(np.nan_to_num(beyond / sd, nan=np.inf, posinf=np.inf), np.where(error < 0, *skewness))
     z = np.nan_to_num(z, nan=np.inf, posinf=np.inf)

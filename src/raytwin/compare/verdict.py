@@ -117,9 +117,7 @@ def _made(
 
 def _single(image: Image) -> Image:
     """The image in float32, or float64 where it came so: half floats overflow when squared."""
-    wide = {
-        k: x for k in ("mean", "variance", "third") if (x := getattr(image, k)) is not None and x.dtype.itemsize < 4
-    }
+    wide = {k: x for k in ("mean", "variance") if (x := getattr(image, k)) is not None and x.dtype.itemsize < 4}
     return replace(image, **{k: x.astype(np.float32) for k, x in wide.items()})
 
 
@@ -129,5 +127,4 @@ def _scaled(image: Image, unit: float) -> Image:
         return image
     k = math.frexp(unit)[1] - 1
     variance = None if image.variance is None else np.ldexp(image.variance, -2 * k)
-    third = None if image.third is None else np.ldexp(image.third, -3 * k)
-    return replace(image, mean=np.ldexp(image.mean, -k), variance=variance, third=third)
+    return replace(image, mean=np.ldexp(image.mean, -k), variance=variance)
