@@ -20,7 +20,7 @@ from browser import barriers_of
 from test_bench_page import every_method
 
 from raytwin.compare import Report, compare
-from raytwin.compare.report import Part
+from raytwin.compare.comparison import Part
 from raytwin.explain.ledger import Ledger
 from raytwin.images.exr import write_exr
 from raytwin.images.image import Image

@@ -11,7 +11,7 @@ from browser import opened
 from test_compare_page import text_of
 
 from raytwin.compare import Report, compare
-from raytwin.compare.report import Part
+from raytwin.compare.comparison import Part
 from raytwin.explain.ledger import Ledger
 from raytwin.images import packing
 from raytwin.images.exr import write_exr

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raytwin.compare.report import Part
+from raytwin.compare.comparison import Part
 from raytwin.fast import ENGINES, light_parts, trace
 from raytwin.images.image import Image
 from raytwin.rungs import RUNGS

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 
 from raytwin.compare import Comparison, compare
-from raytwin.compare.scale import scale_of
+from raytwin.compare.exact import scale_of
 from raytwin.explain.pixel_sample import SubmittedImage
 from raytwin.explain.tolerance_mask import forgiven
 from raytwin.images.image import Image
