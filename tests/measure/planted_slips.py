@@ -40,8 +40,7 @@ from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.teach.contract.check_function import call_stage
 from raytwin.teach.contract.stage import Case
 from raytwin.teach.contract.stage_table import CONTRACT
-from raytwin.teach.grade.grade_submission import grade_submission
-from raytwin.teach.grade.job import job_of
+from raytwin.teach.grade.grade_submission import grade_submission, job_of
 from raytwin.teach.grade.result import Result
 from raytwin.teach.grade.rubric import READY, read_rubric
 

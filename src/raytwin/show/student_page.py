@@ -21,7 +21,6 @@ from raytwin.teach.grade.result import Marked, Picture, Result
 from raytwin.teach.grade.rubric import PICTURES, Rubric
 
 SURENESS = {
-    "named": "named by the instructor",
     "proved": "proved",
     "likely": "likely",
     "": "cause unknown",

@@ -31,7 +31,6 @@ HANDED_IN = {
     "right.py": tracers.RIGHT,
     "<script>/tracer.py": "import helper\nrender = helper.render\n",
     "<script>/helper.py": tracers.tracer("gamma"),
-    "parts.py": PI.replace("def render", "def own"),
     "beside.py": PI.replace("return out.reshape", "return out[:, ::-1].reshape"),
     "empty.py": "",
     "syntax.py": "def render(:",

@@ -84,14 +84,14 @@ def wrong_image(*faults):
 def test_whether_the_line_or_the_cause_comes_first_and_how_sure_it_is():
     line = Repair("", 7, "the sign is wrong", "-a", "a")
     for faults, place in ((("nothing-met",), 0), (("no-planes",), 0), (("endless-planes",), 1)):  # two say what is seen
-        made = _with_hint(wrong_image(*faults), line, 2, "")
+        made = _with_hint(wrong_image(*faults), line, 2)
         assert [k for k, sentence in enumerate(made.sentences) if "line 7" in sentence] == [place], faults
     for faults, sure, said in (
         ((), True, "proved"), ((), False, "likely"), (("shadow-offset",), True, "likely"),
         (("nothing-met",), True, "proved"),
     ):  # fmt: skip
         image = msgspec.structs.replace(wrong_image(*faults), sureness="likely" if faults else "")
-        made = _with_hint(image, replace(line, sure=sure), 2, "")
+        made = _with_hint(image, replace(line, sure=sure), 2)
         assert ("line 7" in made.sentences[0], made.sureness) == (True, said), faults
 
 
@@ -105,7 +105,7 @@ def test_a_picture_is_repaired_for_sure_where_no_other_picture_stays_wrong(monke
         line_search = LineSearch(SimpleNamespace(hints=2), Code("a", "f = 1"))
         child = SimpleNamespace(functions=("hit_points", "render"), spent=0.0)
         tried = [msgspec.structs.replace(wrong_image(), stage=stage) for stage in ("hit_points", "render")]
-        line_search._repair(tried, (), (), (), (), SimpleNamespace(child=child))
+        line_search._repair(tried, (), (), (), SimpleNamespace(child=child))
         assert line_search.found["hit_points"].sure == other
 
 

@@ -65,12 +65,10 @@ def test_what_is_wrong_with_a_rubric_is_said_with_its_field(read):
 
 def test_partial_credit_falls_with_the_logarithm_of_the_error():
     row = Exercise("shade", 10, credit=((1e-6, 0.9), (1e-4, 0.5), (1e-2, 0.1)))
-    earned = [row.share(False, e, None) for e in (1e-9, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.011, None, float("nan"))]
+    earned = [row.share(False, e) for e in (1e-9, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.011, None, float("nan"))]
     assert earned == pytest.approx([0.9, 0.9, 0.7, 0.5, 0.3, 0.1, 0, 0, 0])
-    assert row.share(True, 1.0, None) == 1.0
-    assert Exercise("shade", 10).share(False, 1e-9, 0.0) == 0.0
-    by_pixels = Exercise("render", 10, measure="wrong", credit=((0.01, 0.8), (0.1, 0.2)))
-    assert by_pixels.share(False, 1e3, 0.01) == 0.8
+    assert row.share(True, 1.0) == 1.0
+    assert Exercise("shade", 10).share(False, 1e-9) == 0.0
 
 
 def test_a_bonus_for_speed_is_whole_at_fast_and_gone_at_slow():

@@ -11,15 +11,11 @@ function; `limit`: too much time, memory or output; `broken`: its process ended.
 
 
 class Again(Record, frozen=True):
-    """What came of a picture that was asked for once more, with correct functions in place of the failed ones.
-
-    `own`: of the functions that it is made of, the share that was the submission's own.
-    """
+    """What came of a picture that was asked for once more, with correct functions in place of the failed ones."""
 
     passed: bool
     error: float | None
     wrong: float | None
-    own: float = 1.0
 
 
 class MarkedPart(Record, frozen=True):
@@ -49,12 +45,12 @@ class Marked(Record, frozen=True):
 
     `faults`: (name, sentence) of each mistake that was made; `causes` has those, too, that explain it as well.
     `code`: lines of the submission that the sentences speak of.
-    `inputs`, `expected`, `got`: of the worst value of a stage's cases. `fingerprint`: of the wrong numbers.
-    `repair`: what was wrong where one change of the text makes all right, in an operator's words; `hints`: that change
-    in each of three levels of detail. `mistakes`: what each explains all that is wrong here, and shows elsewhere, too.
-    `because`: functions that failed on their own, with correct ones of which this picture is correct. `same_as`: the
-    exercise that pays for the same mistake. `followed`: of the points, those that are kept since it is paid for.
-    `judged_by`: the statistical test that decides in place of a tolerance; such an exercise has no fingerprint.
+    `inputs`, `expected`, `got`: of the worst value of a stage's cases.
+    `repair`: what was wrong where one change of the text makes all right, in an operator's words. `mistakes`: what each
+    explains all that is wrong here, and shows elsewhere, too. `because`: functions that failed on their own, with
+    correct ones of which this picture is correct. `same_as`: the exercise that pays for the same mistake. `followed`:
+    of the points, those that are kept since it is paid for.
+    `judged_by`: the statistical test that decides in place of a tolerance.
     """
 
     name: str
@@ -70,9 +66,7 @@ class Marked(Record, frozen=True):
     causes: tuple[str, ...] = ()
     sureness: str = ""
     faults: tuple[tuple[str, str], ...] = ()
-    fingerprint: str = ""
     repair: str = ""
-    hints: tuple[str, ...] = ()
     mistakes: tuple[str, ...] = ()
     because: tuple[str, ...] = ()
     same_as: str = ""
@@ -93,8 +87,7 @@ class Marked(Record, frozen=True):
     def named(self) -> dict[str, str]:
         """Name -> sentence of what is wrong. A line that one change repairs is surer than names that are not proved."""
         proved = {name: sentence for name, sentence in self.faults if name in self.mistakes}
-        guessed = self.repair and self.sureness != "named"
-        return proved or ({f"{self.stage}: {self.repair}": ""} if guessed else dict(self.faults))
+        return proved or ({f"{self.stage}: {self.repair}": ""} if self.repair else dict(self.faults))
 
     @property
     def follows(self) -> bool:
@@ -196,5 +189,5 @@ class Result(Record, frozen=True):
 
 
 WORST: tuple[Status, ...] = ("limit", "broken", "error", "fail", "missing")
-SUREST = ("named", "proved", "likely", "")
-"""`sureness`, from the surest: named by the instructor; proved by a repair, or by predictions that leave nothing."""
+SUREST = ("proved", "likely", "")
+"""`sureness`, from the surest; proved: by a repair, or by predictions that leave nothing."""

@@ -26,7 +26,6 @@ from raytwin.scene import Record
 from raytwin.scene.toml_json import read_toml, to_record
 from raytwin.teach.contract.composed_tracer import NEEDED
 from raytwin.teach.contract.stage_table import LESSONS
-from raytwin.teach.grade.fingerprint import is_fingerprint
 from raytwin.teach.sandbox.sandbox import Limits
 
 PICTURES = tuple(NEEDED)
@@ -43,10 +42,9 @@ class Exercise(Record, frozen=True):
     """One row: a `stage` tested on its own cases, or a picture on `scenes` by name and on as many `drawn` ones.
 
     `tolerance`: of the stage's error, or of a picture's, relative to its scale; None: the stage's own, the scene's own.
-    `inside`: the drawn scenes are seen from inside a sphere, whose wall hides the sun.
     A case or scene that passes earns its share of the points whole; one that does not earns what `credit` says of its
-    error (`measure`: `wrong`, the share of values that are off), interpolated over the error's logarithm: the first
-    row's share below it, nothing above the last. A sampled picture that fails earns nothing.
+    error, interpolated over the error's logarithm: the first row's share below it, nothing above the last. A sampled
+    picture that fails earns nothing.
     """
 
     stage: str
@@ -54,35 +52,32 @@ class Exercise(Record, frozen=True):
     name: str = ""
     scenes: tuple[str, ...] = ()
     drawn: Annotated[int, msgspec.Meta(ge=0, le=100)] = 0
-    inside: bool = False
     rung: str = "shadow"
     tolerance: Positive | None = None
     visibility: Visibility = "visible"
     credit: tuple[tuple[Positive, Fraction], ...] = ()
-    measure: Literal["error", "wrong"] = "error"
 
     @property
     def sampled(self) -> bool:
         """Whether its pictures are noisy, and judged by the sequential verdict."""
         return self.stage == "render" and RUNGS[self.rung].noisy
 
-    def share(self, passed: bool, error: float | None, wrong: float | None) -> float:
+    def share(self, passed: bool, error: float | None) -> float:
         """What one case or scene earns, 0 to 1.
 
-        >>> Exercise("shade", 10, credit=((1e-4, 0.9), (1e-2, 0.5))).share(False, 1e-3, None)
+        >>> Exercise("shade", 10, credit=((1e-4, 0.9), (1e-2, 0.5))).share(False, 1e-3)
         0.7
         """
-        value = error if self.measure == "error" else wrong
         if passed:
             return 1.0
-        if self.sampled or not self.credit or value is None or not math.isfinite(value) or value > self.credit[-1][0]:
+        if self.sampled or not self.credit or error is None or not math.isfinite(error) or error > self.credit[-1][0]:
             return 0.0
         below = self.credit[0]
         for above in self.credit:
-            if value <= above[0]:
-                if above[0] == below[0] or value <= below[0]:
+            if error <= above[0]:
+                if above[0] == below[0] or error <= below[0]:
                     return below[1]
-                x = math.log(value / below[0]) / math.log(above[0] / below[0])
+                x = math.log(error / below[0]) / math.log(above[0] / below[0])
                 return round(below[1] + x * (above[1] - below[1]), 6)
             below = above
         return 0.0
@@ -110,16 +105,6 @@ class Speed(Record, frozen=True):
         return round(self.bonus * min(1.0, max(0.0, x)), 4)
 
 
-class Feedback(Record, frozen=True):
-    """The instructor's own `sentence` for wrong numbers of a function with this `fingerprint`, a class page's; `name`:
-    of the mistake, in its tables."""
-
-    stage: str
-    fingerprint: str
-    sentence: str
-    name: str = ""
-
-
 class Rubric(Record, frozen=True):
     """`seed`: of the drawn scenes, cases and orders, together with each submission's own content: keep it to yourself.
 
@@ -141,7 +126,6 @@ class Rubric(Record, frozen=True):
     packages: tuple[str, ...] = ()
     hints: Annotated[int, msgspec.Meta(ge=0, le=3)] = 2
     follow_through: Fraction = 0.0
-    feedback: tuple[Feedback, ...] = ()
     folder: str = "."
 
     @property
@@ -153,15 +137,10 @@ class Rubric(Record, frozen=True):
         return tuple(dict.fromkeys(e.stage for e in self.exercises))
 
     @property
-    def functions(self) -> tuple[str, ...]:
-        """What is looked for in a submission: the stages, and what a picture can be made of where one is missing."""
-        return tuple(dict.fromkeys([*self.stages, *(part for s in self.stages for part in NEEDED.get(s, ()))]))
-
-    @property
     def questions(self) -> tuple[Any, ...]:
         """What decides the answers and what is found of them: all other keys are arithmetic with stored results."""
-        exercises = [(e.stage, e.scenes, e.drawn, e.inside, e.rung, e.tolerance) for e in self.exercises]
-        return exercises, self.limits, self.file, self.command, self.packages, self.hints > 0
+        exercises = [(e.stage, e.scenes, e.drawn, e.rung, e.tolerance) for e in self.exercises]
+        return exercises, self.limits, self.file, self.command, self.packages, self.hints
 
     def seed_of(self, content: bytes) -> int:
         """Return a submission's seed, which nobody without the rubric's own can compute."""
@@ -184,12 +163,6 @@ def read_rubric(path: str | Path) -> Rubric:
     for i, exercise in enumerate(rubric.exercises):
         _check(f"{path}: exercises[{i}]", exercise)
         named.append(msgspec.structs.replace(exercise, name=exercise.name or _name(exercise)))
-    for i, row in enumerate(rubric.feedback):
-        check_one_of(f"{path}: feedback[{i}].stage", row.stage, LESSONS)
-        if not is_fingerprint(row.fingerprint):
-            raise InputError(f"{path}: feedback[{i}].fingerprint", "the numbers of a class page's row", row.fingerprint)
-        if not row.sentence.strip():
-            raise InputError(f"{path}: feedback[{i}].sentence", "a sentence for the students", "none")
     names = [e.name for e in named]
     if twice := next((n for n in names if names.count(n) > 1), None):
         raise InputError(f"{path}: exercises: name", "names that differ", f"{twice!r} twice")
@@ -213,13 +186,11 @@ def _check(where: str, e: Exercise) -> None:
         )
     if e.stage not in PICTURES and (e.scenes or e.drawn):
         raise InputError(f"{where}.scenes", f"none: {e.stage} has cases of its own", e.scenes or e.drawn)
-    if e.inside and not (e.stage == "render" and e.drawn and not e.scenes):
-        raise InputError(f"{where}.inside", "an exercise of render with drawn scenes alone", e.stage)
     errors = [row[0] for row in e.credit]
     if errors != sorted(errors):
         raise InputError(f"{where}.credit", "rows by rising error", errors)
 
 
 def _name(e: Exercise) -> str:
-    of = ", ".join([*e.scenes, *([f"{e.drawn} drawn{' from inside' if e.inside else ''}"] if e.drawn else [])])
+    of = ", ".join([*e.scenes, *([f"{e.drawn} drawn"] if e.drawn else [])])
     return f"{e.stage} ({e.rung}: {of})" if of and e.stage == "render" else f"{e.stage} ({of})" if of else e.stage

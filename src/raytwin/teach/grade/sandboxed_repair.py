@@ -1,4 +1,4 @@
-"""The line to look at, found by changing the submission's text, and the fingerprint of its wrong numbers.
+"""The line to look at, found by changing the submission's text.
 
 Runs after grading, in a sandbox of its own, and changes no points. Numbers alone leave the sandbox, to be judged here.
 """
@@ -18,7 +18,6 @@ import numpy as np
 
 from raytwin.explain import attempt
 from raytwin.explain.catalogue import FACTS
-from raytwin.explain.edit import Edit
 from raytwin.explain.repair import (
     SECONDS_A_TRY,
     Answers,
@@ -36,7 +35,6 @@ from raytwin.teach.contract.repair_function import STRIDES, further_probes, prob
 from raytwin.teach.contract.stage import Case, Stage
 from raytwin.teach.contract.stage_result import says_why, with_hint
 from raytwin.teach.contract.stage_table import LESSONS
-from raytwin.teach.grade.fingerprint import PROBE_SEED, fingerprint
 from raytwin.teach.grade.follow_through import REPLACE, REPLACE_DRIVER, source_of
 from raytwin.teach.grade.result import Marked
 from raytwin.teach.grade.rubric import PICTURES, Rubric
@@ -46,6 +44,8 @@ WORK_PROVED, WORK_UNNAMED, WORK_IN_ALL = 1.2e6, 3e6, 6e6
 """Most lines of Python that a search runs: for a function with a proved cause, for one without, for a submission."""
 MAX_TEXT = 100_000
 """Characters of the longest text that is searched: one of megabytes takes minutes to parse."""
+PROBE_SEED = 1_618_033
+"""Draws the cases that changes are tried in; no points depend on them, so anyone may know it."""
 CALLED, LINES = "raytwin_attempt", "raytwin_lines"
 REPAIR_DRIVER = f"""
 {REPLACE_DRIVER}
@@ -101,7 +101,7 @@ class LineSearch:
         assert self.code is not None
         if self.trials is None or self.trials.child.problem.problem:
             self.close()
-            asked = (*self.rubric.functions, CALLED, LINES, REPLACE)
+            asked = (*self.rubric.stages, CALLED, LINES, REPLACE)
             own = dataclasses.replace(self.code.followed_by(REPAIR_DRIVER), asked=asked)
             child = Sandbox(own, self.rubric.limits, (Path(self.rubric.folder), Path.cwd())).__enter__()
             self.trials, self.replaced = _Trials(child), ()
@@ -110,15 +110,12 @@ class LineSearch:
             self.trials.child.call(REPLACE, source_of(names), list(names))
         return self.trials.child
 
-    def mends(self, stage: str, cases: Sequence[Case]) -> bool:
-        """Whether the change that was found for a function makes these cases correct, too."""
-        change = self.found[stage].candidate
-        if change is None:
-            return False
-        self.child_with()
-        assert self.trials is not None
-        each = ((case, self.trials.run(stage, [change], case.args, False)[0]) for case in cases)
-        return all(got is not None and is_repaired(LESSONS[stage], case, got) for case, got in each)
+    def with_mistake(self, m: Marked) -> Marked:
+        """The exercise with the change that repairs it, if one does, as its mistake."""
+        found = self.found.get(m.stage)
+        if found is None or m.status == "pass" or m.because:
+            return m
+        return msgspec.structs.replace(m, mistakes=(*m.mistakes, found.hint(3)))
 
     def close(self) -> None:
         """End the process."""
@@ -130,32 +127,25 @@ class LineSearch:
         exercises: Sequence[Marked],
         right: Sequence[str],
         replaced: Sequence[str] = (),
-        beside: Sequence[str] = (),
         pictures: Sequence[tuple[str, Case]] = (),
     ) -> list[Marked]:
-        """Return the exercises, wrong ones with the line to look at, and with a fingerprint if no cause is named.
+        """Return the exercises, wrong ones with the line to look at.
 
         `right`: functions that pass their own tests; they are not changed. `replaced`: failed functions that run as
-        correct ones instead. `beside`: further wrong functions; a change that corrects one of them, too, is its line.
-        `pictures`: (function, case) of wrong pictures, for mistakes that the fixed cases are too small to show.
+        correct ones instead. `pictures`: (function, case) of wrong pictures, for mistakes that the fixed cases are too
+        small to show.
         """
         wrong = [e for e in exercises if e.status in ("fail", "error")]
-        unnamed = {e.stage for e in wrong if self.code and not (e.faults or e.fingerprint or e.judged_by)}
         tried = [e for e in wrong if self.hints and e.stage not in self.found]
-        prints: dict[str, str] = {}
-        if tried or unnamed - set(self.found):
-            child = self.child_with(replaced)
-            if not replaced:
-                prints = {stage: _fingerprint(child, stage) for stage in unnamed}
-            if CALLED in child.functions and self.trials is not None:
-                self._repair(tried, right, replaced, beside, pictures, self.trials)
+        if tried and CALLED in self.child_with(replaced).functions and self.trials is not None:
+            self._repair(tried, right, replaced, pictures, self.trials)
         return [
-            _with_hint(e, self.found.get(e.stage), self.hints, e.fingerprint or prints.get(e.stage, ""))
-            if e in wrong else e for e in exercises
-        ]  # fmt: skip
+            _with_hint(e, self.found[e.stage], self.hints) if e in wrong and e.stage in self.found else e
+            for e in exercises
+        ]
 
     def _repair(
-        self, tried: Sequence[Marked], right: Sequence[str], replaced: Sequence[str], beside: Sequence[str],
+        self, tried: Sequence[Marked], right: Sequence[str], replaced: Sequence[str],
         pictures: Sequence[tuple[str, Case]], trials: "_Trials",
     ) -> None:  # fmt: skip
         for stage in dict.fromkeys(e.stage for e in tried):
@@ -172,28 +162,10 @@ class LineSearch:
                     if made is not None:
                         self.found[stage] = made
                 self.left -= before - work.left
-        for stage in (name for name in beside if name in trials.child.functions):
-            some = (r for r in self.found.values() if (r.sure or r.rivals) and _makes_right(r, stage, trials))
-            if one := next(some, None):
-                self.found[stage] = one
         if any(e.stage in PICTURES and e.stage not in self.found for e in tried):
             # A change in what only some pictures are made of, where others stay wrong, may hide what is wrong in all.
             unsure = {k: dataclasses.replace(r, sure=False) for k, r in self.found.items() if k in PICTURES}
             self.found |= unsure
-
-
-def _makes_right(found: Repair, stage: str, trials: "_Trials") -> bool:
-    """Whether the change also corrects another function, which is wrong without it."""
-
-    def right_with(change: Candidate) -> bool:
-        each = ((case, trials.run(stage, [change], case.args, False)[0]) for case in (*_cases(stage), *_further(stage)))
-        return all(got is not None and is_repaired(LESSONS[stage], case, got) for case, got in each)
-
-    change = found.candidate
-    if change is None:
-        return False
-    nothing = Candidate(change.cell, change.statement, Edit("", 0.0, change.statement, [change.statement]))
-    return not right_with(nothing) and right_with(change)
 
 
 @cache
@@ -207,27 +179,12 @@ def _further(stage: str) -> list[Case]:
     return further_probes(LESSONS[stage], PROBE_SEED)
 
 
-MOST_PROBES = 3
-"""Cases that a fingerprint is taken of."""
-
-
 def _is_proved(exercise: Marked) -> bool:
     return says_why(exercise.sureness, exercise.faults)
 
 
-def _fingerprint(child: Sandbox, stage: str) -> str:
-    """A fingerprint of the wrong numbers in cases that are the same for all."""
-    cases = _cases(stage)[:MOST_PROBES]
-    answers = [child.call(stage, *case.args) for case in cases]
-    got = [a.astype(float) for answer in answers for a in answer.arrays]
-    return fingerprint([a for case in cases for a in case.expected], got)
-
-
-def _with_hint(exercise: Marked, repair: Repair | None, level: int, found: str) -> Marked:
+def _with_hint(exercise: Marked, repair: Repair, level: int) -> Marked:
     """The exercise with a repair in its place among the sentences."""
-    exercise = msgspec.structs.replace(exercise, fingerprint="" if exercise.judged_by else found)
-    if repair is None:
-        return exercise
     raised = exercise.status == "error"
     sentences = with_hint(exercise.sentences, repair.hint(level), exercise.sureness, exercise.faults, raised)
     # A likely cause of pictures, which saw no text, may say something else than the line: then neither is proved.
