@@ -54,6 +54,7 @@ def test_what_is_wrong_with_a_rubric_is_said_with_its_field(read):
         ("[[1e-4, 0.8], [1e-2, 0.4]]", "[[1e-2, 0.8], [1e-4, 0.4]]", "rows by rising error"),
         ("points = 10", 'points = 10\nname = "render (lambert: single, 2 drawn)"', "names that differ"),
         ('title = "t"', 'title = "t"\nfolder = "x"', "r.toml: folder is no known key."),
+        ("points = 10", "points = 10\ninside = true", "r.toml: inside was removed in 0.2.0. Leave the exercise out"),
         ("points = 10", "point = 10", "exercises[0].point is no known key. Did you mean points?"),
         ('title = "t"', 'title = "t"\n[speed]\nof = "intersect_sphere"', "speed.of"),
     ):

@@ -21,6 +21,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from raytwin.errors import InputError, check_one_of
+from raytwin.removed import RUBRIC_KEYS
 from raytwin.rungs import RUNGS
 from raytwin.scene import Record
 from raytwin.scene.toml_json import read_toml, to_record
@@ -158,6 +159,10 @@ def read_rubric(path: str | Path) -> Rubric:
     data = read_toml(path)
     if "folder" in data:
         raise InputError(f"{path}: folder", "is no known key.")
+    rows = data.get("exercises")
+    for table in (data, data.get("limits"), *(rows if isinstance(rows, list) else ())):
+        for name in RUBRIC_KEYS.keys() & table if isinstance(table, dict) else ():
+            raise InputError(f"{path}: {name}", f"was removed in 0.2.0. {RUBRIC_KEYS[name]}")
     rubric = to_record(path, data | {"folder": str(path.parent)}, Rubric)
     named = []
     for i, exercise in enumerate(rubric.exercises):

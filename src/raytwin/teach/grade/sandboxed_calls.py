@@ -17,7 +17,7 @@ from raytwin.teach.grade.questions import Question
 from raytwin.teach.grade.result import Result
 from raytwin.teach.grade.rubric import Rubric
 from raytwin.teach.sandbox.lock import HOLDS
-from raytwin.teach.sandbox.sandbox import Answer, Code, Sandbox, probe
+from raytwin.teach.sandbox.sandbox import MAX_PRINTED, Answer, Code, Sandbox, probe
 
 MAX_RENDERS = 64
 """Renders of one picture at a sampled light level; what is undecided then is not passed."""
@@ -42,7 +42,7 @@ def call_all(result: Result, code: Code, rubric: Rubric, asked: list[Question]) 
                 one = left.pop()
                 ask(one, child, code.kind)
         seconds -= child.spent
-        printed = (printed + child.printed)[:16_384]
+        printed = (printed + child.printed)[:MAX_PRINTED]
         ended = child.problem
         if not ended.problem:
             break

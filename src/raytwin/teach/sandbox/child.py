@@ -43,9 +43,9 @@ def main() -> None:
     os.chdir(folder)
     hidden, packages = job.pop("hidden"), job.pop("packages")
     readers = _readers(packages) if job["kind"] != "python" else None
-    np.random.seed(job["seed"])  # noqa: NPY002 - the one that students call
-    random.seed(job["seed"])
-    locks = lock.lock(folder, submission, job["limits"], hidden, job["entries"], job["uid"])
+    np.random.seed(0)  # noqa: NPY002 - the one that students call
+    random.seed(0)
+    locks = lock.lock(folder, submission, job["limits"], hidden, job["entries"])
     del hidden, packages  # a submission reads this frame
     wire.write(answers, {"locks": locks, "pid": os.getpid()})
     try:
