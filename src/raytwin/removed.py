@@ -88,6 +88,7 @@ RUBRIC_KEYS = {
     "inside": "Leave the exercise out: `render` is seen from outside spheres.",
     "measure": "Leave it out: `credit` counts the error.",
     "output_mb": "Leave it out: what a submission prints may be as long as a file, `file_mb`.",
+    "speed": "Leave it out: pages and results.csv show seconds, which earn no points.",
 }
 """Keys of a rubric and of its exercises -> what to do instead, a sentence."""
 

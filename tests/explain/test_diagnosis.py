@@ -134,6 +134,19 @@ def test_of_two_faults_the_one_that_explains_most_is_named_and_that_something_el
     assert "something else is wrong, too: wrong only in the background" in made.sentences[-1]
 
 
+@pytest.mark.parametrize("name", ["first-wins", "wrong-eye"])
+@pytest.mark.parametrize("composed", [True, False])
+def test_points_that_are_composed_say_nothing_of_the_order_and_the_eye(composed, name):
+    """There both are ours: correct points speak against such a mistake in the submission's own functions alone."""
+    camera = SCENES[1].camera
+    right = predictor(changed(SCENES[1], objects=SCENES[1].spheres)).points()
+    sample = sample_pixels(
+        SubmittedImage(SCENES[1], right.reshape(camera.height, camera.width, 3), points=True, composed=composed)
+    )
+    cost = sample.squared(sample.predict(fault(name).ways[0]))
+    assert (cost == 0) == composed
+
+
 def test_of_one_fault_the_way_that_costs_least_stands_and_of_two_alike_the_usual_one():
     def guess(name, cost, usual):
         return Hypothesis(Cause(name, "", ""), NO_MISTAKE, cost, usual=usual)

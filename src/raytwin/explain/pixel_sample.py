@@ -44,7 +44,8 @@ class SubmittedImage:
     `shown` (H, W, 3): linear radiance. With `points`: where each pixel's ray first meets a sphere, NaN for a miss.
     `correct` (H, W, 3): what it should be, by default the tracer's own picture. `half` (H, W, 3): the largest error by
     the file's format. `clipped`: the format holds nothing above 1. `bounds`: the darkest and the brightest picture that
-    are stored as `correct`. `sampled`: parts of the light that are estimated by random walks.
+    are stored as `correct`. `sampled`: parts of the light that are estimated by random walks. `composed`: a picture by
+    our tracer with the submission's functions in it, so that the camera's pose and the depth order are ours.
     """
 
     scene: Scene | None
@@ -55,6 +56,7 @@ class SubmittedImage:
     half: Array | None = None
     clipped: bool = False
     sampled: Sampled | None = None
+    composed: bool = False
     bounds: tuple[Array, ...] = ()
 
     def stored(self, values: Array) -> Array:
@@ -137,6 +139,8 @@ class PixelSample:
             made, *bounds = (self._stored(pipeline, light) for light in self.bench.radiances(pipeline))
             ends = [made, *bounds]
             return np.clip(self.shown, np.min(ends, axis=0), np.max(ends, axis=0)) if bounds else made
+        if self.view.composed:
+            pipeline = tuple(step for step in pipeline if not _is_ours(*step))
         if self.view.points:
             return self.bench.points(pipeline)
         light = self.bench.radiance(pipeline)
@@ -189,6 +193,11 @@ class PixelSample:
         """The sample with a part of its pixels: a slice, or (N,) bool."""
         weight = self.weight[part]
         return replace(self, index=self.index[part], weight=weight / max(weight.sum(), 1e-300))
+
+
+def _is_ours(name: str, what: Any) -> bool:
+    """Whether a step changes what is ours in a composed tracer: the camera's pose, and which hit is seen first."""
+    return name in ("to_board", "nearest") or (name == "met" and isinstance(what, tuple) and "nearest(" in what[0][0])
 
 
 def _error(shown: Array, made: Array, slack: Array, points: bool) -> Array:

@@ -1,10 +1,10 @@
-"""Points are arithmetic with what is stored: a mistake costs them once, a bonus hides none, a rubric may change."""
+"""Points are arithmetic with what is stored: a mistake costs them once, and a rubric may change."""
 
 import pytest
 
 from raytwin.teach.grade.points import with_points
 from raytwin.teach.grade.result import Again, Marked, MarkedPart, Result
-from raytwin.teach.grade.rubric import Exercise, Rubric, Speed
+from raytwin.teach.grade.rubric import Exercise, Rubric
 
 CREDIT = ((0.1, 0.5), (1.0, 0.5))
 EXERCISES = (
@@ -62,20 +62,11 @@ def test_mistakes_that_share_no_explanation_are_paid_for_each():
     assert points(joined) == [0, 10, 15, 30]
 
 
-def test_what_is_correct_with_correct_functions_keeps_its_points():
-    found = result(wrong("spheres"), wrong("shadows", parts="xx", again=Again(True, 0.0, 0.0)))
-    assert points(with_points(found, rubric())) == [0, 10, 15, 30]
+def test_what_is_correct_with_correct_functions_keeps_the_share_that_is_their_own():
+    found = result(wrong("spheres"), wrong("shadows", parts="xx", again=Again(True, 0.0, 0.0, 2 / 3)))
+    assert points(with_points(found, rubric())) == [0, 10, 15, pytest.approx(20, abs=1e-4)]
     still = result(wrong("spheres"), wrong("image", again=Again(False, 0.5, 0.5)))
     assert with_points(still, rubric()).exercises[2].followed == 0
-
-
-def test_a_bonus_comes_once_everything_is_passed_and_hides_no_failed_exercise():
-    speed = Speed("shadows", bonus=5, fast=1.0, slow=10.0)
-    whole = with_points(result(), rubric(speed=speed))
-    assert (whole.points, whole.of, whole.speed) == (80, 75, (("shadows", 1.0, 0.0),))
-    failed = with_points(result(wrong("spheres", parts="ooooooooox")), rubric(speed=speed))
-    assert (failed.bonus, failed.points) == (0, 73)
-    assert failed.speed == whole.speed
 
 
 def test_marking_twice_is_marking_once_and_a_result_of_other_exercises_stays():

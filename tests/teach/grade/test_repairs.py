@@ -105,7 +105,7 @@ def test_a_picture_is_repaired_for_sure_where_no_other_picture_stays_wrong(monke
         line_search = LineSearch(SimpleNamespace(hints=2), Code("a", "f = 1"))
         child = SimpleNamespace(functions=("hit_points", "render"), spent=0.0)
         tried = [msgspec.structs.replace(wrong_image(), stage=stage) for stage in ("hit_points", "render")]
-        line_search._repair(tried, (), (), (), SimpleNamespace(child=child))
+        line_search._repair(tried, (), (), (), (), SimpleNamespace(child=child))
         assert line_search.found["hit_points"].sure == other
 
 

@@ -43,8 +43,7 @@ instructor asks for sampled light "sky" or "path". At both, draw new random numb
 at most seven surfaces (depth 8). Lengths are in metres; the scene's places and directions are in the board's frame, and
 p_cam = R_cam_board @ p_board + t_cam_board takes them to the camera's.
 
-Graded pictures have up to about 340 x 250 pixels. Where speed counts they have about 120 x 88. Unless your
-instructor changed it, up to 0.1 CPU seconds per picture earn the whole bonus, and 5 or more earn none.
+Graded pictures have up to about 340 x 250 pixels.
 """
 
 TAIL = """

@@ -48,7 +48,7 @@ def check_picture(asked: Question) -> CheckedPicture:
         problem = f"{count} pixel{'s are' if count > 1 else ' is'} NaN or infinite, the first at (x={x}, y={y})"
         part = msgspec.structs.replace(part, problem=problem)
         return CheckedPicture(part, None, got, scale)
-    view = SubmittedImage(asked.scene, got, right, exercise.rung, points, half, clipped)
+    view = SubmittedImage(asked.scene, got, right, exercise.rung, points, half, clipped, composed=bool(asked.made_of))
     return CheckedPicture(part, view, None if passed else got, scale)
 
 

@@ -1,8 +1,9 @@
 """Follow-through: whether a picture is wrong only because of functions that failed on their own.
 
 Wrong pictures are asked for once more, with the correct function in the failed one's place, wherever the submission's
-modules have its name. What is correct then needs no other cause; what is still wrong has a second one. Of a sampled
-picture the samplers are replaced, too.
+modules have its name. What is correct then needs no other cause; what is still wrong has a second one. Of a picture
+that is made of functions alone, the share of those that are the submission's own counts. Of a sampled picture the
+samplers are replaced, too.
 """
 
 import inspect
@@ -62,8 +63,8 @@ def ask_again(
         return ()
     child = child_with(names)
     for question in wrong:
-        copy = replace(question)
-        ask(copy, child, "python")
+        copy = replace(question, made_of="")
+        ask(copy, child, "python", names)
         question.again = check_picture(copy)
     return names
 

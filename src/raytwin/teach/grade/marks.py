@@ -11,6 +11,7 @@ import numpy as np
 from raytwin.explain.diagnosis import diagnose
 from raytwin.explain.explanation import Explanation
 from raytwin.teach.contract.check_function import judge, student_words
+from raytwin.teach.contract.composed_tracer import NEEDED
 from raytwin.teach.contract.stage_result import says_why
 from raytwin.teach.contract.stage_table import LESSONS
 from raytwin.teach.grade.check_picture import check_picture, wrong_picture
@@ -68,16 +69,19 @@ def _marked(
     status |= {e.name: _status([a.checked.part for a in of[e.name] if a.checked], of[e.name]) for e in drawn_ones}
     wrong_stages = {e.stage for e in rubric.exercises if status[e.name] != "pass"}
     right = [stage for stage in dict.fromkeys(e.stage for e in rubric.exercises) if stage not in wrong_stages]
-    marks |= {m.name: m for m in line_search.with_lines([*marks.values()], right)}
-    causes = _Causes(shown, replaced, [m for m in marks.values() if m.stage in replaced], seed)
+    spoilt = [a for a in shown if not a.passed]
+    beside = dict.fromkeys(a.exercise.stage for a in spoilt if not a.fixed)
+    marks |= {m.name: m for m in line_search.with_lines([*marks.values()], right, beside=[*beside])}
+    mended = [a for a in spoilt if a.exercise.stage in line_search.found]
+    causes = _Causes(shown, replaced, [m for m in marks.values() if m.stage in replaced], mended, seed)
     pictures: list[Picture] = []
     for exercise in drawn_ones:
-        marks[exercise.name], wrong = _mark_pictures(exercise, of[exercise.name], causes.of(of[exercise.name]))
+        marks[exercise.name], wrong = _mark_pictures(exercise, of[exercise.name], causes)
         pictures += wrong
     made = [marks[e.name] for e in drawn_ones]
     unclear = [m for m in made if not (m.follows or says_why(m.sureness, m.faults))]
-    spoilt = [(a.exercise.stage, a.case) for a in shown if not a.passed and a.reference is None]
-    found = line_search.with_lines(unclear, right, replaced if causes.has_second else (), spoilt)
+    cases = [(a.exercise.stage, a.case) for a in spoilt if a.reference is None]
+    found = line_search.with_lines(unclear, right, replaced if causes.has_second else (), pictures=cases)
     marks |= {m.name: m for m in found}
     return [line_search.with_mistake(marks[e.name]) for e in rubric.exercises], pictures
 
@@ -139,18 +143,22 @@ class _Found(NamedTuple):
 class _Causes:
     """The causes of wrong pictures. One tracer made them all, so they are diagnosed together.
 
-    `failed`: functions that fail alone and were `replaced` by correct ones. Tried in this order: pictures that are
-    correct with correct functions are `by_functions`, unless the pictures name a cause that the functions do not;
-    `as_handed_in`, one diagnosis of all other pictures; and where correct functions leave less wrong (`has_second`),
-    `second`, a diagnosis of the pictures made with them.
+    `failed`: functions that fail alone and were `replaced` by correct ones. `mended`: pictures for which a change of
+    the text is known. Tried in this order: pictures that are correct with correct functions are `by_functions`, unless
+    the pictures name a cause that the functions do not; `as_handed_in`, one diagnosis of all other pictures; and where
+    correct functions leave less wrong (`has_second`), `second`, a diagnosis of the pictures made with them.
     """
 
-    def __init__(self, shown: Sequence[Question], replaced: tuple[str, ...], failed: list[Marked], seed: int) -> None:
-        self.shown, self.replaced, self.failed, self.seed = shown, replaced, failed, seed
+    def __init__(
+        self, every: Sequence[Question], replaced: tuple[str, ...], failed: list[Marked], mended: list[Question],
+        seed: int,
+    ) -> None:  # fmt: skip
+        self.replaced, self.failed, self.mended, self.seed = replaced, failed, mended, seed
+        self.shown = shown = [a for a in every if a not in mended]
         self.searches, self.functions = MAX_SEARCHES, " and ".join(f"`{name}`" for name in replaced)
         known = bool(failed) and all(m.faults or m.repair for m in failed)
         again = [a for a in shown if a.again is not None]
-        fixed = bool(again) and all(a.fixed for a in again)
+        fixed = any(a.again for a in every) and all(a.fixed for a in again)
         self.has_second = any(_is_nearer(a) for a in again if not a.fixed)
         self.as_handed_in: Explanation | None = None
         if not (known and self.has_second):
@@ -183,7 +191,7 @@ class _Causes:
             once = f"{self.functions} is" if len(self.replaced) == 1 else "these are"
             caused = f"Caused by {self.functions}. Once {once} correct, so is this picture."
             return _Found((caused,), faults, sureness, self.replaced)
-        if not any(a.checked and a.checked.view is not None for a in wrong):
+        if not any(a.checked and a.checked.view for a in wrong) or any(a in self.mended for a in asked):
             return _Found()
         found = self.second or self.as_handed_in
         if found is not None and found.cause is None and any(not a.passed and a not in asked for a in self.shown):
@@ -210,19 +218,22 @@ def _is_nearer(asked: Question) -> bool:
     return not same and not worse
 
 
-def _mark_pictures(exercise: Exercise, asked: list[Question], found: _Found) -> tuple[Marked, list[Picture]]:
+def _mark_pictures(exercise: Exercise, asked: list[Question], causes: _Causes) -> tuple[Marked, list[Picture]]:
+    found = causes.of(asked)
     checked = [(a, a.checked) for a in asked if a.checked is not None]
     parts = tuple(c.part for _, c in checked)
     status = _status(parts, asked)
     sentences = (*found.sentences, *dict.fromkeys(p.problem for p in parts if p.problem))
     if not sentences and status == "pass":
         sentences = (f"correct in all {len(parts)} pictures" if len(parts) > 1 else "the picture is correct",)
+    made_of = tuple(dict.fromkeys(a.made_of for a in asked if a.made_of))
+    sentences = (*sentences, *made_of)
     # Pixel by pixel the worst; the others stay small.
     wrong = [(a, c, c.got) for a, c in checked if c.got is not None]
     wrong.sort(key=lambda w: -(w[1].part.error or 0))
     pictures = [wrong_picture(a, got, c.scale, whole=i < MAX_WHOLE_PICTURES) for i, (a, c, got) in enumerate(wrong)]
     if status == "fail":
-        parts = tuple(msgspec.structs.replace(c.part, again=_again(a)) for a, c in checked)
+        parts = tuple(msgspec.structs.replace(c.part, again=_again(a, causes.replaced)) for a, c in checked)
     marked = Marked(
         name=exercise.name,
         stage=exercise.stage,
@@ -234,19 +245,20 @@ def _mark_pictures(exercise: Exercise, asked: list[Question], found: _Found) -> 
         causes=tuple(name for name, _ in found.faults),
         sureness=found.sureness,
         faults=found.faults,
-        mistakes=found.mistakes,
+        mistakes=() if made_of else found.mistakes,
         because=found.because,
         parts=parts,
     )
     return marked, pictures
 
 
-def _again(asked: Question) -> Again | None:
+def _again(asked: Question, replaced: Sequence[str]) -> Again | None:
     """What became of the picture with correct functions; None where it was not asked for again, or there was none."""
     if asked.again is None or asked.answer.problem:
         return None
-    part = asked.again.part
-    return Again(part.passed, part.error, part.wrong)
+    part, needed = asked.again.part, NEEDED[asked.exercise.stage]
+    own = 1 - len(set(needed) & set(replaced)) / len(needed) if asked.made_of else 1.0
+    return Again(part.passed, part.error, part.wrong, own)
 
 
 def lines_of(m: Marked, code: Code) -> tuple[CodeLine, ...]:

@@ -14,7 +14,7 @@ from raytwin.teach.grade.rubric import PICTURES, Exercise, Rubric
 
 
 def with_points(result: Result, rubric: Rubric) -> Result:
-    """Return the result with the rubric's names, points and bonus.
+    """Return the result with the rubric's names and points.
 
     Unchanged where it is none of these exercises, as where the grader failed.
     """
@@ -23,8 +23,7 @@ def with_points(result: Result, rubric: Rubric) -> Result:
     names = {m.name: e.name for m, e in zip(result.exercises, rubric.exercises, strict=True)}
     exercises = _paid_once([_scored(m, e) for m, e in zip(result.exercises, rubric.exercises, strict=True)], rubric)
     pictures = tuple(replace(p, exercise=names[p.exercise]) for p in result.pictures)
-    made = replace(result, title=rubric.title, exercises=tuple(exercises), pictures=pictures, bonus=0.0, speed=())
-    return _with_bonus(made, rubric)
+    return replace(result, title=rubric.title, exercises=tuple(exercises), pictures=pictures)
 
 
 def _scored(m: Marked, e: Exercise, kept: Sequence[float] = ()) -> Marked:
@@ -69,18 +68,4 @@ def _share_again(p: MarkedPart, e: Exercise, rate: float) -> float:
     """What a picture keeps that was asked for again with correct functions in place of the failed ones."""
     if p.again is None:
         return 0.0
-    return round(rate * e.share(p.again.passed, p.again.error), 6)
-
-
-def _with_bonus(result: Result, rubric: Rubric) -> Result:
-    """The result with its seconds per drawn picture, and with the bonus if every exercise is passed."""
-    if rubric.speed is None:
-        return result
-    k = next(k for k, e in enumerate(rubric.exercises) if e.name == rubric.speed.of)
-    e, m = rubric.exercises[k], result.exercises[k]
-    drawn = m.parts[len(e.scenes) :]
-    seconds = sum(p.seconds for p in drawn) / max(1, len(drawn))
-    if m.error is None or not seconds:
-        return result
-    bonus = rubric.speed.earned(seconds) if result.all_passed else 0.0
-    return replace(result, speed=((e.name, seconds, m.error),), bonus=bonus)
+    return round(rate * p.again.own * e.share(p.again.passed, p.again.error), 6)

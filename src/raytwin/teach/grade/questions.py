@@ -37,9 +37,9 @@ class CheckedPicture:
 class Question:
     """One call: its exercise and case, and for a picture its scene.
 
-    `answer`: filled in by the call. `reference`: of a picture at a sampled light level, which `verdict`, filled in by
-    the calls, is about. `checked`: the picture held against what it should be; `again`: the one that correct functions
-    gave in place of those that failed, if it was asked for.
+    `answer`: filled in by the call. `made_of`: the functions that the picture is made of, in words. `reference`: of a
+    picture at a sampled light level, which `verdict`, filled in by the calls, is about. `checked`: the picture held
+    against what it should be; `again`: the one that correct functions gave in place of those that failed.
     """
 
     exercise: Exercise
@@ -47,6 +47,7 @@ class Question:
     scene: Scene | None = None
     tolerance: Tolerance = field(default_factory=Tolerance)
     answer: Answer = field(default_factory=Answer)
+    made_of: str = ""
     reference: Image | None = None
     verdict: Comparison | None = None
     checked: CheckedPicture | None = None

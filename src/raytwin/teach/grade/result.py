@@ -11,11 +11,15 @@ function; `limit`: too much time, memory or output; `broken`: its process ended.
 
 
 class Again(Record, frozen=True):
-    """What came of a picture that was asked for once more, with correct functions in place of the failed ones."""
+    """What came of a picture that was asked for once more, with correct functions in place of the failed ones.
+
+    `own`: of the functions that it is made of, the share that was the submission's own.
+    """
 
     passed: bool
     error: float | None
     wrong: float | None
+    own: float = 1.0
 
 
 class MarkedPart(Record, frozen=True):
@@ -128,7 +132,7 @@ class Picture(Record, frozen=True):
 
 class Result(Record, frozen=True):
     """`student`: the name of what was handed in. `key`: of the content, the rubric and the seed. `problem`: why nothing
-    ran. `grader_fault`: the grader failed, not the submission; it is graded again next time. `bonus`: for speed.
+    ran. `grader_fault`: the grader failed, not the submission; it is graded again next time.
     `own_seconds`: what the submission itself took, of `seconds` in all. `open_locks`: those of the sandbox that did not
     hold. `graded`: when, to the minute, UTC."""
 
@@ -137,7 +141,6 @@ class Result(Record, frozen=True):
     title: str
     exercises: tuple[Marked, ...]
     problem: str = ""
-    bonus: float = 0.0
     seed: int = 0
     own_seconds: float = 0.0
     seconds: float = 0.0
@@ -145,13 +148,12 @@ class Result(Record, frozen=True):
     notes: tuple[str, ...] = ()
     open_locks: tuple[str, ...] = ()
     pictures: tuple[Picture, ...] = ()
-    speed: tuple[tuple[str, float, float], ...] = ()
     grader_fault: bool = False
     graded: str = ""
 
     @property
     def points(self) -> float:
-        return round(sum(e.points for e in self.exercises) + self.bonus, 4)
+        return round(sum(e.points for e in self.exercises), 4)
 
     @property
     def of(self) -> float:

@@ -1,4 +1,4 @@
-"""A rubric in TOML: exercises with their points, partial credit by measured error, speed against accuracy, limits.
+"""A rubric in TOML: exercises with their points, partial credit by measured error, limits.
 
     title = "The paper's pipeline"
     [[exercises]]
@@ -84,28 +84,6 @@ class Exercise(Record, frozen=True):
         return 0.0
 
 
-class Speed(Record, frozen=True):
-    """Speed against accuracy, of the drawn scenes of the exercise `of`: a leaderboard, and a bonus if wanted.
-
-    The whole `bonus` at `fast` seconds a picture or fewer, none at `slow`, in between by the logarithm; only where
-    every exercise is passed.
-    """
-
-    of: str
-    leaderboard: bool = True
-    bonus: Annotated[float, msgspec.Meta(ge=0)] = 0.0
-    fast: Positive = 0.1
-    slow: Positive = 10.0
-
-    def earned(self, seconds: float) -> float:
-        """
-        >>> Speed("image", bonus=4, fast=0.1, slow=10).earned(1.0)
-        2.0
-        """
-        x = math.log(self.slow / max(seconds, 1e-9)) / math.log(self.slow / self.fast)
-        return round(self.bonus * min(1.0, max(0.0, x)), 4)
-
-
 class Rubric(Record, frozen=True):
     """`seed`: of the drawn scenes, cases and orders, together with each submission's own content: keep it to yourself.
 
@@ -120,7 +98,6 @@ class Rubric(Record, frozen=True):
     title: str
     exercises: Annotated[tuple[Exercise, ...], msgspec.Meta(min_length=1)]
     seed: int = 0
-    speed: Speed | None = None
     limits: Limits = Limits()
     file: str = "tracer"
     command: str = ""
@@ -136,6 +113,11 @@ class Rubric(Record, frozen=True):
     @property
     def stages(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys(e.stage for e in self.exercises))
+
+    @property
+    def functions(self) -> tuple[str, ...]:
+        """What is looked for in a submission: the stages, and what a picture can be made of where one is missing."""
+        return tuple(dict.fromkeys([*self.stages, *(part for s in self.stages for part in NEEDED.get(s, ()))]))
 
     @property
     def questions(self) -> tuple[Any, ...]:
@@ -171,14 +153,6 @@ def read_rubric(path: str | Path) -> Rubric:
     names = [e.name for e in named]
     if twice := next((n for n in names if names.count(n) > 1), None):
         raise InputError(f"{path}: exercises: name", "names that differ", f"{twice!r} twice")
-    if rubric.speed is not None:
-        pictures = [e.name for e in named if e.stage in PICTURES]
-        check_one_of(f"{path}: speed.of", rubric.speed.of, pictures)
-        if not next(e for e in named if e.name == rubric.speed.of).drawn:
-            got = f"{rubric.speed.of!r}, whose pictures a submission may have stored"
-            raise InputError(f"{path}: speed.of", "an exercise with drawn scenes", got)
-        if not rubric.speed.fast < rubric.speed.slow:
-            raise InputError(f"{path}: speed.fast", "seconds below `slow`", rubric.speed.fast)
     return msgspec.structs.replace(rubric, exercises=tuple(named))
 
 

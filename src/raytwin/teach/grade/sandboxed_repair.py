@@ -18,6 +18,7 @@ import numpy as np
 
 from raytwin.explain import attempt
 from raytwin.explain.catalogue import FACTS
+from raytwin.explain.edit import Edit
 from raytwin.explain.repair import (
     SECONDS_A_TRY,
     Answers,
@@ -46,6 +47,8 @@ MAX_TEXT = 100_000
 """Characters of the longest text that is searched: one of megabytes takes minutes to parse."""
 PROBE_SEED = 1_618_033
 """Draws the cases that changes are tried in; no points depend on them, so anyone may know it."""
+MOST_RETURNED = 8
+"""Arrays that are taken of what a function returns."""
 CALLED, LINES = "raytwin_attempt", "raytwin_lines"
 REPAIR_DRIVER = f"""
 {REPLACE_DRIVER}
@@ -57,13 +60,10 @@ def {CALLED}(function, codes, lengths, names, arguments, seconds, changed):
     import numpy
     ends = numpy.cumsum(lengths).astype(int)
     chosen = [marshal.loads(codes[end - n : end].tobytes()) for end, n in zip(ends, lengths)]
-    shapes, numbers = [], []
-    for made in attempt(globals(), function, chosen, names, arguments, seconds, changed):
-        shapes.append(-1 if made is None else len(made))
-        for array in made or ():
-            shapes += [array.ndim, *array.shape]
-            numbers.append(array.ravel())
-    return numpy.array(shapes, int), numpy.concatenate([numpy.zeros(0), *numbers])
+    made = attempt(globals(), function, chosen, names, arguments, seconds, changed)
+    some = [() if one is None else one[:{MOST_RETURNED}] for one in made]
+    counts = numpy.array([-1 if one is None else len(each) for one, each in zip(made, some)], int)
+    return (counts, *(array for each in some for array in each))
 
 def {LINES}(function, arguments, seconds):
     import numpy
@@ -101,7 +101,7 @@ class LineSearch:
         assert self.code is not None
         if self.trials is None or self.trials.child.problem.problem:
             self.close()
-            asked = (*self.rubric.stages, CALLED, LINES, REPLACE)
+            asked = (*self.rubric.functions, CALLED, LINES, REPLACE)
             own = dataclasses.replace(self.code.followed_by(REPAIR_DRIVER), asked=asked)
             child = Sandbox(own, self.rubric.limits, (Path(self.rubric.folder), Path.cwd())).__enter__()
             self.trials, self.replaced = _Trials(child), ()
@@ -127,25 +127,26 @@ class LineSearch:
         exercises: Sequence[Marked],
         right: Sequence[str],
         replaced: Sequence[str] = (),
+        beside: Sequence[str] = (),
         pictures: Sequence[tuple[str, Case]] = (),
     ) -> list[Marked]:
         """Return the exercises, wrong ones with the line to look at.
 
         `right`: functions that pass their own tests; they are not changed. `replaced`: failed functions that run as
-        correct ones instead. `pictures`: (function, case) of wrong pictures, for mistakes that the fixed cases are too
-        small to show.
+        correct ones instead. `beside`: further wrong functions; a change that corrects one of them, too, is its line.
+        `pictures`: (function, case) of wrong pictures, for mistakes that the fixed cases are too small to show.
         """
         wrong = [e for e in exercises if e.status in ("fail", "error")]
         tried = [e for e in wrong if self.hints and e.stage not in self.found]
         if tried and CALLED in self.child_with(replaced).functions and self.trials is not None:
-            self._repair(tried, right, replaced, pictures, self.trials)
+            self._repair(tried, right, replaced, beside, pictures, self.trials)
         return [
             _with_hint(e, self.found[e.stage], self.hints) if e in wrong and e.stage in self.found else e
             for e in exercises
         ]
 
     def _repair(
-        self, tried: Sequence[Marked], right: Sequence[str], replaced: Sequence[str],
+        self, tried: Sequence[Marked], right: Sequence[str], replaced: Sequence[str], beside: Sequence[str],
         pictures: Sequence[tuple[str, Case]], trials: "_Trials",
     ) -> None:  # fmt: skip
         for stage in dict.fromkeys(e.stage for e in tried):
@@ -162,10 +163,28 @@ class LineSearch:
                     if made is not None:
                         self.found[stage] = made
                 self.left -= before - work.left
+        for stage in (name for name in beside if name in trials.child.functions):
+            some = (r for r in self.found.values() if (r.sure or r.rivals) and _makes_right(r, stage, trials))
+            if one := next(some, None):
+                self.found[stage] = one
         if any(e.stage in PICTURES and e.stage not in self.found for e in tried):
             # A change in what only some pictures are made of, where others stay wrong, may hide what is wrong in all.
             unsure = {k: dataclasses.replace(r, sure=False) for k, r in self.found.items() if k in PICTURES}
             self.found |= unsure
+
+
+def _makes_right(found: Repair, stage: str, trials: "_Trials") -> bool:
+    """Whether the change also corrects another function, which is wrong without it."""
+
+    def right_with(change: Candidate) -> bool:
+        each = ((case, trials.run(stage, [change], case.args, False)[0]) for case in (*_cases(stage), *_further(stage)))
+        return all(got is not None and is_repaired(LESSONS[stage], case, got) for case, got in each)
+
+    change = found.candidate
+    if change is None:
+        return False
+    nothing = Candidate(change.cell, change.statement, Edit("", 0.0, change.statement, [change.statement]))
+    return not right_with(nothing) and right_with(change)
 
 
 @cache
@@ -280,14 +299,12 @@ class _Trials:
             return []
         codes, lengths = np.frombuffer(b"".join(c.code for c in chosen), np.uint8), [len(c.code) for c in chosen]
         answer = self.child.call(CALLED, function, codes, lengths, [list(c.names) for c in chosen], list(arguments),
-                                 SECONDS_A_TRY, changed)  # fmt: skip
-        if answer.problem or len(answer.arrays) != 2:
+                                 SECONDS_A_TRY, changed, most_arrays=1 + MOST_RETURNED * len(chosen))  # fmt: skip
+        counts, *arrays = answer.arrays or (np.zeros(0),)
+        if counts.shape != (len(chosen),) or counts.dtype.kind != "i":  # a problem, or the submission's own doing
             return [None] * len(chosen)
-        shapes, numbers = answer.arrays
-        try:
-            return _read([int(n) for n in shapes.ravel()], numbers.astype(float).ravel(), len(chosen))
-        except (IndexError, ValueError, OverflowError):  # the submission's own doing
-            return [None] * len(chosen)
+        each = (array.astype(float) for array in arrays)
+        return [None if n < 0 else tuple(itertools.islice(each, int(n))) for n in counts.tolist()]
 
     def lines(self, function: str, arguments: Sequence[Any]) -> Counter[tuple[str, int]] | None:
         answer = self.child.call(LINES, function, list(arguments), 10 * SECONDS_A_TRY)
@@ -299,19 +316,3 @@ class _Trials:
             return Counter({(name, int(line)): int(n) for name, (line, n) in zip(read, places, strict=False)})
         except (ValueError, TypeError):  # the submission's own doing
             return None
-
-
-def _read(shapes: list[int], numbers: np.ndarray, count: int) -> Answers:
-    """The arrays of each candidate, from the numbers of all and their shapes."""
-    made: Answers = []
-    at = start = 0
-    for _ in range(count):
-        arrays = []
-        number, at = shapes[at], at + 1
-        for _ in range(min(number, 8)):
-            shape, at = shapes[at + 1 : at + 1 + shapes[at]], at + 1 + shapes[at]
-            size = int(np.prod(shape))
-            arrays.append(numbers[start : start + size].reshape(shape))
-            start += size
-        made.append(None if number < 0 else tuple(arrays))
-    return made

@@ -30,7 +30,7 @@ def code_of(path: Path, rubric: Rubric) -> Code:
 
     Raises InputError where it is none of these.
     """
-    common: dict[str, Any] = {"asked": rubric.stages, "packages": rubric.packages}
+    common: dict[str, Any] = {"asked": rubric.functions, "packages": rubric.packages}
     inside = list(submission_files(path))
     found = sorted(p for p in inside if p.suffix in CODE and p.parent == path)
     shown = sum(p.suffix.lower() in ENDINGS for p in inside)

@@ -195,7 +195,7 @@ class Sandbox:
 
     # -------------------------------------------------------------------------------------- calls
 
-    def call(self, function: str, *arguments: Any) -> Answer:
+    def call(self, function: str, *arguments: Any, most_arrays: int = 8) -> Answer:
         """What `function(*arguments)` returned; no problem of the submission's is an exception here."""
         if self.problem.problem:
             return self.problem
@@ -203,7 +203,8 @@ class Sandbox:
             return Answer(problem=f"{function} is not written{self._failed_first()}", sort="missing")
         self._calls += 1
         before = self.spent
-        self._inbox.put({"call": self._calls, "function": function, "arguments": list(arguments)})
+        asked = {"call": self._calls, "function": function, "arguments": list(arguments)}
+        self._inbox.put(asked | {"most_arrays": most_arrays})
         answer = self._wait(self.limits.seconds_a_call)
         seconds = self.spent - before
         if not self.problem.problem and self._is_table(answer, {"call": int}):
@@ -280,7 +281,8 @@ class Sandbox:
                 limit = most if self.spent + most <= self._cpu_seconds else self._cpu_seconds
                 return f"not done after {limit:g} s of computing: ended", "limit"
             if code < 0:
-                return f"the process was ended by {_signal_name(-code)}", "broken"
+                named = next((s.name for s in signal.Signals if s == -code), f"signal {-code}")
+                return f"the process was ended by {named}", "broken"
             return f"the process ended itself (exit code {code}) without an answer", "broken"
         return "it closed the pipe to the grader", "broken"
 
@@ -348,10 +350,3 @@ def _environment(work: Path) -> dict[str, str]:
 def plain(text: Any) -> str:
     """At most 2000 characters that can be printed: what a submission says is shown in terminals and pages."""
     return "".join(c if c.isprintable() or c == "\n" else " " for c in str(text)[:2000])
-
-
-def _signal_name(number: int) -> str:
-    try:
-        return signal.Signals(number).name
-    except ValueError:
-        return f"signal {number}"
