@@ -68,6 +68,15 @@ BOARD_KEYS = {
 }
 """Keys of a board's file, and of its shape in a camera.toml -> what is expected instead."""
 
+RUBRIC_KEYS = {
+    "feedback": "Leave it out: causes and lines are named by the grader alone.",
+    "inside": "Leave the exercise out: `render` is seen from outside spheres.",
+    "measure": "Leave it out: `credit` counts the error.",
+    "output_mb": "Leave it out: what a submission prints may be as long as a file, `file_mb`.",
+    "speed": "Leave it out: pages and results.csv show seconds, which earn no points.",
+}
+"""Keys of a rubric and of its exercises -> what to do instead, a sentence."""
+
 SCALAR = "removed in 0.2.0. Use llvm_ad_rgb: pip install 'raytwin[llvm]' brings what it needs."
 """About Mitsuba's scalar variants, forced by name."""
 

@@ -40,8 +40,8 @@ def class_command(
     found = jobs_of(submissions, rubric, whole)
     if len(found) > 1 and gradescope:
         raise InputError("--gradescope", "one submission", len(found))
-    if lacking := sandbox.lacking(sandbox.probe()):
-        say(f"sandbox: {'; '.join(lacking)} (raytwin doctor says why)")
+    if lacking := [name for name, state in sandbox.probe().items() if state != sandbox.HOLDS]:
+        say(f"sandbox without {', '.join(lacking)} on this machine (raytwin doctor says why, and what for)")
     with show_progress() as progress:
         results = run(found, out, workers, again, progress)
     for result in results:
