@@ -10,7 +10,6 @@ COMMANDS: dict[str, str] = {
     "bench calibration": "Use `python -m measure.calibration_cost`, in tests/ of the repository.",
     "bench paper": "Use `python -m measure.paper`, in tests/ of the repository.",
     "compare --must-see": "Use --detectable-bias.",
-    "compare --verbose -v": "Use --json, which has the seconds of every stage.",
     "diff --allow-failures --allowfailures --fail --fail-percent --fail-relative --failpercent --failrelative"
     " --hard-fail --hard-warn --hardfail --hardwarn --warn --warn-percent --warn-relative --warnpercent"
     " --warnrelative": "Use OpenImageIO's idiff, which has these options.",

@@ -23,6 +23,7 @@ from raytwin.images.photo_files import to_bytes, write_picture
 from raytwin.renderers import references
 from raytwin.show.terminal_text import diff_summary
 from raytwin.study.diff_files import compare as diff
+from raytwin.study.diff_files import told_apart
 from raytwin.tracer import trace
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -96,7 +97,7 @@ def test_each_side_names_its_own_layer(folder):
 
 
 def test_two_sides_of_one_name_are_told_apart(folder):
-    """Files by their paths, functions as image and reference."""
+    """Files by the shortest paths that differ, functions as image and reference."""
     for place in ("new/x", "old/x"):
         (folder / place).mkdir(parents=True)
         write_exr(folder / place / "tracer.exr", Image(A))
@@ -106,6 +107,9 @@ def test_two_sides_of_one_name_are_told_apart(folder):
     page = (folder / "out" / "report.html").read_text()
     assert all(f"{side}: {path}" in page for side, path in zip("AB", pair, strict=True))
     assert "PASS  x/tracer.exr" in raytwin("diff", "new", "old", cwd=folder).stdout
+    assert told_apart("a.exr", "x/a.exr") == ("a.exr", "x/a.exr")
+    assert told_apart("a.exr", "./a.exr") == ("a.exr", "a.exr")
+    assert told_apart("a.exr", "b.exr") == ("a.exr", "b.exr")
 
     def render(seed):
         return A

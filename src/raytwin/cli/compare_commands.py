@@ -14,7 +14,10 @@ from raytwin.judging import DiffSettings
 from raytwin.study.settings import CompareSettings
 
 
-def compare_command(scene: Path, settings: CompareSettings, json: Path | None = None, out: Path | None = None) -> None:
+def compare_command(
+    scene: Path, settings: CompareSettings, json: Path | None = None, out: Path | None = None,
+    verbose: bool = False,
+) -> None:  # fmt: skip
     """Compare a tracer with Mitsuba on a scene.
 
     The folder gets report.html, comparison.json and both images as EXR. Exit code 0: they agree, or differ as expected;
@@ -29,7 +32,7 @@ def compare_command(scene: Path, settings: CompareSettings, json: Path | None = 
         folder = out or Path("out") / result.scene.name
         report_folder.write_all(result, folder, json, progress=progress)
     say(terminal_text.summary(result))
-    print_seconds(progress, result.worth)
+    print_seconds(progress, verbose, result.worth)
     say(f"report: {folder / 'report.html'}")
     raise typer.Exit(result.comparison.exit_code)
 

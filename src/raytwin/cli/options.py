@@ -72,6 +72,7 @@ SHARED_OPTIONS: dict[str, dict[str, Row]] = {
         "out": _opt("Folder to write.", "DIR", *OUT),
         "jobs": _opt("Number of local processes.", "N", "--jobs", "-j"),
         "dask": _opt("Dask scheduler (extra `cluster`); its workers share the disk.", "ADDRESS"),
+        "verbose": _opt("Print the seconds of every stage.", None, "--verbose", "-v"),
     },
     CERTAINTY: {
         "budget": _opt("Samples per pixel (1024) or time (30s) after which the verdict is undecided.", "N|TIME"),

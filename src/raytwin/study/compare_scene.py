@@ -22,7 +22,7 @@ from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.rungs import RUNGS
-from raytwin.scene import MitsubaScene, Scene, Tolerance
+from raytwin.scene import MitsubaScene, Scene, Shape, Tolerance
 from raytwin.scene.lens import without_ray
 from raytwin.scene.mitsuba_file import is_mitsuba
 from raytwin.scene.scene_files import scene_and_photos
@@ -292,10 +292,22 @@ def judged_in_view(comparison: Comparison, reference: Image, scene: Scene | Mits
         return comparison
     said = "the camera sees no object, so that only the sky is compared"
     if isinstance(scene, Scene):
-        said += f". {TO_CHECK}"
+        said += f": {_where(scene)}. {TO_CHECK}"
     if not comparison.passed:
         return comparison.saying(said)
     return comparison.judged("undecided", *notes([f"undecided: {said}"]), *comparison.findings)
+
+
+def _where(scene: Scene) -> str:
+    """How many objects are behind the camera, and how many beside what it sees."""
+    axes, depth = np.asarray(scene.camera.R_cam_board), scene.camera.t_cam_board[2]
+
+    def reach(thing: Shape) -> float:
+        return float(axes[2] @ thing.center + depth + thing.extent(axes)[2])
+
+    behind = sum(reach(thing) <= 0 for thing in scene.objects)
+    parts = [(behind, "behind it"), (len(scene.objects) - behind, "outside the frame")]
+    return " and ".join(f"{n} object{'s are' if n > 1 else ' is'} {place}" for n, place in parts if n)
 
 
 def _untested(scene: Scene, rung: str, passed: bool) -> Iterator[str]:

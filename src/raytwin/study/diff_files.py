@@ -160,7 +160,7 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
         _side(thing, name, chosen, i) for i, (thing, name) in enumerate(((a, "image"), (b, "reference")))
     )
     if test_side.name == reference_side.name:
-        names = (str(a), str(b)) if _is_path(a) and _is_path(b) else ("image", "reference")
+        names = told_apart(a, b) if _is_path(a) and _is_path(b) else ("image", "reference")
         test_side, reference_side = test_side._replace(name=names[0]), reference_side._replace(name=names[1])
     made_of = test_side.loaded, reference_side.loaded
     test, reference = made_of[1].fitted(made_of[0].image), made_of[0].fitted(made_of[1].image)
@@ -221,6 +221,13 @@ def _side(thing: Any, name: str, chosen: DiffSettings, i: int) -> Side:
     path = Path(thing)
     loaded = read_side(path, chosen.layer, chosen.variances[i], chosen.samples[i])
     return Side(path.name, loaded, *(_scene_of(path) if i else ()))
+
+
+def told_apart(a: str | Path, b: str | Path) -> tuple[str, str]:
+    """The shortest ends of two paths that differ; their names where the paths are equal."""
+    parts = Path(a).parts, Path(b).parts
+    ends = [(str(Path(*parts[0][-k:])), str(Path(*parts[1][-k:]))) for k in range(1, 1 + max(map(len, parts)))]
+    return next((pair for pair in ends if pair[0] != pair[1]), (Path(a).name, Path(b).name))
 
 
 def _is_path(thing: Any) -> bool:
