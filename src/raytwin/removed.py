@@ -33,8 +33,7 @@ COMMANDS: dict[str, str] = {
     "reference make --jobs -j": "Leave it out: Mitsuba renders on every core.",
     "reference make --seed": "Leave it out: one seed is as good as another.",
     "reference show --all": "Name one reference, and all that is known of it is printed.",
-    "scenes export --json": "Leave it out: JSON is what is written.",
-    "scenes export --mitsuba-xml": "Use raytwin.mitsuba_sensor in a Mitsuba scene, or the JSON.",
+    "scenes export --json": "Leave it out: JSON is written unless --mitsuba-xml is given.",
     "stability sum-samples": "Use np.cumsum of float32 values, which shows it.",
     "walk --solved": "Leave it out: raytwin's own function stands in for each that is not yet correct.",
 }

@@ -160,7 +160,8 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
         "notebook": _opt("Write a Jupyter notebook instead of a script.", None, "--notebook"),
     },
     "scenes export": {
-        "rung": _opt("Light level that the file asks for."),
+        "mitsuba_xml": _opt("Write a Mitsuba 3 scene.", None, "--mitsuba-xml"),
+        "rung": _opt("Light level: in JSON (shadow) or of the XML, sky or path (path)."),
         "out": _opt("File to write (standard output).", "FILE", *OUT),
     },
     "scenes copy": {

@@ -26,9 +26,10 @@ def copy_command(scene: Path, out: Path | None = None) -> None:
 
 
 def export_command(
-    scene: Path, rung: str = "shadow", photo: str | None = None, size: Size = None, out: Path | None = None
-) -> None:
-    """Write a scene as JSON for other renderers, as programs of --subject read it.
+    scene: Path, mitsuba_xml: bool = False, rung: str | None = None, photo: str | None = None, size: Size = None,
+    out: Path | None = None,
+) -> None:  # fmt: skip
+    """Write a scene for other renderers: as JSON, which programs of --subject read, or as Mitsuba XML.
 
     Camera, lens, objects and lights are resolved; lengths are metres.
     """
@@ -39,7 +40,8 @@ def export_command(
     from raytwin.scene.scene_files import scene_and_photos
     from raytwin.scene.toml_json import json_text
 
-    check_one_of("--rung", rung, RUNGS)
+    if rung is not None:
+        check_one_of("--rung", rung, RUNGS)
     check_outputs(files=(out,))
     made, asked = scene_and_photos(scene)
     if asked is not None or photo is not None:  # what a calibration needs is not in the light install
@@ -49,7 +51,14 @@ def export_command(
             made = find_camera(scene, photo, progress)[0]
     if size is not None:
         made = made.with_(size=size)
-    text = json_text(as_json(as_arrays(made, rung)))
+    if mitsuba_xml:
+        from raytwin.twin.mitsuba_xml import mitsuba_xml as as_xml
+
+        text = as_xml(made, rung or "path")
+        if any(made.camera.coefficients) or made.camera.fx != made.camera.fy:
+            say("raytwin: the XML has no lens distortion and one focal length, so its image is another", err=True)
+    else:
+        text = json_text(as_json(as_arrays(made, rung or "shadow")))
     if out is None:
         typer.echo(text, nl=False)
     else:
