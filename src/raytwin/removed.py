@@ -18,7 +18,7 @@ COMMANDS: dict[str, str] = {
     "bench --flip": "Use diff --flip on two images.",
     "bench --save": "Use pytest-benchmark (pip install 'raytwin[bench]'), as docs/renderer.md shows.",
     "bench --spheres": "Use pytest-benchmark (pip install 'raytwin[bench]') with scenes of so many spheres.",
-    "bench calibration": "Use `python -m measure.calibration_cost`, in tests/ of the repository.",
+    "bench calibration": "Use `python -m measure.paper`, in tests/ of the repository.",
     "bench paper": "Use `python -m measure.paper`, in tests/ of the repository.",
     "photo board --import": "Use a board.toml: docs/photos.md writes one from a trusted pickle.",
     "photo board --landscape": "Leave it out: the paper is turned where the board fits only so.",

@@ -1,32 +1,29 @@
-"""Time whole calibrations over image scale and the detector's settings, each beside its error in unseen photos.
+"""Time whole calibrations over image scale, each beside its error in unseen photos.
 
-    python -m measure.calibration_cost [PHOTOS [WIDTH [REPEATS]]]
-
-Timed as users meet it: photos on disk -> decode, find the tags, fit -> camera. The photos are synthetic (15 of 4032 x
-3024 by default). *Held out* is the rms error in photos that the fit did not use, in pixels of the photos as taken,
-against the true centres of the tags.
+Timed as users meet it: photos on disk -> decode, find the tags, fit -> camera. `measure.paper` prints the table.
 """
 
 import statistics
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
+from unittest import mock
 
 import msgspec
 import numpy as np
-from photo_helpers import BOARD, seen
+from photo_helpers import BOARD, read_truth, seen
 from PIL import Image as Pillow
 
 from raytwin.errors import InputError
 from raytwin.images.photo_files import list_photos, read_grey
-from raytwin.photos import boards, synthetic_photos
+from raytwin.photos import boards
 from raytwin.photos import camera as camera_package
-from raytwin.photos.camera import Calibration, Tag
+from raytwin.photos.camera import Calibration, Tag, detection
 from raytwin.study.photograph import photograph_board
 
 FOLDS = 5
@@ -34,38 +31,32 @@ FOLDS = 5
 
 
 class Setting(NamedTuple):
-    """One way to calibrate: `shrink` the photos to 1/n of their side, or search at `reductions` and refine."""
+    """One way to calibrate: `shrink` the photos to 1/n of their side; search at raytwin's scales or at full size."""
 
     shrink: int = 1
-    reductions: tuple[float, ...] | None = (1.0,)
+    full: bool = False
     threads: int | None = None
 
     def find(self, grey: np.ndarray) -> list[Tag]:
         """The tags in the photo's own pixels: u' of a photo shrunk to 1/n lies at u = (u' + 1/2) n - 1/2."""
         found, n = [], self.shrink
-        for tag in camera_package.detect(np.asarray(Pillow.fromarray(grey).reduce(n)), BOARD.family, self.reductions):
+        for tag in detection.detect(np.asarray(Pillow.fromarray(grey).reduce(n)), BOARD.family):
             center, *corners = map(tuple, ((np.array([tag.center, *tag.corners]) + 0.5) * n - 0.5).tolist())
             found.append(msgspec.structs.replace(tag, center=center, corners=tuple(corners)))
         return found
 
 
 WHOLE, OURS, QUARTER = "full size, one thread", "raytwin's own", "photos shrunk to 1/4"
-SETTINGS = {
-    WHOLE: Setting(threads=1),
-    OURS: Setting(reductions=None),
-    f"{QUARTER}, one thread": Setting(4, threads=1),
-    **{f"photos shrunk to 1/{n}": Setting(n) for n in (2, 4, 8)},
-    **{f"searched at 1/{n}, refined": Setting(reductions=(float(n),)) for n in (1, 2, 4, 8)},
-}
+SETTINGS = {WHOLE: Setting(full=True, threads=1), OURS: Setting(), QUARTER: Setting(4, full=True)}
 """What the paper does is to shrink the photos."""
 
 
 class Cost(NamedTuple):
-    """`heldout`: the rms error in pixels; `focal`: the focal length's error in percent."""
+    """`heldout`: the rms error in photos that the fit did not use, against the tags' true centres, in pixels of the
+    photos as taken."""
 
     seconds: float
     heldout: float
-    focal: float
 
 
 @contextmanager
@@ -101,35 +92,24 @@ def medians(calls: Mapping[str, Callable[[], object]], repeats: int) -> dict[str
     return {name: statistics.median(taken) for name, taken in seconds.items()}
 
 
-def costs(folder: Path, repeats: int, names: Iterable[str] = SETTINGS) -> dict[str, Cost]:
+def costs(folder: Path, repeats: int) -> dict[str, Cost]:
     """Return what each setting costs on the synthetic photos in `folder`, where that can be told."""
-    taken, truth = list_photos(folder), synthetic_photos.read_truth(folder / "truth.toml")
+    taken, truth = list_photos(folder), read_truth(folder / "truth.toml")
     true = dict(zip(truth.photos, seen(truth, truth.photos.values(), BOARD).values(), strict=True))
 
     def calibrate(setting: Setting) -> tuple[dict[str, list[Tag]], Calibration]:
-        with ThreadPoolExecutor(setting.threads) as pool:
+        scales = (1.0,) if setting.full else detection.REDUCTIONS
+        with mock.patch.object(detection, "REDUCTIONS", scales), ThreadPoolExecutor(setting.threads) as pool:
             tags = pool.map(lambda photo: setting.find(read_grey(photo)), taken)
         by_name = {photo.name: found for photo, found in zip(taken, tags, strict=True)}
         return by_name, camera_package.calibrate_detections(by_name, truth.image_size, BOARD)
 
     errors = {}
-    for name in names:
+    for name in SETTINGS:
         try:
             tags, camera = calibrate(SETTINGS[name])
-            unseen = held_out(tags, camera, true)
+            errors[name] = held_out(tags, camera, true)
         except InputError as error:
             print(f"{name}: {error}", file=sys.stderr)
-            continue
-        errors[name] = unseen, 100 * max(abs(camera.K[i][i] / truth.K[i][i] - 1) for i in (0, 1))
     seconds = medians({name: lambda s=SETTINGS[name]: calibrate(s) for name in errors}, repeats)
-    return {name: Cost(seconds[name], *error) for name, error in errors.items()}
-
-
-def main(count: str = "15", width: str = "4032", repeats: str = "3") -> None:
-    with photographed(int(count), (int(width), int(width) * 3 // 4)) as folder:
-        for name, cost in costs(folder, int(repeats)).items():
-            print(f"{name:<34} {cost.seconds:8.3g} s {cost.heldout:8.3g} px held out {cost.focal:8.3g} % focal length")
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])
+    return {name: Cost(seconds[name], error) for name, error in errors.items()}

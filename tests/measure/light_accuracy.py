@@ -18,11 +18,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 from measure import light_photos, record
-from photo_helpers import a_camera
+from photo_helpers import a_camera, read_truth
 from scene_of import scene_of
 
 from raytwin.errors import InputError
-from raytwin.photos import synthetic_photos
 from raytwin.photos.augment import augment, printed
 from raytwin.photos.boards import read_board
 from raytwin.photos.boards.board import draw_board
@@ -82,7 +81,7 @@ BY = "stand", "mirror ball"
 
 def judge(folder: Path, seed: int) -> list[dict]:
     """Return a row per thing that shows the light: errors and z of the light that is found in `folder`."""
-    truth = synthetic_photos.read_truth(folder / "photos" / "truth.toml")
+    truth = read_truth(folder / "photos" / "truth.toml")
     R, t = truth.photos["photo_00.jpg"]
     write_camera(folder / "camera.toml", Camera(truth.image_size, truth.K, R, t, truth.dist))
     to_light, E, Ls, around = random_light(seed)

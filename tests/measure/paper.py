@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 from measure import record
-from measure.calibration_cost import OURS, QUARTER, WHOLE, costs, medians, photographed
+from measure.calibration_cost import QUARTER, WHOLE, costs, medians, photographed
 from scene_of import scene_of
 
 from raytwin import twin
@@ -115,7 +115,7 @@ def cut(scene: Scene, trim: str) -> int:
 
 
 def calibrations(folder: Path, count: int, size: tuple[int, int], repeats: int) -> Iterator[Row]:
-    found = costs(folder, repeats, (WHOLE, OURS, QUARTER))
+    found = costs(folder, repeats)
     for name, cost in found.items():
         faster = shown(found[WHOLE].seconds / cost.seconds) if WHOLE in found else "–"
         figure = f"calibration: synthetic, {count} of {size[0]} x {size[1]}"

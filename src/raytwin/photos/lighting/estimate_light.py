@@ -1,6 +1,6 @@
 """A photo of a board with a mirror ball or an upright beside it -> the light that it was taken in."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from raytwin.photos.boards.board import draw_board
 from raytwin.photos.camera import detect_photo, pose_of_tags, with_shape
 from raytwin.photos.lighting.light_models import Light, light_of, simplest
 from raytwin.photos.lighting.linear_photo import LinearPhoto, read_linear
-from raytwin.photos.lighting.mirror_map import MirrorBall, find_mirror
+from raytwin.photos.lighting.mirror_ball import MirrorBall, find_mirror
 from raytwin.photos.lighting.stand_shadow import Shadow, find_shadow
 from raytwin.photos.synthetic_photos import sheet_of
 from raytwin.scene import Camera, Scene, Sphere, Sun
@@ -44,7 +44,6 @@ class LightEstimate:
     by: Shadow | MirrorBall | None = None
     light: Light | None = None
     off_by_constant: float = 0.0
-    warnings: list[str] = field(default_factory=list)
     drawn: np.ndarray | None = None
     refusal: str = ""
 
@@ -63,7 +62,7 @@ class LightEstimate:
             "map_rows": 0 if light.around is None else len(light.around), "paper": self.photo.paper_colour,
             "taken": light.name, "constant_sky_off": self.off_by_constant if mirror else None,
             "balls": [{"kind": "mirror", **vars(mirror.ball), "reflectance": mirror.reflectance}] if mirror else [],
-            "warnings": self.warnings,
+            "warnings": [*self.photo.warnings],
         }  # fmt: skip
 
 
@@ -84,7 +83,7 @@ def estimate_light(
     """
     definition = with_shape(boards.read_board(board), camera)
     linear = read_linear(photo, _placed(photo, read_camera(camera), definition), definition)
-    start = LightEstimate(linear, definition, ball, stand, warnings=[*linear.warnings])
+    start = LightEstimate(linear, definition, ball, stand)
     try:
         return _estimated(start)
     except InputError as error:
@@ -94,19 +93,17 @@ def estimate_light(
 
 
 def _estimated(start: LightEstimate) -> LightEstimate:
-    photo, board, said = start.photo, start.board, list(start.warnings)
+    photo, board = start.photo, start.board
     by: Shadow | MirrorBall
     if start.ball is not None:
         by = find_mirror(photo, board, np.array(start.ball[:3]), start.ball[3])
-        if start.stand is not None:
-            said.append("--stand was not used, because a mirror ball shows more of the light")
     elif start.stand is not None:
         by = find_shadow(photo, board, start.stand)
     else:
         wanted = "--ball x,y,z,r (a mirror ball) or --stand x,y,h (an upright), in metres or as 60mm"
         raise InputError("light", wanted, "neither")
     light, off = simplest(light_of(photo.paper_colour, by))
-    found = replace(start, by=by, light=light, off_by_constant=off, warnings=said)
+    found = replace(start, by=by, light=light, off_by_constant=off)
     return replace(found, drawn=_drawn(found, light))
 
 
