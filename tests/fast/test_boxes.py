@@ -4,12 +4,12 @@ import math
 
 import msgspec
 import numpy as np
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from scene_of import cameras, reals, vectors
 
 from raytwin.fast import trim_boxes
-from raytwin.fast.boxes import EMPTY, corner_box, field_of_view
+from raytwin.fast.boxes import EMPTY, _tangents, corner_box, field_of_view
 from raytwin.fast.frame import touching
 from raytwin.scene import Camera, Rectangle, Shape, Sphere
 from raytwin.tracer import back_project, intersect_rectangle, intersect_sphere
@@ -83,6 +83,25 @@ def test_a_pinholes_box_is_tight(camera, right, down, share):
     assert (x1 - 1) - columns[-1] < 2
     assert rows[0] - y0 < 2
     assert (y1 - 1) - rows[-1] < 2
+
+
+@settings(max_examples=300, deadline=None)
+@given(reals(-3, 3), reals(-3, 3), reals(0.01, 2))
+@example(0.0, -1.0, 0.999)
+@example(0.0, -1.0, 1.001)
+@example(-1.0, -0.1, 0.5)
+def test_the_tangents_bound_the_slopes_of_all_rays_that_meet_the_circle(a, z, r):
+    assume(abs(math.hypot(a, z) - r) > 1e-3)
+    angle = np.linspace(-np.pi / 2, np.pi / 2, 20_001)[1:-1]
+    off = np.abs(np.sin(angle) * z - np.cos(angle) * a)
+    met = (off < r) & ((np.sin(angle) * a + np.cos(angle) * z > 0) | (math.hypot(a, z) < r))
+    low, high = (math.atan(float(s)) for s in _tangents(*(np.array(c) for c in (a, z, r))))
+    step = np.pi / 20_000 * 1.01
+    if not met.any():
+        assert high - low < step
+        return
+    assert low <= angle[met][0] <= low + step
+    assert high - step <= angle[met][-1] <= high
 
 
 def test_what_lies_behind_has_no_box_and_what_is_round_the_eye_or_past_a_fold_the_whole_frame(single):
