@@ -48,7 +48,10 @@ def parse_numbers(text: str, option: str) -> tuple[float, ...]:
 
 
 def parse_length(text: str, where: str, zero: bool = False) -> float:
-    """Return the metres of a length with its unit, as `30mm` or `0.8in`, to the nanometre. Raises InputError for a number without a unit, and for 0 unless `zero`."""
+    """Return the metres of a length with its unit, as `30mm` or `0.8in`, to the nanometre.
+
+    Raises InputError for a number without a unit, and for 0 unless `zero`.
+    """
     match = re.fullmatch(r"\s*(\d{1,9}\.?\d{0,9}|\.\d{1,9})\s*(mm|cm|m|in)\s*", text, re.ASCII | re.IGNORECASE)
     metres = round(float(match[1]) * METRES[match[2].lower()], 9) if match else 0.0
     if not match or (metres == 0 and not zero):
