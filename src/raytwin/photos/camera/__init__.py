@@ -15,4 +15,4 @@ from raytwin.photos.camera.calibration_result import (
 )
 from raytwin.photos.camera.detection import Tag, detect, detect_photo, detect_photos
 from raytwin.photos.camera.lens_model import project
-from raytwin.photos.camera.pose import Pose, camera_at, pose_of_tags, refined_pose, rotation_degrees
+from raytwin.photos.camera.pose import Pose, camera_at, place_camera, pose_of_tags, refined_pose, rotation_degrees

@@ -4,18 +4,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.images.photo_files import photo_size
 from raytwin.photos import boards
-from raytwin.photos.camera import detect_photo, pose_of_tags, with_shape
+from raytwin.photos.camera import place_camera, with_shape
 from raytwin.photos.lighting.light_models import Light, light_of, simplest
 from raytwin.photos.lighting.linear_photo import LinearPhoto, read_linear
 from raytwin.photos.lighting.mirror_ball import MirrorBall, find_mirror
 from raytwin.photos.lighting.stand_shadow import Shadow, find_shadow
-from raytwin.scene import Camera
 from raytwin.scene.scene_files import read_camera
 
 MAX_POSE_PX = 3.0
@@ -77,7 +74,12 @@ def estimate_light(
     Raises InputError where this is no photo of the board by the camera, LightRefused where it does not show its light.
     """
     definition = with_shape(boards.read_board(board), camera)
-    linear = read_linear(photo, _placed(photo, read_camera(camera), definition), definition)
+    here, pose = place_camera(photo, read_camera(camera), definition)
+    if pose.rms_px > MAX_POSE_PX * max(1.0, here.width / 2000):
+        raise InputError(
+            photo, "a photo by the camera of --camera", f"tags {pose.rms_px:.1f} px off where it sees them"
+        )
+    linear = read_linear(photo, here, definition)
     start = LightEstimate(linear, definition, ball, stand)
     try:
         return _estimated(start)
@@ -99,15 +101,3 @@ def _estimated(start: LightEstimate) -> LightEstimate:
         raise InputError("light", wanted, "neither")
     light, off = simplest(light_of(photo.paper_colour, by))
     return replace(start, by=by, light=light, off_by_constant=off)
-
-
-def _placed(path: Path, lens: Camera, definition: boards.Board) -> Camera:
-    """Return the camera at the pose from which it took the photo."""
-    size = photo_size(path)
-    if size != lens.image_size:
-        raise InputError(path, f"{lens.width} x {lens.height} pixels, as the camera's", f"{size[0]} x {size[1]}")
-    tags = detect_photo(path, definition.family)
-    pose = pose_of_tags(lens.K, lens.dist, tags, definition, path.name)
-    if pose.rms_px > MAX_POSE_PX * max(1.0, lens.width / 2000):
-        raise InputError(path, "a photo by the camera of --camera", f"tags {pose.rms_px:.1f} px off where it sees them")
-    return msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)
