@@ -1,4 +1,4 @@
-"""A photo's light as a page: what it was found by, where the sun is, and the map.
+"""A photo's light as a page: a ball drawn in under it, what it was found by, where the sun is, and the map.
 
 Of a photo that was refused it shows why, the ball as it was given, and the board's axes, by which to give another.
 """
@@ -31,6 +31,7 @@ STYLE = """
 .lit img, .lit svg { display: block; width: 100%; height: auto; }
 .lit svg { position: absolute; inset: 0; height: 100%; }
 .lit text { paint-order: stroke; stroke: #000; fill: #fff; font-weight: 600; }
+.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(18rem, 100%), 1fr)); gap: 1rem; }
 """
 
 Line = tuple[np.ndarray, str]
@@ -81,7 +82,7 @@ def write_light_page(found: "LightEstimate", path: str | os.PathLike[str]) -> No
         path, "light.html.j2", (STYLE,), found=found, facts=light_facts(found), scale=SCALE,
         tick=round(1000 * TICK_METRES), size=found.photo.camera.image_size, labels=labels, map=around,
         paths=[(" ".join(f"{u:.1f},{v:.1f}" for u, v in line), colour) for line, colour in lines],
-        photo=_jpeg(found.photo.pixels),
+        before=_jpeg(found.photo.pixels), after=_jpeg(found.drawn) if found.drawn is not None else None,
     )  # fmt: skip
 
 

@@ -8,11 +8,16 @@ import numpy as np
 
 from raytwin.errors import InputError
 from raytwin.photos import boards
+from raytwin.photos.augment import augment, printed
+from raytwin.photos.boards.board import draw_board
 from raytwin.photos.camera import place_camera, with_shape
 from raytwin.photos.lighting.light_models import Light, light_of, simplest
 from raytwin.photos.lighting.linear_photo import LinearPhoto, read_linear
 from raytwin.photos.lighting.mirror_ball import MirrorBall, find_mirror
 from raytwin.photos.lighting.stand_shadow import Shadow, find_shadow
+from raytwin.photos.synthetic_photos import sheet_of
+from raytwin.scene import Scene, Sphere, Sun
+from raytwin.scene.scene import NO_SUN
 from raytwin.scene.scene_files import read_camera
 
 MAX_POSE_PX = 3.0
@@ -37,6 +42,7 @@ class LightEstimate:
     by: Shadow | MirrorBall | None = None
     light: Light | None = None
     off_by_constant: float = 0.0
+    drawn: np.ndarray | None = None
     refusal: str = ""
 
     @property
@@ -100,4 +106,16 @@ def _estimated(start: LightEstimate) -> LightEstimate:
         wanted = "--ball x,y,z,r (a mirror ball) or --stand x,y,h (an upright), in metres or as 60mm"
         raise InputError("light", wanted, "neither")
     light, off = simplest(light_of(photo.paper_colour, by))
-    return replace(start, by=by, light=light, off_by_constant=off)
+    found = replace(start, by=by, light=light, off_by_constant=off)
+    return replace(found, drawn=_drawn(found, light))
+
+
+def _drawn(found: LightEstimate, light: Light) -> np.ndarray:
+    """Draw a matt grey ball into the photo, on the middle of the board, as wide as the mirror ball, or three tags."""
+    photo, mirror, centers = found.photo, found.mirror, np.array(list(found.board.centers().values()))
+    x, y = ((centers.min(axis=0) + centers.max(axis=0)) / 2).tolist()
+    radius = mirror.ball.radius if mirror else 1.5 * found.board.tag_edge
+    ball, sheet = Sphere((x, y, radius), radius, (0.5, 0.5, 0.5)), sheet_of(draw_board(found.board, 100.0)[1])
+    sun = Sun(tuple(light.to_light.tolist()), tuple(light.E.tolist())) if light.to_light is not None else NO_SUN
+    scene = printed(Scene("light", photo.camera, (ball,), (sheet,), sun, light.sky), found.board)
+    return augment(photo.pixels, scene, exposure=photo.value_of_one(found.photo.paper_colour)).pixels
