@@ -9,7 +9,7 @@ residuals r is
 
     A' = A - B B⁺ A,  r' = r - B B⁺ r,  H = Σ A'^T A' + prior,  g = Σ A'^T r' + prior shared.
 
-The fit, its covariance and the fit without some of the photos are sums of these. A pose moves by a turn
+The fit, its covariance and the fit without one of the photos are sums of these. A pose moves by a turn
 omega and a shift tau of the camera's frame: p' = p + omega x p + tau.
 """
 
