@@ -12,7 +12,9 @@ import numpy as np
 from raytwin.photos.boards.board import Board, BoardTag, Grid
 from raytwin.photos.camera import lens_model
 from raytwin.photos.camera.detection import Tag
+from raytwin.photos.synthetic_photos import Truth
 from raytwin.scene import Camera
+from raytwin.scene.toml_json import read_toml, to_record
 
 
 @lru_cache(maxsize=2)
@@ -165,6 +167,11 @@ def seen(camera: Camera, stands, board: Board = SMALL, noise: float = 0.0, rng=N
             if ok
         ]
     return found
+
+
+def read_truth(path: Path) -> Truth:
+    """A truth.toml, as `photograph` writes it."""
+    return to_record(path, read_toml(path), Truth)
 
 
 def stored_board(folder: Path, name: str) -> Board:

@@ -2,9 +2,12 @@
 
 import shutil
 
+import pytest
 from photo_helpers import BOARD
 from program import raytwin, refused
 
+from raytwin.cli.option_values import parse_length
+from raytwin.errors import InputError
 from raytwin.photos.boards import read_board
 
 GRID = ("photo", "board", "--columns", 3, "--rows", 4, "--tag", "30mm", "--pitch", "38mm")
@@ -41,3 +44,14 @@ def test_without_options_it_is_a_board_that_a4_holds_and_photos_beside_it_are_ca
     assert "board.toml" in run.stdout.splitlines()[0]
     (tmp_path / "board.toml").unlink()
     refused(raytwin("photo", "calibrate", "photos", cwd=tmp_path), "--board", "no board.toml lies beside the photos")
+
+
+def test_a_length_is_the_number_that_is_written_in_metres_and_any_other_text_is_refused(subtests):
+    for text, metres in (
+        ("30mm", 0.03), ("3 cm", 0.03), (".03m", 0.03), ("0.8in", 0.02032), ("0.8 IN", 0.02032), (" 1.mm ", 0.001),
+    ):  # fmt: skip
+        assert parse_length(text, "--tag") == metres, text
+    assert parse_length("0mm", "--stand", zero=True) == 0
+    for text in ("30", "", "mm", "-3mm", "0mm", "nanmm", "infin", "1e3mm", "3mm3mm", "30px", "1,5cm", "٣mm", "9" * 99):
+        with subtests.test(text), pytest.raises(InputError, match=r"^--tag: expected a length with its unit"):
+            parse_length(text, "--tag")

@@ -1,12 +1,11 @@
 import numpy as np
 import pytest
-from photo_helpers import BOARD, PlainRenderer, a_camera
+from photo_helpers import BOARD, PlainRenderer, a_camera, read_truth
 
 from raytwin.errors import InputError
 from raytwin.images.photo_files import from_bytes, srgb_decode, srgb_encode
 from raytwin.photos.camera import diagnostics, lens_model
-from raytwin.photos.synthetic_photos import expose, photograph, poses, read_truth
-from raytwin.scene.toml_json import plain, write_toml
+from raytwin.photos.synthetic_photos import expose, photograph, poses
 
 CAMERA = a_camera()
 
@@ -30,27 +29,20 @@ def test_a_dozen_poses_tilt_to_fifty_degrees_every_way_cover_the_frame_and_see_t
         poses(BOARD, a_camera(64, 48), 3, np.random.default_rng(0))
 
 
-def test_the_sensors_noise_is_the_roots_of_its_electrons():
-    full, read = 8000.0, 4.0
-    radiance = np.full((300, 400, 3), 0.2, np.float32)
-    pixels = expose(radiance, np.random.default_rng(1), CAMERA, vignetting=0, full_well=full, read_noise=read)
+def test_a_sensor_has_the_noise_of_its_electrons_a_lens_falloff_and_a_white():
+    """Noise is the root of the electrons; natural vignetting the fourth power of the cosine, of which 0.3 is left."""
+    width, height = CAMERA.image_size
+    pixels = expose(np.full((height, width, 3), 0.2, np.float32), np.random.default_rng(1), CAMERA)
     linear = from_bytes(pixels).astype(float)
-    expected = (0.2 * full + read**2) / full**2
+    middle = linear[height // 2 - 60 : height // 2 + 60, width // 2 - 60 : width // 2 + 60]
+    expected = (0.2 * 8000 + 4.0**2) / 8000**2
     # Rounding to a byte adds a step's variance over twelve: sRGB's slope turns the step into a linear one.
     step = np.gradient(srgb_decode(np.arange(256) / 255))[round(255 * srgb_encode(np.array(0.2)).item())]
-    assert linear.mean() == pytest.approx(0.2, abs=2e-4)
-    assert linear.var() == pytest.approx(expected + step**2 / 12, rel=0.02)
-
-
-def test_natural_vignetting_falls_with_the_fourth_power_of_the_cosine_and_more_than_white_is_clipped():
-    radiance = np.full((756, 1008, 3), 0.5, np.float32)
-    pixels = expose(radiance, np.random.default_rng(1), CAMERA, vignetting=1, full_well=1e9, read_noise=0)
-    linear = from_bytes(pixels)[..., 0]
-    bright = expose(2.2 * radiance, np.random.default_rng(1), CAMERA, vignetting=0, full_well=1e9, read_noise=0)
-    assert (bright == 255).all()
+    assert middle.mean() == pytest.approx(0.2, rel=0.01)
+    assert middle.var() == pytest.approx(expected + step**2 / 12, rel=0.05)
     corner = np.linalg.inv(np.array(CAMERA.K)) @ (0, 0, 1)
-    assert linear[376, 508] == pytest.approx(0.5, rel=0.01)
-    assert linear[0, 0] == pytest.approx(0.5 / (corner @ corner) ** 2, rel=0.02)
+    assert linear[:20, :20].mean() == pytest.approx(0.2 / (corner @ corner) ** 0.6, rel=0.03)
+    assert (expose(np.full((9, 9, 3), 2.2, np.float32), np.random.default_rng(1), a_camera(9, 9)) == 255).all()
 
 
 def test_the_same_seed_takes_the_same_photos_and_another_does_not(tmp_path):
@@ -62,13 +54,7 @@ def test_the_same_seed_takes_the_same_photos_and_another_does_not(tmp_path):
     assert a != c
 
 
-def test_a_truth_is_read_back_and_one_that_is_no_rotation_refused(shoot, tmp_path):
+def test_the_truth_and_the_board_lie_beside_the_photos(shoot):
     folder, truth = shoot()
     assert read_truth(folder / "truth.toml") == truth
     assert sorted(p.name for p in folder.iterdir()) == sorted(["board.toml", "truth.toml", *truth.photos])
-    data = plain(truth)
-    R, t = data["photos"]["photo_00.jpg"]
-    data["photos"]["photo_00.jpg"] = [[[R[0][0] + 0.1, *R[0][1:]], *R[1:]], t]
-    write_toml(tmp_path / "truth.toml", data)
-    with pytest.raises(InputError, match=r"photos\.photo_00\.jpg\.R_cam_board: expected a rotation matrix"):
-        read_truth(tmp_path / "truth.toml")

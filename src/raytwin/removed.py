@@ -7,7 +7,7 @@ COMMANDS: dict[str, str] = {
     "bench --against --save --spheres": "Use pytest-benchmark (extra `bench`), as docs/renderer.md shows.",
     "bench --flip": "Use diff --flip on two images.",
     "bench --repeats --truth-samples": "Use --budget, or repeats and truth_samples of raytwin.bench.",
-    "bench calibration": "Use `python -m measure.calibration_cost`, in tests/ of the repository.",
+    "bench calibration": "Use `python -m measure.paper`, in tests/ of the repository.",
     "bench paper": "Use `python -m measure.paper`, in tests/ of the repository.",
     "compare --must-see": "Use --detectable-bias.",
     "diff --allow-failures --allowfailures --fail --fail-percent --fail-relative --failpercent --failrelative"

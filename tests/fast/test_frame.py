@@ -1,6 +1,5 @@
 """Whole images: closed forms, and every engine, rung and solver against each other."""
 
-import math
 import sys
 from functools import partial
 
@@ -23,27 +22,6 @@ FLOAT32_AGREES = 1e-5
 
 def quantile999(difference: np.ndarray) -> float:
     return float(np.quantile(np.abs(difference), 0.999))
-
-
-def test_outline_depth_and_normal_of_a_head_on_sphere_are_the_textbooks(single, engine):
-    """A disc of radius f r / √(d² - r²) round the principal point."""
-    surface = trace(single.with_camera(single.camera.resized(320, 240)), "surface", engine).surface
-    v, u = np.mgrid[:240, :320]
-    tangent = np.hypot(u - 159.5, v - 119.5) / 400
-    off = 400 * tangent - 400 * 0.05 / math.sqrt(0.4**2 - 0.05**2)
-    sure = abs(off) > 1e-3
-    assert sure.mean() > 0.999
-    np.testing.assert_array_equal(surface.mask[sure], off[sure] < 0)
-    cosine = 1 / np.sqrt(1 + tangent**2)
-    inside = surface.mask & (off < -0.4)
-    depth = 0.4 * cosine - np.sqrt(np.maximum(0.05**2 - 0.4**2 * (1 - cosine**2), 0))
-    np.testing.assert_allclose(surface.depth[inside], depth[inside], rtol=2e-5)
-    x, y = (u - 159.5) / 400 * cosine * depth, (119.5 - v) / 400 * cosine * depth
-    normal = np.stack([x, y, 0.4 - cosine * depth], axis=-1) / 0.05
-    np.testing.assert_allclose(surface.normal[inside], normal[inside], rtol=0, atol=2e-4)
-    np.testing.assert_allclose(np.linalg.norm(surface.normal[surface.mask], axis=-1), 1, rtol=3e-6)
-    assert (surface.depth[~surface.mask] == 0).all()
-    assert (surface.normal[~surface.mask] == 0).all()
 
 
 def test_a_scene_without_objects_is_all_sky(single, engine):

@@ -72,14 +72,6 @@ def test_a_batchs_first_places_have_one_in_each_cell_of_their_area_whatever_its_
         np.testing.assert_array_equal(cells, 1, err_msg=f"bounce {bounce}, {1 << k} columns")
 
 
-def test_the_mean_of_a_smooth_integrand_errs_by_far_less_than_by_chance():
-    """x y² over 256 places, by chance of variance 7/180/256 = 1.5e-4; and at 4096 places, where a lattice stalls."""
-    for places_, most in ((256, 1e-7), (4096, 1e-10)):
-        pixel, place = (a.ravel() for a in np.mgrid[:16, :places_])
-        a, b = sobol_pair(np.zeros(place.shape), pixel, 0, place, 3, 1)
-        assert np.square((a * b * b).reshape(16, -1).mean(axis=1) - 1 / 6).mean() < most
-
-
 def test_tiles_of_any_size_give_the_same_image(overlap, engine, monkeypatch):
     side = (16, 40)[TRIED.index(engine) // 2 % 2]
     small = overlap.with_camera(overlap.camera.resized(60, 50))

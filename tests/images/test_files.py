@@ -100,13 +100,10 @@ WRONG = {
     "a negative radius": ("radius = 0.04", "radius = -0.4", "spheres[1].radius: expected metres > 0, got -0.4"),
     "a radius that is text": ("radius = 0.04", 'radius = "4 cm"', "spheres[1].radius: expected metres, got '4 cm'"),
     "a radius that is NaN": ("radius = 0.04", "radius = nan", "spheres[1].radius: expected metres, got 'nan'"),
-    "an infinite radius": ("radius = 0.04", "radius = inf", "spheres[1].radius: expected metres, got 'inf'"),
     "no radius": ("radius = 0.04\n", "", "spheres[1].radius is missing."),
     "a huge whole number": ("radius = 0.04", f"radius = {10**400}", "spheres[1].radius: expected metres that 64 bits hold"),  # noqa: E501
     "an unknown key": ("radius = 0.04", "radus = 0.04", "spheres[1].radus is no known key. Did you mean radius?"),
-    "an unknown table": ("[sky]", "[skyy]", "skyy is no known key. Did you mean sky?"),
     "a key of the camera's": ("dist = ", "distortion = ", "camera.distortion is no known key."),
-    "a key of a table on one line": ("[tolerance]\n", "[tolerance]\nx = { y = 1 }\n", "tolerance.x is no known key."),
     "no camera": ("[camera]", "[tolerance2]", "tolerance2 is no known key."),
     "NaN in a vector": ("[0.1, 0.0, 0.04]", "[0.1, nan, 0.04]", "spheres[1].center[1]: expected a number, got 'nan'"),
     "an albedo over 1": ("[0.8, 0.4, 0.2]", "[0.8, 1.4, 0.2]", "spheres[1].albedo[1]: expected a number <= 1, got 1.4"),
@@ -117,11 +114,9 @@ WRONG = {
     "half-edges that lean": ("[0.0, 0.3, 0.0]", "[0.3, 0.3, 0.0]", "planes[0].half_v: expected a vector perpendicular to half_u, got 45 degrees"),  # noqa: E501
     "a half-edge of no length": ("[0.0, 0.3, 0.0]", "[0, 0, 0]", "planes[0].half_u: expected half_u and half_v longer than 0 m"),  # noqa: E501
     "a mirrored R": ("[[1, 0, 0], [0, -1, 0]", "[[1, 0, 0], [0, 1, 0]", "camera.R_cam_board: expected a rotation matrix, got a mirroring (determinant -1): negate an axis"),  # noqa: E501
-    "a stretched R": ("[[1, 0, 0]", "[[1.01, 0, 0]", "camera.R_cam_board: expected a rotation matrix, got one that is off by 0.01. The nearest is [[1.0, 0.0, 0.0], "),  # noqa: E501
     "a sheared R": ("[[1, 0, 0]", "[[0.99, 0.14, 0]", "camera.R_cam_board: expected a rotation matrix, got one that is off by 0.07"),  # noqa: E501
     "a negative focal length": ("[[80.0", "[[-80.0", "camera.K: expected focal lengths > 0 px, got -80 and 80"),
     "a skewed K": ("[[80.0, 0.0", "[[80.0, 2.0", "camera.K: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] (cameras here have no skew), got ((80.0, 2.0, "),  # noqa: E501
-    "a K times two": ("[0.0, 0.0, 1.0]]\ndist", "[0.0, 0.0, 2.0]]\ndist", "camera.K: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] (cameras here have no skew), got ((80.0, "),  # noqa: E501
     "six coefficients": ("[-0.1, 0.01]", "[0.1, 0, 0, 0, 0, 6]", "camera.dist: expected k1, k2, p1, p2, k3, and 0 for any further term, got [0.1, 0"),  # noqa: E501
     "ten thousand megapixels": ("[64, 48]", "[100000, 100000]", "camera.image_size: expected at most 400 megapixels, got 100000 x 100000"),  # noqa: E501
     "not TOML": ("[camera]", "[camera", "scene.toml: expected TOML, got Expected ']'"),

@@ -1,17 +1,21 @@
-"""Images of other programs: every kind read beside OpenCV's reader or a file written by hand."""
+"""Images of other programs: every kind read beside OpenImageIO or a file written by hand; what is refused; rounding."""
 
+import itertools
 import struct
 
 import cv2
 import hostile
 import numpy as np
 import OpenEXR
+import OpenImageIO as oiio
 import pytest
+from PIL import Image as Pillow
 
 from raytwin.errors import InputError
 from raytwin.images import limits
 from raytwin.images.image_formats import read_image
-from raytwin.images.stored_precision import rounding_of
+from raytwin.images.photo_files import to_bytes
+from raytwin.images.stored_precision import half_floats, rounding_of
 
 
 @pytest.fixture(scope="module")
@@ -34,12 +38,21 @@ def named(prefix, pixels, kind="RGB"):
     return {f"{prefix}{c}": pixels[..., i] for i, c in enumerate(kind)}
 
 
-# ------------------------------------------------------------------------------------------ floating point
-
-
-def test_a_pfms_scale_multiplies(tmp_path):
-    (tmp_path / "x.pfm").write_bytes(b"Pf\n1 1\n-2.5\n" + struct.pack("<f", 3))
-    assert read_image(tmp_path / "x.pfm").mean.ravel().tolist() == [7.5] * 3
+@pytest.mark.parametrize("name", sorted(n for n in hostile.sound_files() if not n.startswith(("layers", "parts"))))
+def test_openimageio_reads_the_same_pixels_from_a_file_of_any_name(tmp_path, sound, name):
+    """It turns a PFM upside down, and takes a JPEG that ends early for a whole one."""
+    path = tmp_path / name
+    path.write_bytes(sound[name])
+    (tmp_path / "x.dat").write_bytes(sound[name])
+    ours, opened = read_image(tmp_path / "x.dat").mean, oiio.ImageInput.open(str(path))
+    theirs = opened.read_image(oiio.FLOAT)[..., :3]
+    opened.close()
+    if path.suffix == ".pfm":
+        theirs = theirs[::-1]
+    elif path.suffix != ".exr":
+        theirs = np.where(theirs <= 0.04045, theirs / 12.92, ((theirs + 0.055) / 1.055) ** 2.4)
+    assert (ours.dtype, ours.shape) == (np.float32, (21, 33, 3))
+    assert np.abs(ours - theirs).max() <= (0 if path.suffix in (".exr", ".pfm") else 1e-6)
 
 
 # ------------------------------------------------------------------------------------------ EXR
@@ -105,19 +118,13 @@ def test_a_data_window_off_the_origin_gives_the_data(tmp_path, a):
 # ------------------------------------------------------------------------------------------ what is refused
 
 
-def test_the_kind_is_told_by_the_content_and_not_by_the_name(tmp_path, sound):
-    for name, data in sound.items():
-        (tmp_path / "x.dat").write_bytes(data)
-        assert read_image(tmp_path / "x.dat").shape == (21, 33, 3), name
-
-
 def test_what_is_no_image_is_named(tmp_path, sound):
     gray = sound["big_endian_grey.pfm"]
     wrong = {
         b"": "expected an image: EXR, PFM, PNG, JPEG, PPM, TIFF, BMP or WebP, got a file of another kind",
         gray[:-1]: "expected 2772 bytes of pixels for 33 x 21, got 2771",
         gray + b"0": "expected 2772 bytes of pixels for 33 x 21, got 2773",
-        gray.replace(b"\n1.0", b"\n0.0"): "expected a PFM's scale other than 0",
+        gray.replace(b"\n1.0", b"\n2.5"): "expected a PFM of scale 1 or -1, which tells the byte order, got 2.5",
         sound["lines_ZIP.exr"][:-1]: "got a damaged one (without its part x)",
     }
     for data, message in wrong.items():
@@ -167,20 +174,59 @@ def test_a_picture_of_8_bits_is_held_to_its_codes_and_a_float_image_is_not(tmp_p
         assert rounding_of(read_image(tmp_path / name)).clipped == (not name.endswith(("pfm", "exr")))
 
 
-def test_a_ppm_of_more_than_8_bits_is_refused(tmp_path):
-    for head in (b"P6\n2 1\n65535\n", b"P6\n2 1\n300\n", b"P5\n2 1\n65535\n", b"P3\n2 1\n1023\n1 2 3 4 5 6 "):
-        (tmp_path / "x.ppm").write_bytes(head + bytes(12))
-        with pytest.raises(InputError, match=r"expected a PPM of 8 bits per channel, got more .*oiiotool a.ppm"):
-            read_image(tmp_path / "x.ppm")
-
-
-def test_radiance_hdr_and_pictures_of_16_bits_are_refused_with_the_command_that_converts_them(tmp_path, a):
+def test_radiance_hdr_and_pictures_of_more_than_8_bits_are_refused_with_the_command_that_converts_them(tmp_path, a):
     cv2.imwrite(str(tmp_path / "x.hdr"), a)
     with pytest.raises(InputError, match=r"expected an EXR, got a Radiance HDR \(convert it: oiiotool a.hdr -o a.exr"):
         read_image(tmp_path / "x.hdr")
-    for channels in (1, 3, 4):
-        for kind, name in (("png", "PNG"), ("tif", "TIFF")):
-            cv2.imwrite(str(tmp_path / f"x.{kind}"), np.full((9, 11, channels), 256, np.uint16))
-            expected = rf"expected a {name} of 8 bits per channel, got more .*oiiotool a.{kind}"
-            with pytest.raises(InputError, match=expected):
-                read_image(tmp_path / f"x.{kind}")
+    for i, head in enumerate(
+        (b"P6\n2 1\n65535\n", b"P6\n2 1\n300\n", b"P5\n2 1\n65535\n", b"P3\n2 1\n1023\n1 2 3 4 5 6 ")
+    ):
+        (tmp_path / f"{i}.ppm").write_bytes(head + bytes(12))
+    for kind, channels in itertools.product(("png", "tif"), (1, 3, 4)):
+        cv2.imwrite(str(tmp_path / f"{channels}.{kind}"), np.full((9, 11, channels), 256, np.uint16))
+    for path in sorted(tmp_path.glob("[0-9].*")):
+        with pytest.raises(
+            InputError, match=rf"expected a [A-Z]+ of 8 bits per channel, got more .*oiiotool a{path.suffix}"
+        ):
+            read_image(path)
+
+
+def test_samples_are_those_that_the_renderer_tells(tmp_path, a):
+    for attributes, samples in (
+        ({}, 0),
+        ({"samplesPerPixel": 64}, 64),
+        ({"samplesPerPixel": "many"}, 0),
+        ({"raytwin/samples": "16"}, 16),
+    ):
+        write_exr(tmp_path / "x.exr", named("", a), **attributes)
+        assert read_image(tmp_path / "x.exr").samples == samples
+
+
+def test_a_layer_called_variance_is_the_variance(tmp_path, a):
+    write_exr(tmp_path / "x.exr", named("", a) | named("variance.", a / 100))
+    image = read_image(tmp_path / "x.exr")
+    np.testing.assert_array_equal(image.mean, a)
+    np.testing.assert_allclose(image.variance, a / 100, rtol=1e-6)
+
+
+def test_xyz_and_luminance_and_chroma_are_refused(tmp_path, a):
+    for kind, channels in (("XYZ", "X, Y, Z"), (("Y", "RY", "BY"), "BY, RY, Y")):
+        write_exr(tmp_path / "x.exr", named("", a, kind))
+        with pytest.raises(InputError, match=f"expected channels R, G, B, got {channels}"):
+            read_image(tmp_path / "x.exr")
+
+
+def test_rounding_is_half_a_step_at_every_value(tmp_path):
+    ramp = np.linspace(0, 1, 5000 * 3).reshape(50, 100, 3).astype(np.float32)
+    codes = to_bytes(ramp)
+    Pillow.fromarray(codes).save(tmp_path / "x.png")
+    image = read_image(tmp_path / "x.png")
+    found = rounding_of(image)
+    share = np.abs(ramp - image.mean) / found.half
+    assert found.clipped
+    assert 0.99 < share.max() <= 1
+    assert share[codes.max(axis=-1) < 30].max() > 0.8  # in the dark too
+    half = half_floats(ramp).half
+    error = np.abs(ramp - ramp.astype(np.float16))
+    assert (error <= half).all()
+    assert (error / half).max() > 0.9

@@ -162,11 +162,11 @@ def light(folder: Path, make_result, scenes) -> list[Path]:
     """A photo in which nothing was outlined, and a map with a sun in it."""
     camera = Camera(SIZE[::-1], ((30.0, 0.0, 18.0), (0.0, 30.0, 12.0), (0.0, 0.0, 1.0)), FROM_ABOVE, (0.0, 0.0, 1.0))
     pixels = to_bytes(noise())
-    photo = LinearPhoto(EVIL, camera, noise(), np.zeros(SIZE, bool), pixels, np.ones(3), np.ones(SIZE))
+    photo = LinearPhoto(EVIL, camera, noise(), np.zeros(SIZE, bool), pixels, np.ones(3), np.ones(SIZE), (EVIL,))
     up, grey = np.array([0.0, 0.6, 0.8]), np.full(3, 0.4)
     sun_and_map = light_models.Light(up, 0.01, grey, 0.1 * grey, grey, 0.1 * grey, noise((8, 16)))
     board = boards.read_board(scenes / "desk" / "board.toml")
-    found = LightEstimate(photo, board, light=sun_and_map, warnings=[EVIL], drawn=pixels)
+    found = LightEstimate(photo, board, light=sun_and_map, drawn=pixels)
     light_page.write_light_page(found, folder / "light.html")
     return [folder / "light.html"]
 

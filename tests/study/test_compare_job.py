@@ -6,6 +6,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from photo_helpers import read_truth
 from scene_of import changed
 
 from raytwin import twin
@@ -13,7 +14,6 @@ from raytwin.compare.comparison import Part
 from raytwin.errors import InputError
 from raytwin.explain.ledger import Ledger
 from raytwin.fast import trace
-from raytwin.photos import synthetic_photos
 from raytwin.photos.find_camera import find_camera
 from raytwin.renderers.scene_exchange import as_scene
 from raytwin.renderers.subject_renderers import Traced, fast_engine
@@ -34,7 +34,7 @@ def desk(scenes):
 def test_the_photographed_scene_agrees_and_its_calibration_finds_the_true_camera(scenes, desk):
     assert desk.verdict == "pass", desk.reasons
     assert desk.comparison.radiance.p999_abs <= 1e-5
-    true, found = synthetic_photos.read_truth(scenes / "desk" / "photos" / "truth.toml"), desk.calibration
+    true, found = read_truth(scenes / "desk" / "photos" / "truth.toml"), desk.calibration
     off = np.abs(np.subtract(found.K, true.K))
     assert (off[[0, 1], [0, 1]] < 1e-3 * np.diag(true.K)[:2]).all()
     assert (off[:2, 2] < 1).all()

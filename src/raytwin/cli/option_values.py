@@ -11,6 +11,9 @@ from raytwin.errors import InputError
 MAX_SIDE = 100_000
 """Largest width or height of a picture, in pixels, that is not taken for a typing error."""
 
+METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254}
+"""Metres per unit."""
+
 
 def parse_size(text: str, option: str) -> tuple[int, int]:
     """
@@ -44,13 +47,24 @@ def parse_numbers(text: str, option: str) -> tuple[float, ...]:
     return numbers
 
 
+def parse_length(text: str, where: str, zero: bool = False) -> float:
+    """Return the metres of a length with its unit, as `30mm` or `0.8in`, to the nanometre.
+
+    Raises InputError for a number without a unit, and for 0 unless `zero`.
+    """
+    match = re.fullmatch(r"\s*(\d{1,9}\.?\d{0,9}|\.\d{1,9})\s*(mm|cm|m|in)\s*", text, re.ASCII | re.IGNORECASE)
+    metres = round(float(match[1]) * METRES[match[2].lower()], 9) if match else 0.0
+    if not match or (metres == 0 and not zero):
+        raise InputError(where, "a length with its unit (mm, cm, m, in), as 30mm or 0.8in", repr(text[:40]))
+    return metres
+
+
 def parse_placed(text: str, option: str, names: str) -> Any:
     """Return as many numbers as `names` has, in metres, each with or without a unit; the last is a length above 0.
 
     >>> parse_placed("-60mm,0.15,2cm", "--stand", "x,y,h")
     (-0.06, 0.15, 0.02)
     """
-    from raytwin.photos.boards.lengths import parse_length  # OpenCV comes with it
 
     def metres(part: str) -> float:
         if not part[-1:].isalpha():

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from raytwin.cli.option_values import check_outputs, parse_placed
+from raytwin.cli.option_values import check_outputs, parse_length, parse_placed
 from raytwin.cli.options import Size
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
@@ -20,7 +20,6 @@ def board_command(
     """
     from raytwin.photos import boards
     from raytwin.photos.boards import sheet
-    from raytwin.photos.boards.lengths import parse_length
 
     for option, count in (("--columns", columns), ("--rows", rows)):
         if count < 1:

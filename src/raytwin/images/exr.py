@@ -173,11 +173,9 @@ def _chosen(
     prefix = "" if layer is None else f"{layer}."
     for name, one in parts.items():
         channels = one.channels
-        if layer is None and "R" not in channels:
-            if {"RY", "BY"} & channels.keys():
-                raise InputError(path, "channels R, G, B", "luminance and chroma: Y, RY, BY")
-            if not is_part and {"X", "Y", "Z"} <= channels.keys():  # a part that is asked for may be a normal
-                raise InputError(path, "channels R, G, B", "CIE X, Y, Z")
+        is_xyz = {"X", "Y", "Z"} <= channels.keys() and not is_part  # a part that is asked for may be a normal
+        if layer is None and "R" not in channels and (is_xyz or {"RY", "BY"} & channels.keys()):
+            raise InputError(path, "channels R, G, B", ", ".join(channels))
         found = _planes(one, prefix, ("RGB", "XYZ", "Y"))
         if not found and (layer in channels or (is_part and len(channels) == 1)):
             found = [channels[layer or next(iter(channels))].pixels]

@@ -1,13 +1,16 @@
 """Read any image: its first bytes say which format it is. EXR and PFM are linear, pictures of 8 bits are sRGB."""
 
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from raytwin.errors import InputError
-from raytwin.images.exr import EXR_MAGIC, read_exr, split_layer, stack, write_exr
+from raytwin.images.exr import EXR_MAGIC, read_exr, split_layer, write_exr
 from raytwin.images.image import Image
-from raytwin.images.pfm import pfm_bytes, read_pfm
+from raytwin.images.limits import check_size
 from raytwin.images.photo_files import from_bytes, read_picture, to_bytes, write_picture
 from raytwin.safe_write import check_file, replacing
 
@@ -16,6 +19,10 @@ MAGIC = {
     **{b"P%d" % k: "PPM" for k in range(1, 7)}, b"II*\0": "TIFF", b"MM\0*": "TIFF", b"RIFF": "WebP",
 }  # fmt: skip
 KINDS = "EXR, PFM, PNG, JPEG, PPM, TIFF, BMP or WebP"
+
+PFM_HEADER = re.compile(rb"(P[Ff])\s+(\d{1,9})\s+(\d{1,9})\s+([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)[ \t\r]*\n")
+LONGEST_PFM_HEADER = 256
+"""Bytes: three lines are far shorter."""
 
 
 def read_image(path: str | os.PathLike, layer: str | None = None) -> Image:
@@ -48,7 +55,7 @@ def read_image(path: str | os.PathLike, layer: str | None = None) -> Image:
             pixels = from_bytes(codes)
     except OSError as error:
         raise InputError(path, "an image file", error.strerror or error) from None
-    return Image(pixels if pixels.ndim == 3 else stack([pixels] * 3), samples=0, alpha=alpha, format=kind)
+    return Image(pixels, samples=0, alpha=alpha, format=kind)
 
 
 def kind_of(start: bytes) -> str | None:
@@ -69,3 +76,31 @@ def write_image(path: str | os.PathLike, image: Image) -> None:
             temporary.write_bytes(pfm_bytes(image.mean))
     else:
         write_picture(path, to_bytes(image.mean))
+
+
+def read_pfm(path: str | os.PathLike) -> np.ndarray:
+    """(H, W, 3) float32, row 0 on top, after Debevec's description: `PF` (colour) or `Pf` (grey), width and height, a
+    scale whose sign is the byte order, rows from the bottom up."""
+    with Path(path).open("rb") as file:
+        found = PFM_HEADER.match(file.read(LONGEST_PFM_HEADER))
+        if not found:
+            raise InputError(path, "a PFM's header: PF or Pf, width, height, scale", "a damaged one")
+        width, height = int(found[2]), int(found[3])
+        channels = 3 if found[1] == b"PF" else 1
+        check_size(path, width, height, 4 * channels)
+        scale = float(found[4])
+        if abs(scale) != 1:
+            raise InputError(path, "a PFM of scale 1 or -1, which tells the byte order", scale)
+        count, left = width * height * channels, os.fstat(file.fileno()).st_size - found.end()
+        if 4 * count != left:
+            raise InputError(path, f"{4 * count} bytes of pixels for {width} x {height}", left)
+        file.seek(found.end())
+        pixels = np.fromfile(file, "<f4" if scale < 0 else ">f4", count)
+    pixels = np.repeat(pixels.reshape(height, width, channels)[::-1], 3 // channels, axis=-1)
+    return np.ascontiguousarray(pixels, np.float32)
+
+
+def pfm_bytes(pixels: np.ndarray) -> bytes:
+    """(H, W, 3) as a little-endian PFM."""
+    height, width = pixels.shape[:2]
+    return f"PF\n{width} {height}\n-1.0\n".encode() + np.ascontiguousarray(pixels[::-1], "<f4").tobytes()

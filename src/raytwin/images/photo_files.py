@@ -106,10 +106,10 @@ def read_photo(path: str | os.PathLike) -> np.ndarray:
 
 def _srgb(picture: Any, icc: bytes | None) -> Any:
     """An RGB picture of Pillow's in sRGB: a phone's Display P3, read as sRGB, would be too dull."""
-    from PIL import ImageCms
-
     if icc is None:
         return picture
+    from PIL import ImageCms
+
     try:
         profile = ImageCms.ImageCmsProfile(io.BytesIO(icc))
         if "sRGB" in ImageCms.getProfileDescription(profile):  # rounding would change some codes

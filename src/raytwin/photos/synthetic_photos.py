@@ -19,7 +19,7 @@ from raytwin.photos.camera import lens_model
 from raytwin.photos.camera.pose import rotation
 from raytwin.progress import Progress, silent
 from raytwin.scene import Camera, Matrix, PixelCount, Record, Rectangle, Vector
-from raytwin.scene.toml_json import plain, read_toml, to_record, write_toml
+from raytwin.scene.toml_json import plain, write_toml
 
 Render = Callable[[Camera, np.ndarray, Rectangle], np.ndarray]
 """render(camera, texture, sheet) -> linear radiance (H, W, 3), 1 is white.
@@ -31,6 +31,10 @@ TILT_DEGREES = 50.0
 """Degrees: the largest tilt of the board."""
 SMALLEST_TAG_PX = 24.0
 """A tag's shortest side in a photo: three pixels a cell, what the detector reads surely."""
+
+VIGNETTING, FULL_WELL, READ_NOISE = 0.3, 8000.0, 4.0
+"""How much of the natural cos^4 of the angle off the axis the lens leaves in (1: all, 0: none); electrons of a pixel at
+radiance 1; standard deviation of what reading adds, electrons."""
 
 QUALITY = 88
 """JPEG quality of the photos, as cameras write them."""
@@ -47,17 +51,6 @@ class Truth(Record, frozen=True):
     K: Matrix
     dist: tuple[float, ...]
     photos: dict[str, tuple[Matrix, Vector]]
-
-
-def read_truth(path: str | os.PathLike) -> Truth:
-    """A truth.toml, as `photograph` writes it."""
-    truth = to_record(path, read_toml(path), Truth)
-    for name, (R, t) in truth.photos.items():
-        try:
-            Camera(truth.image_size, truth.K, R, t, truth.dist)
-        except InputError as error:
-            raise error.at(f"{path}: photos.{name}.") from None
-    return truth
 
 
 def write_truth(path: str | os.PathLike, truth: Truth) -> None:
@@ -179,27 +172,18 @@ def _stand(board: Board, camera: Camera, R: np.ndarray, aim: np.ndarray, share: 
     return None
 
 
-def expose(
-    radiance: np.ndarray,
-    rng: np.random.Generator,
-    camera: Camera,
-    *,
-    vignetting: float = 0.3,
-    full_well: float = 8000.0,
-    read_noise: float = 4.0,
-) -> np.ndarray:
+def expose(radiance: np.ndarray, rng: np.random.Generator, camera: Camera) -> np.ndarray:
     """sRGB uint8 (H, W, 3) of linear radiance (H, W, 3) seen by a sensor: electrons = N cos^(4v) radiance.
 
-    Radiance 1 fills a pixel with N = `full_well` electrons; v = `vignetting` is how much of the natural
-    cos^4 of the angle off the axis the phone leaves in (1: all, 0: none). Photon noise has variance electrons (a normal
-    distribution stands for Poisson's: they differ below a dozen electrons), read noise sd `read_noise` electrons.
+    N = FULL_WELL, v = VIGNETTING. Photon noise has variance electrons (a normal distribution stands for Poisson's: they
+    differ below a dozen electrons).
     """
     height, width = radiance.shape[:2]
     x = (np.arange(width, dtype=np.float32) - camera.cx) / camera.fx
     y = (np.arange(height, dtype=np.float32) - camera.cy) / camera.fy
     squared = y[:, None] ** 2 + x[None, :] ** 2
-    falloff = (1 + squared) ** (-2 * vignetting)  # cos² = 1 / (1 + tan²)
-    electrons = np.asarray(radiance, np.float32) * (falloff * np.float32(full_well))[..., None]
+    falloff = (1 + squared) ** (-2 * VIGNETTING)  # cos² = 1 / (1 + tan²)
+    electrons = np.asarray(radiance, np.float32) * (falloff * np.float32(FULL_WELL))[..., None]
     noise = rng.standard_normal(electrons.shape, dtype=np.float32)
-    electrons = electrons + noise * np.sqrt(np.maximum(electrons, 0) + np.float32(read_noise**2))
-    return to_bytes(electrons / np.float32(full_well))
+    electrons = electrons + noise * np.sqrt(np.maximum(electrons, 0) + np.float32(READ_NOISE**2))
+    return to_bytes(electrons / np.float32(FULL_WELL))

@@ -42,7 +42,7 @@ Line = tuple[np.ndarray, str]
 def light_summary(found: "LightEstimate") -> str:
     """Return what showed the light, the light with its standard deviations, and warnings."""
     lines = [f"{name}: {value}" for name, value in light_facts(found)]
-    return "\n".join([*lines, f"({SCALE})", *(f"warning: {text}" for text in found.warnings)])
+    return "\n".join([*lines, f"({SCALE})", *(f"warning: {text}" for text in found.photo.warnings)])
 
 
 def light_facts(found: "LightEstimate") -> list[tuple[str, str]]:

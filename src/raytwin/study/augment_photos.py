@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from raytwin import twin
@@ -62,15 +61,8 @@ def augment_photos(
     with replacing_files(out) as made:
         for done, (path, name) in enumerate(zip(taken, names, strict=True)):
             progress("augment", done, len(taken))
-            pixels = read_photo(path)
-            if pixels.shape[1::-1] != lens.image_size:
-                turned = ": the same, turned by a quarter" if pixels.shape[:2] == lens.image_size else ""
-                found = f"{pixels.shape[1]} x {pixels.shape[0]}{turned}"
-                raise InputError(path, f"{lens.width} x {lens.height} pixels, as the camera's", found)
-            tags = camera.detect_photo(path, definition.family)
-            pose = camera.pose_of_tags(lens.K, lens.dist, tags, definition, path.name)
-            stand = msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)
-            here = scene.with_camera(stand)
+            stand, pose = camera.place_camera(path, lens, definition)
+            pixels, here = read_photo(path), scene.with_camera(stand)
             exposure: float | np.ndarray = 1.0 if chosen.exposure is None else chosen.exposure
             if light is not None and chosen.exposure is None:
                 exposure = photo_exposure(path, stand, definition, light)

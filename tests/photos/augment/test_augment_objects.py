@@ -103,17 +103,6 @@ def test_what_is_left_out_of_the_work_would_not_have_changed(to_light, monkeypat
     assert (whole.ratio[..., 0] < 0.9).sum() > 50
 
 
-@pytest.mark.parametrize(("slope", "squares"), [(-0.5, 1), (0.0, 1), (0.0009, 2), (0.5, 2)])
-def test_a_sun_above_the_plane_adds_the_square_about_its_shadow(slope, squares):
-    scene = stage((float(np.sqrt(1 - slope**2)), 0.0, slope))
-    made = objects._reach(Sphere((0.1, 0.02, 0.03), 0.02), FLOOR, scene)
-    assert len(made) == squares
-    assert made[0].center == pytest.approx((0.1, 0.02, 0.0))
-    if slope == 0.5:
-        assert made[1].center == pytest.approx((0.1 - 0.03 * 3**0.5, 0.02, 0.0))
-        assert made[1].half_u == pytest.approx((0.04, 0.0, 0.0), rel=2e-3)
-
-
 def test_far_from_all_objects_nothing_is_noisy():
     """Both renders follow the same rays: where none meets an object, the ratio is 1."""
     noise = np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8)

@@ -1,17 +1,15 @@
 """`raytwin photo draw` on photos of the synthetic photographer, against photos with the spheres really there."""
 
-import struct
-
 import numpy as np
 import pytest
+from photo_helpers import read_truth
 from PIL import Image as Pillow
 from PIL import ImageCms
 from program import raytwin
 
 from raytwin.errors import InputError
 from raytwin.fast import trace, trim_boxes
-from raytwin.images.photo_files import from_bytes, read_photo, to_bytes, write_picture
-from raytwin.photos import synthetic_photos
+from raytwin.images.photo_files import from_bytes, read_photo, write_picture
 from raytwin.scene import Camera
 from raytwin.scene.scene_files import read_camera, read_scene, scene_and_photos
 from raytwin.scene.toml_json import read_toml, write_toml
@@ -31,7 +29,7 @@ def taken(scenes, tmp_path_factory):
     folder = tmp_path_factory.mktemp("taken")
     board = scenes / "desk" / "board.toml"
     photograph_board(board, folder / "all", scene=scenes / "desk", count=1, size=SIZE, samples=8)
-    truth = synthetic_photos.read_truth(folder / "all" / "truth.toml")
+    truth = read_truth(folder / "all" / "truth.toml")
     R, t = truth.photos["photo_00.jpg"]
     write_toml(folder / "camera.toml", Camera(truth.image_size, truth.K, R, t, truth.dist).to_dict())
     (folder / "all" / "photo_00.jpg").rename(folder / "photo.jpg")
@@ -50,46 +48,23 @@ def draw(taken, scenes, tmp_path):
     return draw
 
 
-def apples_p3() -> bytes:
-    """A Display P3 profile of the smallest kind, built here: sRGB's curve, the primaries of SMPTE EG 432-1 under
-    D50."""
-
-    def fixed(*numbers: float) -> bytes:
-        return b"".join(struct.pack(">i", round(n * 65536)) for n in numbers)
-
-    xyz = {b"rXYZ": (0.515121, 0.241196, -0.001053), b"gXYZ": (0.291977, 0.692245, 0.041885),
-           b"bXYZ": (0.157104, 0.066574, 0.784073), b"wtpt": (0.964203, 1.0, 0.824905)}  # fmt: skip
-    curve = b"para" + bytes(4) + struct.pack(">HH", 3, 0) + fixed(2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045)
-    text = b"desc" + bytes(4) + struct.pack(">I", 3) + b"P3\0" + bytes(78 + 1)
-    parts = {tag: b"XYZ " + bytes(4) + fixed(*v) for tag, v in xyz.items()}
-    parts |= {b"rTRC": curve, b"gTRC": curve, b"bTRC": curve, b"desc": text, b"cprt": b"text" + bytes(4) + b"none\0"}
-    at, table, data = 128 + 4 + 12 * len(parts), b"", b""
-    for tag, part in parts.items():
-        part += bytes(-len(part) % 4)
-        table += tag + struct.pack(">II", at + len(data), len(part))
-        data += part
-    head = struct.pack(">I4sI4s4s4s", at + len(data), bytes(4), 0x02400000, b"mntr", b"RGB ", b"XYZ ")
-    head += struct.pack(">6H", 2020, 1, 1, 0, 0, 0) + b"acsp" + bytes(28) + fixed(0.964203, 1.0, 0.824905) + bytes(48)
-    return head + struct.pack(">I", len(parts)) + table + data
+def exchanged() -> bytes:
+    """A profile like sRGB's under another name, whose red and green primaries are exchanged."""
+    data = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    for old, new in ((b"rXYZ", b"oldr"), (b"gXYZ", b"rXYZ"), (b"oldr", b"gXYZ")):
+        data = data.replace(old, new)
+    return data.replace("sRGB".encode("utf-16-be"), "xRGB".encode("utf-16-be"))
 
 
-def test_a_display_p3_photo_is_read_as_srgb_and_no_other_profile_changes_a_code(tmp_path):
-    """Linear P3 to linear sRGB by the matrix that their primaries give, of colours that sRGB holds."""
-    pixels = np.random.default_rng(0).integers(60, 200, (20, 25, 3), dtype=np.uint8)
+def test_a_photo_of_other_primaries_is_read_as_srgb_and_no_unusable_profile_changes_a_code(tmp_path):
+    pixels = np.random.default_rng(0).integers(0, 256, (20, 25, 3), dtype=np.uint8)
     srgb = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
-    found = {}
-    for name, profile in (
-        ("p3", apples_p3()), ("srgb", srgb), ("grey", srgb[:16] + b"GRAY" + srgb[20:]), ("broken", b"no profile"),
+    for profile, seen, slack in (
+        (exchanged(), pixels[..., [1, 0, 2]], 1), (srgb, pixels, 0), (b"no profile", pixels, 0),
+        (exchanged()[:16] + b"GRAY" + srgb[20:], pixels, 0),
     ):  # fmt: skip
-        Pillow.fromarray(pixels).save(tmp_path / f"{name}.png", icc_profile=profile)
-        found[name] = read_photo(tmp_path / f"{name}.png")
-    to_srgb = [[1.22494, -0.22494, 0.0], [-0.04206, 1.04206, 0.0], [-0.01964, -0.07864, 1.09827]]
-    want = from_bytes(pixels) @ np.transpose(to_srgb)
-    held = (want > 0.002).all(axis=-1)
-    assert held.mean() > 0.5
-    assert np.abs(found.pop("p3").astype(int) - to_bytes(want))[held].max() <= 2
-    assert np.abs(pixels.astype(int) - to_bytes(want))[held].max() > 10
-    assert all(np.array_equal(codes, pixels) for codes in found.values())
+        Pillow.fromarray(pixels).save(tmp_path / "x.png", icc_profile=profile)
+        assert np.abs(read_photo(tmp_path / "x.png").astype(int) - seen).max() <= slack
 
 
 @pytest.mark.parametrize("suffix", [".jpg", ".png"])
@@ -99,7 +74,7 @@ def test_a_photos_exif_is_kept_byte_for_byte_and_its_colours_become_srgb(taken, 
     exif = photo.getexif()
     exif[0x0112], exif[0x010F] = 6, "Maker"
     source = tmp_path / f"photo{suffix}"
-    photo.save(source, exif=exif.tobytes(), icc_profile=apples_p3(), quality=95)
+    photo.save(source, exif=exif.tobytes(), icc_profile=exchanged(), quality=95)
     with Pillow.open(source) as before, Pillow.open(draw(source)) as drawn:
         assert drawn.size == SIZE
         assert drawn.info["exif"] == before.info["exif"]

@@ -9,8 +9,8 @@ from photo_helpers import BOARD
 from raytwin.errors import InputError
 from raytwin.images.photo_files import write_picture
 from raytwin.photos.boards.board import Board, Grid, draw_board
-from raytwin.photos.camera import lens_model
-from raytwin.photos.camera.bias import _edges, center_bias, unbiased
+from raytwin.photos.camera import detection, lens_model
+from raytwin.photos.camera.bias import _edges, unbiased
 from raytwin.photos.camera.detection import SEARCH_SIDE, detect, detect_photo, detect_photos
 
 
@@ -36,15 +36,22 @@ def large(sheet) -> np.ndarray:
     return pixels
 
 
-def test_a_large_photo_is_searched_at_the_coarsest_scale_that_shows_its_tags_and_loses_no_accuracy(sheet, large):
-    full, quarter = (np.array([t.center for t in found]) for found in (detect(sheet), detect(large, reductions=(4.0,))))
+def test_a_large_photo_is_searched_at_the_coarsest_scale_that_shows_its_tags_and_loses_no_accuracy(
+    sheet, large, monkeypatch
+):
+    def searched(pixels, scale):
+        with monkeypatch.context() as patch:
+            patch.setattr(detection, "REDUCTIONS", (scale,))
+            return detect(pixels)
+
+    full, quarter = (np.array([t.center for t in found]) for found in (detect(sheet), searched(large, 4.0)))
     assert 0 < np.abs(quarter - full).max() < 0.15
-    assert detect(large) == detect(large, reductions=(4.0,))
+    assert detect(large) == searched(large, 4.0)
     # 50 px a tag, 12 at a quarter; 25 px, for which full scale alone will do.
     for part, scale, coarser in ((large[::3, ::3], 2.0, 4.0), (large[2::6, 2::6], 1.0, 2.0)):
         small = np.full_like(large, 216)
         small[: part.shape[0], : part.shape[1]] = part
-        assert detect(small) == detect(small, reductions=(scale,)) != detect(small, reductions=(coarser,))
+        assert detect(small) == searched(small, scale) != searched(small, coarser)
         assert [t.id for t in detect(small)] == [0, 1, 2, 3]
 
 
@@ -87,27 +94,6 @@ def test_found_centres_are_where_the_camera_projects_them_once_the_bias_is_taken
     assert np.abs(mended.mean(axis=0)).max() < 0.02
     assert np.sqrt((raw**2).sum(axis=1).mean()) < 0.25
     assert np.sqrt((mended**2).sum(axis=1).mean()) < 0.65 * np.sqrt((raw**2).sum(axis=1).mean())
-
-
-def test_a_tags_centre_is_off_by_what_straight_lines_through_its_bent_edges_make_of_it():
-    """As the AprilTag library has it: least squares through 16 places inside each edge, lines by cross products."""
-    K, R, t = np.array([[800.0, 0, 500], [0, 800, 380], [0, 0, 1]]), np.diag([1.0, -1, -1]), (0.1, 0.05, 0.5)
-    ids, half = [0, 12, 34], BOARD.tag_edge / 2
-    s, one = 2 * np.arange(1, 17) / 17 - 1, np.ones(16)
-    for dist in ((-0.3, 0.08), (0.1, -0.1, 0.002, -0.001)):
-        off = []
-        for center in BOARD.points(ids):
-            lines = []
-            for x, y in ((s, -one), (one, s), (-s, one), (-one, -s)):
-                edge = lens_model.project(center + half * np.c_[x, y, 0 * x], R, t, K, dist)
-                (dx, dy), middle = np.linalg.svd(edge - edge.mean(axis=0))[2][0], edge.mean(axis=0)
-                lines.append((-dy, dx, dy * middle[0] - dx * middle[1]))
-            a, b, c, d = (np.cross(lines[i - 1], lines[i]) for i in range(4))
-            meet = np.cross(np.cross(a, c), np.cross(b, d))
-            off.append(meet[:2] / meet[2] - lens_model.project(center[None], R, t, K, dist)[0])
-        assert np.abs(off).max() > 0.02
-        found = center_bias(ids, BOARD, R, t, K, dist)
-        np.testing.assert_allclose(found, off, rtol=0, atol=0.02 * np.abs(off).max())
 
 
 def test_the_edges_of_tags_on_a_parabola_rise_as_it_does():

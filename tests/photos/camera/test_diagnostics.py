@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import cv2
 import msgspec
 import numpy as np
 import pytest
@@ -76,24 +75,3 @@ def test_boards_that_lean_too_little_apart_and_frames_that_are_not_covered_are_d
         evidence = msgspec.structs.replace(made.evidence, seen=seen)
         doubts = degenerate(msgspec.structs.replace(made, evidence=evidence), found)
         assert len([text for text in doubts if f"tags cover {cells} % of the frame" in text]) == doubted
-
-
-def only_one_slanted() -> dict[str, list[Tag]]:
-    """Eleven views from straight above, and one slanted, turned half a turn: all that tells the focal length."""
-    camera, rng = a_camera(*SIZE, dist=()), np.random.default_rng(3)
-    middle, flip = np.append(np.mean(list(BOARD.centers().values()), axis=0), 0), np.diag([1.0, -1.0, -1.0])
-    stands = []
-    for i in range(12):
-        turn = cv2.Rodrigues(np.array([0.9 if i == 5 else 0.02 * i, 0.01 * i, 0.1 * i]))[0] @ flip
-        stands.append((turn, np.array([0.0, 0.0, 0.5 + 0.01 * i]) - turn @ middle))
-    tags = seen(camera, stands, noise=0.1, rng=rng)
-    tags["view_05"] = [msgspec.structs.replace(t, center=tuple(rng.normal(t.center, 0.8))) for t in tags["view_05"]]
-    return tags
-
-
-def test_the_only_slanted_view_is_not_called_odd():
-    """It errs by more pixels than the others because it carries the information."""
-    found = calibrate_detections(only_one_slanted(), SIZE, SMALL, "none")
-    rms = [v.rms_px for v in found.views]
-    assert max(rms) == rms[5] > 2.5 * np.median(rms)
-    assert "odd-photo" not in {w.code for w in found.warnings}

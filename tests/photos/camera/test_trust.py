@@ -1,7 +1,6 @@
 """What a calibration says of itself holds: its sigmas, the board's bend, and which photo or board is at fault."""
 
 import re
-from types import SimpleNamespace
 
 import cv2
 import msgspec
@@ -10,9 +9,9 @@ import pytest
 from photo_helpers import BOARD, SMALL, a_camera, bow_of, seen
 
 from raytwin.photos.boards import Board, BoardTag
-from raytwin.photos.camera import calibrate_detections, lens_model, model, pose_of_tags
+from raytwin.photos.camera import calibrate_detections, lens_model, pose_of_tags
 from raytwin.photos.camera.fit import Fit, ModelSpec, fit, matched
-from raytwin.photos.camera.model import covariance, select_model
+from raytwin.photos.camera.model import covariance
 from raytwin.photos.synthetic_photos import poses
 
 SIZE = (1008, 756)
@@ -151,25 +150,6 @@ def test_a_bend_is_found_from_three_photos_on():
         found = calibrate_detections(views(2, count, bend=3e-3, noise=0.05), SIZE, SMALL)
         assert found.board.bend_mm == pytest.approx(3, rel=0.3)
         assert np.abs(z_of(found)).max() < 3.5
-
-
-def test_of_lenses_that_predict_alike_one_that_folds_back_in_the_frame_is_the_last_choice(monkeypatch):
-    folds = {2: "pixel (0, 0)"}
-    monkeypatch.setattr(model, "undone", lambda K, dist, size: SimpleNamespace(fault=folds.get(len(dist), "")))
-    assert calibrate_detections(views(1), SIZE, SMALL).model == "full5"
-
-
-def test_how_far_the_richest_lens_lies_from_the_chosen_one_goes_into_sigma():
-    tags = views(1, 6)
-    start = fit(tags, SIZE, SMALL, ModelSpec("k1k2"))
-    taken, errors, gap = select_model(tags, SIZE, SMALL, "auto", start)
-    assert taken.form.model == "k1k2"
-    assert errors["full5"] <= 1.1 * min(errors.values())
-    richest = fit(tags, SIZE, SMALL, ModelSpec("full5"), start)
-    assert gap == pytest.approx((richest.shared - taken.shared)[:9], rel=1e-3)
-    moves, _ = taken.leave_one_out()
-    more = covariance(taken, moves, gap)[:9, :9] - covariance(taken, moves, NO_GAP)[:9, :9]
-    np.testing.assert_allclose(more, np.outer(gap, gap), rtol=1e-6)
 
 
 def test_a_small_lens_is_no_surer_of_the_centre_than_the_richest_lets_it_be():

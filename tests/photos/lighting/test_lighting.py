@@ -11,7 +11,7 @@ from photo_helpers import BOARD, PlainRenderer, a_camera
 from raytwin.errors import InputError
 from raytwin.images.photo_files import list_photos, to_bytes
 from raytwin.photos.boards.board import PAPER
-from raytwin.photos.lighting import light_models, mirror_ball, mirror_map, stand_shadow
+from raytwin.photos.lighting import light_models, mirror_ball, stand_shadow
 from raytwin.photos.lighting.light_models import light_of
 from raytwin.photos.lighting.linear_photo import LinearPhoto, read_linear
 from raytwin.photos.synthetic_photos import photograph
@@ -106,7 +106,7 @@ def test_a_mirrored_map_is_found_the_right_way_round_and_weighs_by_solid_angle()
     around, reflectance = a_map(), np.array([0.9, 0.8, 0.7])
     light = environment_map(around)
     photo = of_ball(lambda _, out: np.stack(light.radiance(tuple(out.T)), axis=1) * reflectance)
-    found, lamps = mirror_map.mirrored_maps(photo, ball_of(), reflectance, None)
+    found, lamps = mirror_ball.mirrored_maps(photo, ball_of(), reflectance, None)
     assert not lamps.any()
     d = texel_directions(16, 32).reshape(-1, 3)
     shown = d @ (CENTER - CAMERA.eye) / np.linalg.norm(CENTER - CAMERA.eye) < 0.8  # the ball hides what is behind it
@@ -134,7 +134,7 @@ def test_a_small_clipped_light_is_the_sun_a_large_one_is_not_and_a_lamp_beside_i
         photo = of_ball(shade)
         spot = mirror_ball.sun_spot(photo, ball_of())
         assert (spot is not None) == is_sun
-        assert mirror_map.mirrored_maps(photo, ball_of(), np.ones(3), spot)[1].any() != is_sun
+        assert mirror_ball.mirrored_maps(photo, ball_of(), np.ones(3), spot)[1].any() != is_sun
         assert not spot or np.degrees(np.arccos(spot.to_light @ SUN)) < 0.35
 
 
@@ -163,8 +163,8 @@ def test_a_long_clipped_patch_is_a_lamp_that_makes_up_the_papers_light():
     photo, paper = of_ball(shade), np.full(3, 0.9)
     spot = mirror_ball.sun_spot(photo, ball_of())
     assert spot is None
-    maps = mirror_map.mirrored_maps(photo, ball_of(), np.ones(3), None)
-    light = light_of(paper, mirror_map.MirrorBall(ball_of(), np.ones(3), spot, *maps))
+    maps = mirror_ball.mirrored_maps(photo, ball_of(), np.ones(3), None)
+    light = light_of(paper, mirror_ball.MirrorBall(ball_of(), np.ones(3), spot, *maps))
     assert light.to_light is None
     assert light_models.simplest(light)[0] is light
     assert light_models.upward(light.around) == pytest.approx(paper / PAPER, rel=1e-3)

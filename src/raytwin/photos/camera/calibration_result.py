@@ -1,11 +1,17 @@
-"""The result of a calibration: the camera with its uncertainty, the views, warnings, and the evidence behind it."""
+"""The result of a calibration: the camera with its uncertainty, the views, warnings, and the evidence behind it.
 
+camera.toml holds the camera, and as `[board]` the board that it was found with, if that is bent: taken for flat, a
+sheet bent by 2 mm moves what is drawn on it by pixels.
+"""
+
+import os
 from typing import Any
 
 import msgspec
 
-from raytwin.photos.boards import Board, Offsets
-from raytwin.scene import Matrix, Record, Vector
+from raytwin.photos.boards import Board, Offsets, parse_board
+from raytwin.scene import Camera, Matrix, Record, Vector
+from raytwin.scene.toml_json import plain, read_toml, write_toml
 
 
 class View(Record, frozen=True):
@@ -71,8 +77,8 @@ class Calibration(Record, frozen=True):
     def to_dict(self) -> dict[str, Any]:
         """What the JSON holds; `boards` is a list of one."""
         fields = {k: v for k, v in msgspec.structs.asdict(self).items() if k not in ("evidence", "board")}
-        plain: dict[str, Any] = msgspec.to_builtins(fields | {"boards": [self.board]})
-        return plain
+        built: dict[str, Any] = msgspec.to_builtins(fields | {"boards": [self.board]})
+        return built
 
     def table(self) -> list[dict[str, Any]]:
         """A row per photo, for `pandas.DataFrame`."""
@@ -86,3 +92,17 @@ class Calibration(Record, frozen=True):
         """The board with the shape that was found for it; another board is returned as it is."""
         found = self.evidence.board
         return found if found is not None and found.flat() == board.flat() else board
+
+
+def write_camera_file(path: str | os.PathLike, camera: Camera, board: Board, comment: str = "") -> None:
+    """Write the camera, and the board if it is bent."""
+    bent = {"board": plain(board)} if board.offsets is not None else {}
+    write_toml(path, plain(camera) | bent, comment)
+
+
+def with_shape(board: Board, path: str | os.PathLike) -> Board:
+    """Return the board as bent as the camera.toml `path` has it; unchanged where that has none, or another board."""
+    if (table := read_toml(path).get("board")) is None:
+        return board
+    stored = parse_board(table, path, "board")
+    return stored if stored.flat() == board.flat() else board

@@ -43,11 +43,10 @@ _idle = defaultdict[str, list[_Detector]](list)
 """By family, the detectors that no thread uses; there are as many as were ever in use at once."""
 
 
-def detect(pixels: np.ndarray, family: str = "tag36h11", reductions: Sequence[float] | None = None) -> list[Tag]:
+def detect(pixels: np.ndarray, family: str = "tag36h11") -> list[Tag]:
     """The tags in a photo, sRGB uint8 (H, W, 3) or grey (H, W), by id.
 
     Dropped are ids seen twice, tags that need more than one corrected bit, and tags whose white ring the frame cuts.
-    `reductions`: the scales to search at, by turns (by default REDUCTIONS for large photos, else full scale).
     """
     grey = pixels if pixels.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(pixels), cv2.COLOR_RGB2GRAY)
     grey, size = np.ascontiguousarray(grey), np.array(grey.shape[::-1])
@@ -56,7 +55,7 @@ def detect(pixels: np.ndarray, family: str = "tag36h11", reductions: Sequence[fl
     except IndexError:
         # One thread each: a second one gains nothing within a photo, but a second photo at once gains all.
         detector = _Detector(family, nthreads=1)
-    for reduction in reductions or (REDUCTIONS if size.max() > SEARCH_SIDE else (1.0,)):
+    for reduction in REDUCTIONS if size.max() > SEARCH_SIDE else REDUCTIONS[-1:]:
         detector.tag_detector_ptr.contents.quad_decimate = reduction
         found = [d for d in detector.detect(grey) if d.hamming <= 1]
         if found and min(_edges(d.corners).min() for d in found) >= SMALLEST_SEARCHED * reduction:

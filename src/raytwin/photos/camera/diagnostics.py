@@ -3,7 +3,7 @@
 Every warning's code is stable: tools may test for it. docs/photos.md lists what each says.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.spatial.distance import pdist
@@ -32,11 +32,6 @@ degrees 0.04, a pitch that is 3 % wrong in one direction 0.022.)"""
 ODD_RMS, ODD_PX, LEAST_FOR_ODD = 2.5, 0.2, 5
 """A photo is odd if its rms in the camera of the others is this many times the median, and this many pixels; of fewer
 photos, none is. (Sound sets: at most 2.4 times.)"""
-
-BETTER_WITHOUT, FAR_RMS = 0.97, 10.0
-"""A photo is odd only if the camera without it sees the others with less than this share of their error; with less at
-all, if its own is FAR_RMS times the median. The only near or slanted view disagrees with the rest because it carries
-the information."""
 
 
 def coverage(made: Calibration) -> float:
@@ -81,7 +76,8 @@ def warnings_for(
             f"the board is seen from behind in {behind} of {len(views)} views: its description is mirrored ({advice})"
         )
         said.append(("mirrored-board", text))
-    said += [("odd-photo", text) for text in odd_photo(found, [*views])]
+    if odd := odd_photo(found, [*views]):
+        said.append(("odd-photo", odd))
     inverse = undone(made.K, made.dist, made.image_size)
     if inverse.fault:
         lost = 100 * float((~inverse.found).mean())
@@ -118,18 +114,13 @@ def degenerate(made: Calibration, found: Fit) -> list[str]:
     return [text for text, doubtful in doubts.items() if doubtful]
 
 
-def odd_photo(found: Fit, names: Sequence[str]) -> Iterator[str]:
-    """The photo most at odds with the rest, if any is; there may be more, which show once it is left out."""
+def odd_photo(found: Fit, names: Sequence[str]) -> str:
+    """What is said of the photo most at odds with the rest, if any is; others show once it is left out."""
     _, errors = found.leave_one_out()
-    usual = float(np.median(errors))
-    odd = [i for i in np.argsort(-errors).tolist() if errors[i] > max(ODD_PX, ODD_RMS * usual)]
-    for i in odd if len(names) >= LEAST_FOR_ODD else ():
-        others = [other for other in range(len(names)) if other != i]
-        # A geometric mean: another odd photo counts no more than a sound one.
-        share = np.exp(np.mean([np.log(found.error_px(o, found.without([i, o])) / errors[o]) for o in others]))
-        if share <= (1.0 if errors[i] > FAR_RMS * usual else BETTER_WITHOUT):
-            times = f"{errors[i]:.3f} px is {errors[i] / usual:.1f} times the median photo's"
-            blame = "(another camera, zoom or orientation, or blur)"
-            advice = "leave it out, or take more like it if none is so steep"
-            yield f"{names[i]}: its rms in the camera of the others of {times} {blame}: {advice}"
-            return
+    odd, usual = int(errors.argmax()), float(np.median(errors))
+    if len(names) < LEAST_FOR_ODD or errors[odd] <= max(ODD_PX, ODD_RMS * usual):
+        return ""
+    times = f"{errors[odd]:.3f} px is {errors[odd] / usual:.1f} times the median photo's"
+    blame = "(another camera, zoom or orientation, or blur)"
+    advice = "leave it out, or take more like it if none is so near or so steep"
+    return f"{names[odd]}: its rms in the camera of the others of {times} {blame}: {advice}"

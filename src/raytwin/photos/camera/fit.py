@@ -9,7 +9,7 @@ residuals r is
 
     A' = A - B B⁺ A,  r' = r - B B⁺ r,  H = Σ A'^T A' + prior,  g = Σ A'^T r' + prior shared.
 
-The fit, its covariance and the fit without some of the photos are sums of these. A pose moves by a turn
+The fit, its covariance and the fit without one of the photos are sums of these. A pose moves by a turn
 omega and a shift tau of the camera's frame: p' = p + omega x p + tau.
 """
 
@@ -152,20 +152,12 @@ class Fit:
         t = (turn @ self.t[..., None])[..., 0] + poses[:, 3:]
         return _at(self.form, self.observations, self.shared + by, turn @ self.R, t)
 
-    def without(self, photos: Sequence[int]) -> np.ndarray:
-        """(m,): how the shared numbers move without these photos."""
-        A = self.A[photos].reshape(-1, len(self.shared))
-        return solve_scaled(self.total - A.T @ A, A.T @ self.r[photos].ravel())
-
-    def error_px(self, photo: int, move: np.ndarray) -> float:
-        """The rms distance of a photo's tags, pixels, with the shared numbers moved by (m,); its pose follows."""
-        off = self.r[photo] + self.A[photo] @ move
-        return float(np.sqrt((off**2).sum() / self.observations.seen[photo].sum()))
-
     def leave_one_out(self) -> tuple[np.ndarray, np.ndarray]:
-        """By photo: how the shared numbers move without it (n, m), and its `error_px` then (n,)."""
-        moves = [self.without([i]) for i in range(len(self.R))]
-        return np.array(moves), np.array([self.error_px(i, move) for i, move in enumerate(moves)])
+        """By photo: how the shared numbers move without it (n, m), and its rms distance then (n,), pixels, with the
+        pose that fits best."""
+        moves = np.array([solve_scaled(self.total - A.T @ A, A.T @ r) for A, r in zip(self.A, self.r, strict=True)])
+        off = self.r + (self.A @ moves[..., None])[..., 0]
+        return moves, np.sqrt((off**2).sum(axis=1) / self.observations.seen.sum(axis=1))
 
 
 def fit(views: Views, image_size: tuple[int, int], board: Board, form: ModelSpec, start: Fit | None = None) -> Fit:

@@ -8,7 +8,6 @@ import numpy as np
 
 from raytwin.photos.boards import Board
 from raytwin.photos.camera.fit import LENS, MODELS, Fit, ModelSpec, Views, fit
-from raytwin.scene.lens import undone
 
 RELATIVE_SLACK, SLACK_PX = 1.01, 0.002
 """As good as the best: within 1 % of its held-out error, or within this many pixels."""
@@ -41,9 +40,7 @@ def select_model(
     richest = _as_good(errors)[0]
     for lens in lenses[1:]:
         attempt(ModelSpec(lens, richest.bent), fits[richest])
-    good = _as_good({form: error for form, error in errors.items() if form.bent == richest.bent})[::-1]
-    # A lens that folds back inside the frame is the last choice.
-    best = next((form for form in good if not undone(fits[form].K, fits[form].dist, image_size).fault), good[0])
+    best = _as_good({form: error for form, error in errors.items() if form.bent == richest.bent})[-1]
     gap = (fits[richest].shared - fits[best].shared)[:LENS]
     counts = errors[richest] <= EQUALLY_GOOD * min(errors.values())
     return fits[best], {str(form): error for form, error in errors.items()}, gap * counts

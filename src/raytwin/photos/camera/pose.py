@@ -3,7 +3,9 @@
 import contextlib
 import itertools
 import math
+import os
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -12,10 +14,11 @@ from scipy.spatial.distance import pdist
 from scipy.special import fdtrc
 
 from raytwin.errors import InputError
+from raytwin.images.photo_files import photo_size
 from raytwin.photos.boards.board import Board, in_one_line
 from raytwin.photos.camera import lens_model
 from raytwin.photos.camera.bias import unbiased
-from raytwin.photos.camera.detection import Tag
+from raytwin.photos.camera.detection import Tag, detect_photo
 from raytwin.photos.camera.fit import matched
 from raytwin.scene import Camera, Matrix, Record, Vector
 
@@ -96,6 +99,17 @@ def pose_of_tags(K, dist: Sequence[float], tags: Sequence[Tag], board: Board, ph
         error = distances(straight, board, pose.R_cam_board, pose.t_cam_board, K, dist)
         inside = error <= outlier_limit(error)
     return pose
+
+
+def place_camera(photo: str | os.PathLike, lens: Camera, board: Board) -> tuple[Camera, Pose]:
+    """The camera where it took the photo's file, and its pose. Raises InputError for a photo of another size."""
+    if (size := photo_size(photo)) != lens.image_size:
+        turned = ": the same, turned by a quarter" if size[::-1] == lens.image_size else ""
+        got = f"{size[0]} x {size[1]}{turned}"
+        raise InputError(photo, f"{lens.width} x {lens.height} pixels, as the camera's", got)
+    tags = detect_photo(photo, board.family)
+    pose = pose_of_tags(lens.K, lens.dist, tags, board, Path(photo).name)
+    return camera_at(lens, pose), pose
 
 
 def camera_at(calibration, pose) -> Camera:

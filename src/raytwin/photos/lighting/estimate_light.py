@@ -1,24 +1,22 @@
 """A photo of a board with a mirror ball or an upright beside it -> the light that it was taken in."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from raytwin.errors import InputError
-from raytwin.images.photo_files import photo_size
 from raytwin.photos import boards
 from raytwin.photos.augment import augment, printed
 from raytwin.photos.boards.board import draw_board
-from raytwin.photos.camera import detect_photo, pose_of_tags, with_shape
+from raytwin.photos.camera import place_camera, with_shape
 from raytwin.photos.lighting.light_models import Light, light_of, simplest
 from raytwin.photos.lighting.linear_photo import LinearPhoto, read_linear
-from raytwin.photos.lighting.mirror_map import MirrorBall, find_mirror
+from raytwin.photos.lighting.mirror_ball import MirrorBall, find_mirror
 from raytwin.photos.lighting.stand_shadow import Shadow, find_shadow
 from raytwin.photos.synthetic_photos import sheet_of
-from raytwin.scene import Camera, Scene, Sphere, Sun
+from raytwin.scene import Scene, Sphere, Sun
 from raytwin.scene.scene import NO_SUN
 from raytwin.scene.scene_files import read_camera
 
@@ -44,7 +42,6 @@ class LightEstimate:
     by: Shadow | MirrorBall | None = None
     light: Light | None = None
     off_by_constant: float = 0.0
-    warnings: list[str] = field(default_factory=list)
     drawn: np.ndarray | None = None
     refusal: str = ""
 
@@ -63,7 +60,7 @@ class LightEstimate:
             "map_rows": 0 if light.around is None else len(light.around), "paper": self.photo.paper_colour,
             "taken": light.name, "constant_sky_off": self.off_by_constant if mirror else None,
             "balls": [{"kind": "mirror", **vars(mirror.ball), "reflectance": mirror.reflectance}] if mirror else [],
-            "warnings": self.warnings,
+            "warnings": [*self.photo.warnings],
         }  # fmt: skip
 
 
@@ -83,8 +80,13 @@ def estimate_light(
     Raises InputError where this is no photo of the board by the camera, LightRefused where it does not show its light.
     """
     definition = with_shape(boards.read_board(board), camera)
-    linear = read_linear(photo, _placed(photo, read_camera(camera), definition), definition)
-    start = LightEstimate(linear, definition, ball, stand, warnings=[*linear.warnings])
+    here, pose = place_camera(photo, read_camera(camera), definition)
+    if pose.rms_px > MAX_POSE_PX * max(1.0, here.width / 2000):
+        raise InputError(
+            photo, "a photo by the camera of --camera", f"tags {pose.rms_px:.1f} px off where it sees them"
+        )
+    linear = read_linear(photo, here, definition)
+    start = LightEstimate(linear, definition, ball, stand)
     try:
         return _estimated(start)
     except InputError as error:
@@ -94,19 +96,17 @@ def estimate_light(
 
 
 def _estimated(start: LightEstimate) -> LightEstimate:
-    photo, board, said = start.photo, start.board, list(start.warnings)
+    photo, board = start.photo, start.board
     by: Shadow | MirrorBall
     if start.ball is not None:
         by = find_mirror(photo, board, np.array(start.ball[:3]), start.ball[3])
-        if start.stand is not None:
-            said.append("--stand was not used, because a mirror ball shows more of the light")
     elif start.stand is not None:
         by = find_shadow(photo, board, start.stand)
     else:
         wanted = "--ball x,y,z,r (a mirror ball) or --stand x,y,h (an upright), in metres or as 60mm"
         raise InputError("light", wanted, "neither")
     light, off = simplest(light_of(photo.paper_colour, by))
-    found = replace(start, by=by, light=light, off_by_constant=off, warnings=said)
+    found = replace(start, by=by, light=light, off_by_constant=off)
     return replace(found, drawn=_drawn(found, light))
 
 
@@ -119,15 +119,3 @@ def _drawn(found: LightEstimate, light: Light) -> np.ndarray:
     sun = Sun(tuple(light.to_light.tolist()), tuple(light.E.tolist())) if light.to_light is not None else NO_SUN
     scene = printed(Scene("light", photo.camera, (ball,), (sheet,), sun, light.sky), found.board)
     return augment(photo.pixels, scene, exposure=photo.value_of_one(found.photo.paper_colour)).pixels
-
-
-def _placed(path: Path, lens: Camera, definition: boards.Board) -> Camera:
-    """Return the camera at the pose from which it took the photo."""
-    size = photo_size(path)
-    if size != lens.image_size:
-        raise InputError(path, f"{lens.width} x {lens.height} pixels, as the camera's", f"{size[0]} x {size[1]}")
-    tags = detect_photo(path, definition.family)
-    pose = pose_of_tags(lens.K, lens.dist, tags, definition, path.name)
-    if pose.rms_px > MAX_POSE_PX * max(1.0, lens.width / 2000):
-        raise InputError(path, "a photo by the camera of --camera", f"tags {pose.rms_px:.1f} px off where it sees them")
-    return msgspec.structs.replace(lens, R_cam_board=pose.R_cam_board, t_cam_board=pose.t_cam_board)

@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from raytwin.photos.boards.board import PAPER
-from raytwin.photos.lighting.mirror_ball import SunSpot
-from raytwin.photos.lighting.mirror_map import MirrorBall
+from raytwin.photos.lighting.mirror_ball import MirrorBall, SunSpot
 from raytwin.photos.lighting.stand_shadow import SKY_SHARE_SD, Shadow
 from raytwin.scene import Environment, Sky
 from raytwin.tracer.lights.envmap_tables import REC_709, texel_directions
