@@ -8,8 +8,7 @@ import pytest
 from measure.noise_models import exact, picture, render, untold
 
 from raytwin.compare import compare
-from raytwin.compare.noise import Residual
-from raytwin.compare.untold import dense, unexplained
+from raytwin.compare.noise import Residual, dense, unexplained
 from raytwin.errors import InputError
 from raytwin.images.image import Image
 

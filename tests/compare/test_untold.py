@@ -3,18 +3,16 @@
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from measure.noise_models import FILTERS, exact, filtered, picture, render, untold
+from measure.noise_models import exact, picture, render, untold
 from measure.untold_patterns import PATTERNS, wrong
 
 from raytwin.compare import compare
-from raytwin.compare.noise import correlation, residual
-from raytwin.compare.untold import MIN_REFERENCE_SHARE, borne_out
+from raytwin.compare.noise import MIN_REFERENCE_SHARE, borne_out, residual
 from raytwin.images.image import Image
 
 TRUTH = picture(48, 64)
 NOISY = render(np.random.default_rng(1), TRUTH, samples=4096)
 REFERENCES = {"exact": exact(TRUTH), "a file": untold(exact(TRUTH)), "a render": NOISY}
-Y, X = np.mgrid[: TRUTH.shape[0], : TRUTH.shape[1]]
 
 
 def said(comparison, words):
@@ -92,38 +90,6 @@ def test_the_references_own_noise_is_read_off_its_covariance_with_the_difference
         ("noise in one half", test, half, False),
     ):
         assert borne_out(a, b, residual(a, b), 1e-5) == known, what
-
-
-# ------------------------------------------------------------------------------------------ errors that repeat
-
-
-def patterned(a, b):
-    return correlation(a, b, residual(a, b).square).patterned
-
-
-def test_no_variance_excuses_errors_that_repeat_along_rows_or_columns():
-    """Twice the light in half of the pixels, and none in the others, beside a variance that allows it."""
-    for factor in (X % 2, Y % 2, (X + Y) % 2, (X + Y) // 2 % 2, (X - Y) // 2 % 2, X // 4 % 2, (X // 3 + Y // 3) % 2):
-        test = spoilt(2.0 * factor).mean
-        made = compare(Image(test, np.square(TRUTH).astype(np.float32), 16), exact(TRUTH), detectable_bias=10)
-        assert made.verdict == "fail", factor[:3, :9]
-    assert said(made, "the errors repeat from place to place")
-
-
-def test_neither_independent_noise_nor_that_of_filters_nor_a_few_errors_repeat():
-    rng = np.random.default_rng(10)
-    for name in FILTERS:
-        assert not patterned(*(filtered(rng, TRUTH, name, samples=4, batches=2).mean for _ in range(2))), name
-    draws = (
-        lambda size: rng.exponential(1, size),
-        lambda size: 50.0 * (rng.random(size) < 0.02),
-        lambda size: rng.lognormal(0, 1.5, size),
-        lambda size: rng.normal(1, 0.01, size) + 75 * (rng.random(size) < 3 / 768),
-    )
-    for size in ((18, 18), (24, 32), (48, 64)):
-        for draw in draws * 5:
-            test = np.broadcast_to(draw((*size, 1)), (*size, 3)).astype(np.float32)
-            assert not patterned(test, np.full((*size, 3), test.mean(), np.float32)), size
 
 
 def test_unreported_noise_of_few_samples_is_undecided_and_what_it_does_not_explain_fails():

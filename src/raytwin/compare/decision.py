@@ -38,10 +38,9 @@ from raytwin.compare.exact import Bound, NoiseFree, count_noise_free
 from raytwin.compare.finding import MOST_PLACES, Place, blocks_of
 from raytwin.compare.noise import (
     TINY,
-    Correlation,
     block_means,
-    correlation,
     degrees_of_freedom,
+    inflation,
     larger_variance,
     variance_ratio,
 )
@@ -117,7 +116,8 @@ class Family(NamedTuple):
 class Decision(NamedTuple):
     """What the three tests of radiance found, and the values without noise; `failed_pixels` hold a failed value.
 
-    `lacking`: shares of the light that the test, and the reference, may lack, since no sample met a rare event.
+    `inflation`: of means' variance, by what neighbours share. `lacking`: shares of the light that the test, and
+    the reference, may lack, since no sample met a rare event.
     """
 
     value: Family
@@ -125,7 +125,7 @@ class Decision(NamedTuple):
     image: Family
     noise_free: NoiseFree
     failed_pixels: int
-    shared: Correlation
+    inflation: float
     lacking: tuple[float, float]
 
     @property
@@ -165,8 +165,8 @@ def decide(
     values, failed_pixels = Family(Worst(), sidak(known.share, test.mean.size), 0, test.mean.size), 0
     if by_value:
         values, failed_pixels = _values(values, each, sums, spread, known)
-    shared = correlation(test.mean, reference.mean, (sums.variances.sum(axis=0) / sums.pixels).astype(np.float32))
-    tile, image = (family(sums, known, shared.inflation) for family in (_tiles, _image))
+    shared = inflation(test.mean, reference.mean, (sums.variances.sum(axis=0) / sums.pixels).astype(np.float32))
+    tile, image = (family(sums, known, shared) for family in (_tiles, _image))
     lacking = _lacking(test, reference, known.share, look)
     return Decision(values, tile, image, noise_free, failed_pixels, shared, lacking)
 
@@ -495,27 +495,17 @@ def _tiles(sums: Sums, known: Known, shared: float) -> Family:
             )
             worst = Worst(z, p_value, *place(y, x), c, error, radiance)
         if k == min(1, len(scales) - 1):
-            detectable = _seen_somewhere(tested, level)
+            detectable = _seen_almost_anywhere(tested, level)
     return Family(worst, level, failed, tests, detectable, found)
 
 
-def _seen_somewhere(tested: Deviations, level: float) -> float:
-    """Return the relative error of the mean of a random tile that is found with probability POWER."""
-    from scipy.optimize import brentq
-    from scipy.special import ndtr
+def _seen_almost_anywhere(tested: Deviations, level: float) -> float:
+    """Return the relative error of a tile that, at a share POWER of the places, is found with probability POWER."""
+    from scipy.special import ndtri
 
     lit = tested.radiance > 0
-    if not lit.any():
-        return math.nan
-    some = Deviations(*(x[lit][:: max(1, int(lit.sum()) // 3000)] for x in tested))
-    least = some.least(level)
-
-    def lacks(log_bias: float) -> float:
-        beyond = (math.exp(log_bias) * some.radiance - some.granted) / some.sd - least
-        return POWER - float(ndtr(np.nan_to_num(beyond, nan=-np.inf)).mean())
-
-    low, high = math.log(1e-9), math.log(1e9)
-    return math.inf if lacks(high) > 0 else math.exp(brentq(lacks, low, high, xtol=1e-3))
+    found = (tested.granted + tested.sd * (tested.least(level) + ndtri(POWER)))[lit] / tested.radiance[lit]
+    return float(np.quantile(found, POWER)) if found.size else math.nan
 
 
 # ------------------------------------------------------------------------------------------------ the image

@@ -1,4 +1,14 @@
-"""What the noise of two images is: each one's own variance, what t - r shows of it, and what neighbours share."""
+"""What the noise of two images is: each one's own variance, what t - r shows of it, and what neighbours share.
+
+Noise that nobody states is estimated from the scatter within blocks of 8 x 8 pixels if the reference scatters too:
+
+    dense       Does t - r scatter in most values of a block, wherever it scatters? A wrong edge or pixel does not.
+    borne_out   Does the reference scatter, too? With t = s + n_t and r = s + n_r, the covariance of t - r with r is
+                -var(n_r), whatever s shows. An image without noise has none, so that wrong pixels beside it are never
+                excused; one with noise bears out at most 1 / MIN_REFERENCE_SHARE times its own variance.
+
+What is dense may fail an image by the means of its tiles; only what is borne out may pass one.
+"""
 
 import math
 from typing import NamedTuple
@@ -102,7 +112,7 @@ def capped(variance: Pixels, shown: Residual) -> Pixels:
 
 ALIKE, MOST_FEW_SAMPLES = (0.5, 1.5), 16
 """The median block's share of what so many samples scatter: 0.67 to 1.06 in correct renders of 1 to 16 samples, at most
-0.35 or at least 1.6 in most wrong images. Samples per pixel up to which noise is too sparse for `untold.dense`."""
+0.35 or at least 1.6 in most wrong images. Samples per pixel up to which noise is too sparse for `dense`."""
 
 
 def equivalent_samples(reference: Image, shown: Residual) -> float | None:
@@ -129,6 +139,83 @@ def few_samples(n: float | None) -> int:
     return max(1, round(n)) if n is not None and ALIKE[0] <= n <= MOST_FEW_SAMPLES else 0
 
 
+# ------------------------------------------------------------------------------------------- noise that nobody states
+
+MIN_CARRYING = 1 / 6
+"""Least effective share of a block's values that carry its scatter, if it is noise; Gaussian noise has a third."""
+
+MIN_CARRYING_ONE_SAMPLE = 1 / 24
+"""The same for noise of one sample per pixel: the exponential's has a sixth, and blocks differ widely."""
+
+MIN_DENSE_BLOCKS = 0.8
+"""Least share of the scattering blocks that is dense, if the scatter is to count as unreported noise."""
+
+MIN_REFERENCE_SHARE = 1 / 16
+"""Least share of the scatter's variance that the reference's noise must explain, so that the scatter is at most 4 of
+its standard deviations."""
+
+REGION_BLOCKS = 4
+"""Blocks of 8 x 8 pixels on the side of the region whose median block is asked."""
+
+MIN_REGIONS = 0.95
+"""The share of the regions that must bear the scatter out; edges and texture make a few of them doubtful."""
+
+UNEXPLAINED = "the images differ from pixel to pixel by more than the reference's own noise explains"
+
+GIVE = "give a variance (variance=, --variance-a), the samples per pixel (--samples-a) or several renders"
+
+ESTIMATED = "noise was estimated from the difference within 8 x 8 pixels, where single wrong pixels go unnoticed"
+
+
+def dense(shown: Residual, known: Float[np.ndarray, "*blocks 3"], least: float) -> bool:
+    """Whether scatter above the `known` variance is spread over most values of the blocks that have it.
+
+    Where most of the picture scatters, the scatter is not an edge, and may have the tails of few samples.
+    `least`: a standard deviation below it is no scatter.
+    """
+    scatters = (shown.square > 1.5 * known + least**2) & (shown.pixels >= 16)
+    carried = shown.carrying >= (MIN_CARRYING if scatters.mean() < 0.5 else MIN_CARRYING_ONE_SAMPLE) * shown.pixels
+    return bool(scatters.any()) and float(carried[scatters].mean()) >= MIN_DENSE_BLOCKS
+
+
+def unexplained(shown: Residual, known: Float[np.ndarray, "*blocks 3"]) -> bool:
+    """Whether most blocks scatter clearly more than the `known` variance: by 20 %."""
+    known = np.broadcast_to(known, shown.square.shape)
+    noisy = known > 0
+    return bool(noisy.any()) and float(np.median(shown.square[noisy] / known[noisy])) > 1.2
+
+
+def borne_out(test: Pixels, reference: Pixels, shown: Residual, least: float) -> bool:
+    """Whether the reference's noise explains its share of the scatter in almost all regions that scatter."""
+    scatter = shown.square.sum(axis=-1)
+    scatters = (shown.square > least**2).any(axis=-1) & (shown.pixels[..., 0] >= 16)
+    share = np.divide(_own_noise(test, reference), scatter, out=np.zeros_like(scatter), where=scatters)
+    medians = []
+    for y in range(0, share.shape[0], REGION_BLOCKS):
+        for x in range(0, share.shape[1], REGION_BLOCKS):
+            region = np.s_[y : y + REGION_BLOCKS, x : x + REGION_BLOCKS]
+            if np.count_nonzero(scatters[region]) > 1:
+                medians.append(np.median(share[region][scatters[region]]))
+    return bool(medians) and float(np.mean(np.array(medians) >= MIN_REFERENCE_SHARE)) >= MIN_REGIONS
+
+
+def _own_noise(test: Pixels, reference: Pixels) -> Float64[np.ndarray, "by bx"]:
+    """The reference's variance, summed over channels: minus the covariance of t - r with r within 2 x 2 pixels."""
+    r = np.asarray(reference, np.float32)
+    error = _within_cells(np.subtract(test, r, dtype=np.float32))
+    product = np.zeros((*r.shape[:2], 1), np.float32)
+    product[: len(error), : error.shape[1]] = -(error * _within_cells(r)).sum(axis=-1, keepdims=True)
+    # Three of the four differences from a cell's mean are free.
+    return np.asarray((block_sums(product) / (0.75 * block_counts(product.shape)))[..., 0])
+
+
+def _within_cells(x: Float[np.ndarray, "h w c"]) -> Float[np.ndarray, "he we c"]:
+    """`x` less the mean of its cell of 2 x 2 pixels; an odd row or column is left out."""
+    h, w = x.shape[0] // 2, x.shape[1] // 2
+    cells = x[: 2 * h, : 2 * w].reshape(h, 2, w, 2, x.shape[2])
+    return np.asarray((cells - cells.mean(axis=(1, 3), keepdims=True)).reshape(2 * h, 2 * w, x.shape[2]))
+
+
 # ------------------------------------------------------------------------------------------- what neighbours share
 
 LAGS, FAR_LAGS = 5, (7, 8, 9)
@@ -137,29 +224,19 @@ LAGS, FAR_LAGS = 5, (7, 8, 9)
 CHANCE = 3.1
 """Times 1 / sqrt(values): correlations below are chance. A median scatters 1.25 times as much as a mean."""
 
-OPPOSITE = -0.3
-"""A correlation of neighbours' errors below this is no renderer's noise, but a pattern, such as stripes."""
-
 PIXELS_CORRELATED = 200_000
 """Most pixels that are correlated, from the image's middle rows."""
 
 
-class Correlation(NamedTuple):
-    """How many times the variance of independent pixels a mean over many has, and whether errors form a pattern."""
-
-    inflation: float
-    patterned: bool
-
-
-def correlation(test: Pixels, reference: Pixels, variance: Blocks) -> Correlation:
-    """How alike the errors of neighbouring pixels are; `variance`: the blocks' (by, bx, 3), of t - r.
+def inflation(test: Pixels, reference: Pixels, variance: Blocks) -> float:
+    """How many times the variance of independent pixels a mean over many has; `variance`: the blocks', of t - r.
 
     A reconstruction filter wider than the pixel gives neighbours the same samples: the variance of a mean is
     1 + Σ ρ(lag) times that of independent pixels. ρ is read off the variogram of e = (t - r) / sd,
     γ(h) = <(e(x) - e(x + h))²> / <e(x)² + e(x + h)²> = 1 - ρ(h), in which whatever is alike over some pixels (a wrong
     brightness) cancels, and so does noise that is less towards the image's edges. Filters are separable: rows and
     columns are measured apart, and ρ is the smaller of two estimates: the sum over all lines, which a wrong corner can
-    dominate, and the median of the lines, which lines that hardly scatter can dominate. A negative ρ shows a pattern.
+    dominate, and the median of the lines, which lines that hardly scatter can dominate.
     """
     height, width = test.shape[:2]
     rows = min(height, max(SIDE, PIXELS_CORRELATED // width // SIDE * SIDE))
@@ -173,14 +250,13 @@ def correlation(test: Pixels, reference: Pixels, variance: Blocks) -> Correlatio
     total, fourth = float(square.sum(dtype=float)), float(np.vdot(square, square))
     # Of Gaussian noise a third of its values' number, since channels share their samples; of noise in places, less.
     values = total * total / fourth if fourth > 0 else 1.0
-    down, across = _along(error, values), _along(error.swapaxes(0, 1), values)
-    return Correlation(down.inflation * across.inflation, down.patterned or across.patterned)
+    return _along(error, values) * _along(error.swapaxes(0, 1), values)
 
 
-def _along(error: Float32[np.ndarray, "n lines 3"], values: float) -> Correlation:
+def _along(error: Float32[np.ndarray, "n lines 3"], values: float) -> float:
     """1 + 2 Σ ρ(h) along the first axis, up to the first lag at which it is no more than chance."""
     if len(error) < 2 * FAR_LAGS[-1]:
-        return Correlation(1.0, False)
+        return 1.0
     square = np.einsum("ijk,ijk->ij", error, error)
 
     def gamma(h: int) -> Float[np.ndarray, " lines_and_all"]:
@@ -191,17 +267,15 @@ def _along(error: Float32[np.ndarray, "n lines 3"], values: float) -> Correlatio
 
     far = np.asarray(sum(gamma(h) for h in FAR_LAGS) / len(FAR_LAGS))
     if not far.size or not far[-1] > 0:  # nothing scatters
-        return Correlation(1.0, False)
-    total, chance, adds = 1.0, CHANCE / math.sqrt(values), True
+        return 1.0
+    total, chance = 1.0, CHANCE / math.sqrt(values)
     for h in range(1, LAGS + 1):
         alike = 1 - np.divide(gamma(h), far, out=np.ones_like(far), where=far > 0)
-        median, of_all = float(np.median(alike)), float(alike[-1])
-        # What neighbours share makes correlations scatter more: 1 in 200 renders with clusters of 3 x 3 failed without.
-        if max(median, of_all) < min(OPPOSITE, -2 * chance * total):
-            return Correlation(total, True)
-        adds &= min(median, of_all) >= chance
-        total += 2 * min(median, of_all) * adds
-    return Correlation(total, False)
+        shared = min(float(np.median(alike)), float(alike[-1]))
+        if shared < chance:
+            break
+        total += 2 * shared
+    return total
 
 
 # ------------------------------------------------------------------------------------------------------ two images

@@ -15,18 +15,23 @@ from raytwin.compare.messages import agreement, noise_findings, percent, what_co
 from raytwin.compare.metrics import METRICS, nth_largest
 from raytwin.compare.noise import (
     CAP,
+    ESTIMATED,
+    GIVE,
+    UNEXPLAINED,
     Residual,
     block_means,
+    borne_out,
     capped,
+    dense,
     equivalent_samples,
     estimated,
     few_samples,
     rare_light,
     residual,
+    unexplained,
 )
 from raytwin.compare.shift import Shift, shift_findings
 from raytwin.compare.significance import sidak
-from raytwin.compare.untold import ESTIMATED, GIVE, UNEXPLAINED, borne_out, dense, unexplained
 from raytwin.images.image import Image
 from raytwin.judging import Judging
 
@@ -35,11 +40,6 @@ TINY = np.float32(1e-30)
 SHARED = (
     "undecided: the test errs by no more than the noise it claims, but all its pixels alike: equal random numbers in "
     "every pixel? Seed each pixel apart, or give several renders of other seeds"
-)
-
-PATTERN = (
-    "the errors repeat from place to place, as no noise of independent pixels does, so that the variance that the "
-    "test states excuses nothing"
 )
 
 ENOUGH_SAMPLES_UNSTATED = 4
@@ -201,13 +201,7 @@ class RadianceTest:
             test = replace(test, variance=capped(test.variance, self.shown))
         made = decide(test, reference, self.bound, self.judging.false_alarm_rate, rounding, look=self.look)
         outcome = self._answered(made)
-        if outcome.findings:
-            return outcome._replace(doubts=self._doubts(outcome, test, reference))
-        if test.variance is not None and made.shared.patterned:
-            bare = replace(self, test=replace(test, variance=None, samples=0, batches=None))._by_stated_noise()
-            if bare.findings:
-                return bare._replace(findings=[Finding("tile", PATTERN), *bare.findings])
-        return outcome
+        return outcome._replace(doubts=self._doubts(outcome, test, reference)) if outcome.findings else outcome
 
     def _doubts(self, outcome: Outcome, test: Image, reference: Image) -> tuple[str, ...]:
         """Why the findings prove nothing: rare events, or noise that all pixels of the test share."""
@@ -232,7 +226,7 @@ class RadianceTest:
 
     def _answered(self, made: Decision) -> Outcome:
         findings = self._noise_free_findings(made.noise_free) + noise_findings(made, self.unit)
-        rate, inflation = self.judging.false_alarm_rate, made.shared.inflation
+        rate, inflation = self.judging.false_alarm_rate, made.inflation
         if self.shift is not None:
             findings += shift_findings(self.shift, sidak(rate, TESTS), inflation)
         image, tile = made.image.detectable, made.tile.detectable
