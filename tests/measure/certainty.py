@@ -43,7 +43,7 @@ PIXELS = 0.0048
 """Megapixels of a picture: 80 x 60."""
 LEAST_SHARE = 0.9
 """Share of the runs in which a fixed number of samples must notice the fault."""
-COLOURS = "#0f8b8d", "#e07b00", "#7a3e9d", "#c02f4a", "#3b82c4", "#a16207"
+COLOURS = "#0f8b8d", "#e07b00", "#7a3e9d", "#c02f4a", "#a16207"
 """Of the chart's lines, one per tool that has one."""
 
 Blocks = Sequence[Image]
