@@ -180,7 +180,7 @@ def draw(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         for (tool, line), colour in zip(drawn.items(), COLOURS, strict=True) for x, y in line
     ]  # fmt: skip
     title = f"Samples until the fault is certain ({rows[0][0]}, 80 x 60 pixels)"
-    chart = family_chart("verdict", title, "size of the fault, %", "samples per pixel", points)
+    chart = family_chart("verdict", title, "size of the fault, %", "samples per pixel", points, floor=None)
     write_text(record.DOCS / "images" / "verdict.svg", svg_text(chart))
 
 
