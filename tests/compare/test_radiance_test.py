@@ -5,6 +5,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from measure import noise_models
 from measure.noise_models import exact, picture, render, untold
 
 from raytwin.compare import compare
@@ -24,17 +25,21 @@ def said(comparison, words):
 
 
 def test_a_variance_that_is_claimed_hides_nothing_unless_it_is_four_times_the_noise():
-    """A grey image that errs by as much as it claims is undecided: so would noise that all pixels share."""
+    """Equal random numbers in every pixel fail, too, and the reason names them."""
     a = render(np.random.default_rng(2), TRUTH * 1.3)
     a.variance[10, 20] = 1e8
     c = compare(a, REFERENCE)
     assert c.verdict == "fail"
     assert c.reasons[0].startswith("the whole image is 30 % too bright")
-    for claim, verdict in ((1e-3, "fail"), (1.0, "undecided"), (1e4, "fail"), (1e12, "fail")):
+    for claim in (1e-3, 1.0, 1e4, 1e12):
         for grey in (0.2, 2.0):
             wrong = Image(np.full(TRUTH.shape, grey, np.float32), np.full(TRUTH.shape, claim, np.float32), 16)
-            assert compare(wrong, exact(TRUTH)).verdict == verdict, (claim, grey)
+            assert compare(wrong, exact(TRUTH)).verdict == "fail", (claim, grey)
     rng = np.random.default_rng(3)
+    found = [compare(*noise_models.same_numbers(rng, TRUTH)) for _ in range(10)]
+    failed = [c.reasons[0] for c in found if c.verdict == "fail"]
+    assert failed
+    assert all("unless all pixels share" in reason for reason in failed)
     for _ in range(10):
         a = render(rng, TRUTH)
         assert compare(replace(a, variance=4 * a.variance), REFERENCE).passed

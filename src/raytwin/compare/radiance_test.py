@@ -12,9 +12,8 @@ from raytwin.compare.decision import TESTS, Decision, Rounding, decide, enough_s
 from raytwin.compare.exact import Bound, NoiseFree, count_noise_free
 from raytwin.compare.finding import Finding, Place, notes, plural
 from raytwin.compare.messages import agreement, noise_findings, percent, what_could_be_seen
-from raytwin.compare.metrics import METRICS, nth_largest
+from raytwin.compare.metrics import nth_largest
 from raytwin.compare.noise import (
-    CAP,
     ESTIMATED,
     GIVE,
     UNEXPLAINED,
@@ -36,11 +35,6 @@ from raytwin.images.image import Image
 from raytwin.judging import Judging
 
 TINY = np.float32(1e-30)
-
-SHARED = (
-    "undecided: the test errs by no more than the noise it claims, but all its pixels alike: equal random numbers in "
-    "every pixel? Seed each pixel apart, or give several renders of other seeds"
-)
 
 ENOUGH_SAMPLES_UNSTATED = 4
 """Samples from which on the scatter between neighbouring pixels shows the noise of an image that states no variance."""
@@ -151,10 +145,6 @@ class RadianceTest:
         noise_free = count_noise_free(error, error.size, self.bound, reference, forgiven)
         findings = self._noise_free_findings(noise_free)
         p999 = nth_largest(error.size // 1000, np.asarray, error) * self.unit
-        if findings:
-            relative = METRICS["p999_rel"].function(*(image * np.float32(self.unit) for image in (test, reference)))
-            text = f"99.9 % quantile of the error: {p999:.3g} absolute, {relative:.3g} relative"
-            findings.append(Finding("exact", text))
         allowed = self.judging.bounds.p999_abs * self.bound.scale * self.unit
         statistics = Statistics(pixel_fail_fraction=noise_free.outliers / self.pixels)
         noise_free = noise_free._replace(error=noise_free.error * self.unit)
@@ -204,21 +194,12 @@ class RadianceTest:
         return outcome._replace(doubts=self._doubts(outcome, test, reference)) if outcome.findings else outcome
 
     def _doubts(self, outcome: Outcome, test: Image, reference: Image) -> tuple[str, ...]:
-        """Why the findings prove nothing: rare events, or noise that all pixels of the test share."""
+        """Why the findings prove nothing: most light comes from rare events."""
         kinds = {f.kind for f in outcome.findings}
         share, whose = max((rare_light(test), "the test"), (rare_light(reference), "the reference"))
         if kinds <= {"tile", "value"} and share > MOSTLY_RARE:
             return (FEW_EVENTS_SEEN.format(100 * share, whose),)
-        return (SHARED,) if self._shares_noise() else outcome.doubts
-
-    def _shares_noise(self) -> bool:
-        """Return whether the error is about what the test's variance allows, but nearly equal in all pixels."""
-        claimed = self.test.variance
-        if claimed is None or (block_means(claimed) > CAP * self.shown.square).mean() <= 0.5:
-            return False
-        error = float(np.square(np.subtract(self.test.mean, self.reference.mean, dtype=np.float32)).mean(dtype=float))
-        stated = float(claimed.mean(dtype=float))
-        return stated / 50 < error < 16 * stated and float(np.median(self.shown.square)) < error / 4
+        return outcome.doubts
 
     def _noise_free_findings(self, noise_free: NoiseFree) -> list[Finding]:
         noise_free = noise_free._replace(error=noise_free.error * self.unit)
