@@ -98,7 +98,7 @@ def test_a_claim_is_capped_at_four_times_what_its_neighbourhood_scatters():
 
 def inflation_of(a, b):
     v = sum(noise.block_means(i.variance) for i in (a, b) if i.variance is not None)
-    return noise.inflation(a.mean, b.mean, v.astype(np.float32))
+    return noise.correlation(a.mean, b.mean, v.astype(np.float32)).inflation
 
 
 def test_a_filters_inflation_is_its_own_whatever_the_brightness_the_frame_and_a_wrong_corner():

@@ -188,9 +188,6 @@ EIGHT_BITS = {"8 bits on both sides": (True, True), "8 bits of 1024 samples": (T
 UNSEEN = "bright events in one pixel of ten"
 """A kind that fails: most of those pixels see no event, where others, of which nothing tells them, have none."""
 
-SAME = "the same numbers in every pixel"
-"""A kind that fails: pixels that share their random numbers are a fault."""
-
 KINDS: dict[str, Maker] = {
     "Gaussian against a reference": _USUAL,
     "Gaussian, both alike": pair({"samples": 64}, {"samples": 64}),
@@ -228,5 +225,5 @@ KINDS: dict[str, Maker] = {
     "8 bits of 1024 samples": changed(pair({"samples": 1024}, {"samples": 4096}), quantised),
     "a ten-thousandth of the radiance": changed(_USUAL, lambda i: times(i, 1e-4), lambda i: times(i, 1e-4)),
     "a sun of 1e5": changed(_USUAL, lambda i: times(i, 1e5), lambda i: times(i, 1e5)),
-    SAME: same_numbers,
+    "the same numbers in every pixel": same_numbers,
 }

@@ -17,7 +17,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 from measure import record
-from measure.noise_models import KINDS, SAME, UNSEEN, half_steps, picture
+from measure.noise_models import KINDS, UNSEEN, half_steps, picture
 from measure.other_tools import ON_IMAGES, sees_welch_of_images
 from measure.sequences import interval
 from scene_of import changed
@@ -30,7 +30,7 @@ from raytwin.scene import Scene
 from raytwin.scene.scene_files import read_scene
 
 EXPLAINED = (
-    "rare events against the exact image", UNSEEN, SAME,
+    "rare events against the exact image", UNSEEN, "the same numbers in every pixel",
 )  # fmt: skip
 """Kinds of noise that fail for good reason: events were never seen, in the image or in pixels of their own; and common
 random numbers are a fault."""

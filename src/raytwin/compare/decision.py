@@ -38,9 +38,10 @@ from raytwin.compare.exact import Bound, NoiseFree, count_noise_free
 from raytwin.compare.finding import MOST_PLACES, Place, blocks_of
 from raytwin.compare.noise import (
     TINY,
+    Correlation,
     block_means,
+    correlation,
     degrees_of_freedom,
-    inflation,
     larger_variance,
     variance_ratio,
 )
@@ -116,8 +117,7 @@ class Family(NamedTuple):
 class Decision(NamedTuple):
     """What the three tests of radiance found, and the values without noise; `failed_pixels` hold a failed value.
 
-    `inflation`: of means' variance, by what neighbours share. `lacking`: shares of the light that the test, and
-    the reference, may lack, since no sample met a rare event.
+    `lacking`: shares of the light that the test, and the reference, may lack, since no sample met a rare event.
     """
 
     value: Family
@@ -125,7 +125,7 @@ class Decision(NamedTuple):
     image: Family
     noise_free: NoiseFree
     failed_pixels: int
-    inflation: float
+    shared: Correlation
     lacking: tuple[float, float]
 
     @property
@@ -165,8 +165,8 @@ def decide(
     values, failed_pixels = Family(Worst(), sidak(known.share, test.mean.size), 0, test.mean.size), 0
     if by_value:
         values, failed_pixels = _values(values, each, sums, spread, known)
-    shared = inflation(test.mean, reference.mean, (sums.variances.sum(axis=0) / sums.pixels).astype(np.float32))
-    tile, image = (family(sums, known, shared) for family in (_tiles, _image))
+    shared = correlation(test.mean, reference.mean, (sums.variances.sum(axis=0) / sums.pixels).astype(np.float32))
+    tile, image = (family(sums, known, shared.inflation) for family in (_tiles, _image))
     lacking = _lacking(test, reference, known.share, look)
     return Decision(values, tile, image, noise_free, failed_pixels, shared, lacking)
 

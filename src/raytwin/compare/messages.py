@@ -10,7 +10,7 @@ from raytwin.compare.significance import quantile
 HARDLY_LIT = 1e4
 """Ratio of error to reference above which the reference counts as black: the message states the absolute error."""
 
-COMMON_SHARE = {"image": 1.0, "tile": 0.05, "value": 0.0}
+COMMON_SHARE = 0.05
 """Share of a pixel's variance, common to all pixels of a tile or image, below which the reason names it (equal random
 numbers, one lamp's choice for all): 161 of 200 pairs of correct renders whose tiles shared 5 % failed."""
 
@@ -50,7 +50,7 @@ def noise_findings(made: Decision, unit: float) -> list[Finding]:
             "tile": f"the {w.width} x {w.height} tile at {at(w.x, w.y)}",
             "value": f"the pixel {at(w.x, w.y)}",
         }[kind]
-        if (share := shared_share(w, family.level)) < COMMON_SHARE[kind]:
+        if kind != "value" and (share := shared_share(w, family.level)) < COMMON_SHARE:
             sure += f", unless {'all' if kind == 'image' else 'its'} pixels share {percent(share)} of their variance: "
             sure += "seed each pixel apart"
         text = f"{where} is {off} ({sure}){_others(kind, family, made.failed_pixels)}"

@@ -14,6 +14,7 @@ from raytwin.compare.finding import Finding, Place, notes, plural
 from raytwin.compare.messages import agreement, noise_findings, percent, what_could_be_seen
 from raytwin.compare.metrics import nth_largest
 from raytwin.compare.noise import (
+    CAP,
     ESTIMATED,
     GIVE,
     UNEXPLAINED,
@@ -36,8 +37,23 @@ from raytwin.judging import Judging
 
 TINY = np.float32(1e-30)
 
-ENOUGH_SAMPLES_UNSTATED = 4
-"""Samples from which on the scatter between neighbouring pixels shows the noise of an image that states no variance."""
+SHARED = (
+    "undecided: the test errs by no more than the noise it claims, but all its pixels alike: equal random numbers in "
+    "every pixel? Seed each pixel apart, or give several renders of other seeds"
+)
+
+PATTERN = (
+    "the errors repeat from place to place, as no noise of independent pixels does, so that the variance that the "
+    "test states excuses nothing"
+)
+
+ENOUGH_BATCHES = 4
+"""With fewer batches the variance is unreliable: an image fails only if the scatter between neighbours fails it too."""
+
+FEW_BATCHES = (
+    "undecided: a variance from {} batches is hardly known, and by the scatter between neighbouring pixels nothing is "
+    "wrong: take at least 4 samples per pixel"
+)
 
 FEW_SAMPLES = (
     "undecided: too few random samples to know any noise: take at least 4 samples per pixel, and another image for "
@@ -191,15 +207,32 @@ class RadianceTest:
             test = replace(test, variance=capped(test.variance, self.shown))
         made = decide(test, reference, self.bound, self.judging.false_alarm_rate, rounding, look=self.look)
         outcome = self._answered(made)
-        return outcome._replace(doubts=self._doubts(outcome, test, reference)) if outcome.findings else outcome
+        if outcome.findings:
+            return outcome._replace(doubts=self._doubts(outcome, test, reference))
+        if test.variance is not None and made.shared.patterned:
+            bare = replace(self, test=replace(test, variance=None, samples=0, batches=None))._by_stated_noise()
+            if bare.findings:
+                return bare._replace(findings=[Finding("tile", PATTERN), *bare.findings])
+        return outcome
 
     def _doubts(self, outcome: Outcome, test: Image, reference: Image) -> tuple[str, ...]:
-        """Why the findings prove nothing: most light comes from rare events."""
-        kinds = {f.kind for f in outcome.findings}
+        """Why the findings prove nothing: few batches, rare events, or noise that all pixels of the test share."""
+        kinds, few = {f.kind for f in outcome.findings}, fewest_batches(test, reference)
+        if few < ENOUGH_BATCHES and "exact" not in kinds and not self._decided_by_scatter().findings:
+            return (FEW_BATCHES.format(few),)
         share, whose = max((rare_light(test), "the test"), (rare_light(reference), "the reference"))
         if kinds <= {"tile", "value"} and share > MOSTLY_RARE:
             return (FEW_EVENTS_SEEN.format(100 * share, whose),)
-        return outcome.doubts
+        return (SHARED,) if self._shares_noise() else outcome.doubts
+
+    def _shares_noise(self) -> bool:
+        """Return whether the error is about what the test's variance allows, but nearly equal in all pixels."""
+        claimed = self.test.variance
+        if claimed is None or (block_means(claimed) > CAP * self.shown.square).mean() <= 0.5:
+            return False
+        error = float(np.square(np.subtract(self.test.mean, self.reference.mean, dtype=np.float32)).mean(dtype=float))
+        stated = float(claimed.mean(dtype=float))
+        return stated / 50 < error < 16 * stated and float(np.median(self.shown.square)) < error / 4
 
     def _noise_free_findings(self, noise_free: NoiseFree) -> list[Finding]:
         noise_free = noise_free._replace(error=noise_free.error * self.unit)
@@ -207,7 +240,7 @@ class RadianceTest:
 
     def _answered(self, made: Decision) -> Outcome:
         findings = self._noise_free_findings(made.noise_free) + noise_findings(made, self.unit)
-        rate, inflation = self.judging.false_alarm_rate, made.inflation
+        rate, inflation = self.judging.false_alarm_rate, made.shared.inflation
         if self.shift is not None:
             findings += shift_findings(self.shift, sidak(rate, TESTS), inflation)
         image, tile = made.image.detectable, made.tile.detectable
@@ -282,6 +315,13 @@ def finite(x: float) -> float | None:
     return x if np.isfinite(x) else None
 
 
+def fewest_batches(*images: Image) -> int:
+    """Return the least number of batches of the images that have a variance."""
+    return min(
+        i.batches if i.batches is not None else i.samples or ENOUGH_BATCHES for i in images if i.variance is not None
+    )
+
+
 def hardly_sampled(image: Image) -> bool:
     """A random render of so few samples that not even the scatter between neighbouring pixels shows its noise."""
-    return image.variance is None and image.batches == 1 and image.samples < ENOUGH_SAMPLES_UNSTATED
+    return image.variance is None and image.batches == 1 and image.samples < ENOUGH_BATCHES
