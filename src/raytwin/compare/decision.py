@@ -54,6 +54,9 @@ TESTS = 4
 POWER = 0.9
 """The probability with which a minimum detectable bias is detected."""
 
+NEVER_SEEN = 1e9
+"""A relative error above which none counts as detectable, as where hardly any light is."""
+
 SILENT_SHARE = 0.1
 """Standard deviations below this share of the tolerance count as no noise."""
 
@@ -505,7 +508,8 @@ def _seen_almost_anywhere(tested: Deviations, level: float) -> float:
 
     lit = tested.radiance > 0
     found = (tested.granted + tested.sd * (tested.least(level) + ndtri(POWER)))[lit] / tested.radiance[lit]
-    return float(np.quantile(found, POWER)) if found.size else math.nan
+    seen = float(np.quantile(found, POWER)) if found.size else math.nan
+    return math.inf if seen > NEVER_SEEN else seen
 
 
 # ------------------------------------------------------------------------------------------------ the image
