@@ -7,7 +7,7 @@ from measure.noise_models import picture
 
 from raytwin.compare import compare, decision
 from raytwin.compare.decision import Deviations, decide, excluded_bias
-from raytwin.compare.exact import Bound, count_noise_free
+from raytwin.compare.exact import Bound
 from raytwin.images.image import Image
 from raytwin.scene import Tolerance
 
@@ -176,19 +176,6 @@ def test_every_tile_that_fails_is_told_and_none_that_does_not():
     exact.mean[3, 5], exact.mean[80, 119, 1] = 0.6, 0.7
     assert set(compare(exact, Image(truth)).failing) == {(0, 0, 16, 16), (112, 80, 8, 10)}
     assert compare(Image(truth), Image(truth)).failing == ()
-
-
-def test_the_worst_value_is_found_wherever_it_is_and_its_share_is_counted():
-    reference = np.ones((160, 1024, 3), np.float32)
-    test = reference.copy()
-    test[131, 700, 2] += 0.25
-    test[90, 3:403, :] += 0.125
-    quiet = count_noise_free(np.abs(test - reference), test.size, Bound(1e-5, 1.0), reference)
-    assert (quiet.x, quiet.y, quiet.channel, quiet.error) == (700, 131, 2, 0.25)
-    assert (quiet.over, quiet.values, quiet.outliers) == (1201, 491520, 401)
-    first = compare(Image(test), Image(reference)).reasons[0]
-    assert first.startswith("0.244 % of the noise-free values (1201 of 491520)")
-    assert "(x=700, y=131), blue" in first
 
 
 def test_an_image_of_few_batches_is_trusted_less_however_well_the_other_is_known():

@@ -1,6 +1,5 @@
 """The verdict does not change when both images are multiplied by a power of two."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 from measure.noise_models import picture, quantised, render
 
 from raytwin.compare import compare
-from raytwin.compare.exact import Bound, scale_of, unit_of
+from raytwin.compare.exact import Bound, scale_of
 from raytwin.images.image import Image
 from raytwin.images.stored_precision import half_code
 
@@ -88,13 +87,6 @@ def test_the_scale_is_what_is_lit_best_whatever_share_is_background():
     assert scale_of(black, black) == 1
     values = np.arange(-200, 1000, dtype=np.float32).reshape(20, 20, 3)
     assert scale_of(Image(values)) == pytest.approx(1 + 0.99 * 998, abs=1)
-
-
-@pytest.mark.parametrize("scale", [1e-30, 0.5, 0.7, 1.0, 3.0, 1e30])
-def test_the_unit_is_the_power_of_two_below(scale):
-    unit = unit_of(scale)
-    assert math.frexp(unit)[0] == 0.5
-    assert unit <= scale < 2 * unit
 
 
 def test_a_bound_is_a_share_of_the_scale_or_of_a_brighter_value():

@@ -5,7 +5,7 @@ import pytest
 from measure.noise_models import render
 
 from raytwin.compare import compare
-from raytwin.compare.shift import Shift, _lit, find_shift
+from raytwin.compare.shift import find_shift
 from raytwin.compare.significance import two_sided
 from raytwin.images.image import Image
 from raytwin.images.image_formats import read_image
@@ -44,27 +44,6 @@ def test_a_shifted_image_fails_with_the_shift_before_the_radiance():
     assert not c.passed
     assert c.geometry.shift_px == pytest.approx(0.1, rel=0.1)
     assert c.reasons[0].startswith("the test image is shifted by (+0.10")
-
-
-def test_what_a_shift_says_of_itself():
-    """(better than light, significant, certain) by its length, sigma, and the shares that it and light explain."""
-    for length, sigma, explained, light, said in (
-        (0.5, 0.01, 0.8, 0.7, (True, True, True)),
-        (0.5, 0.01, 0.7, 0.8, (False, True, False)),
-        (0.5, 0.01, 0.4, 0.3, (True, True, False)),  # what is left is more
-        (1.5, 0.01, 0.1, 0.9, (True, True, True)),  # of whole pixels, no light explains it
-        (0.5, 0.11, 0.8, 0.7, (True, False, False)),  # 4.5 sigma
-        (0.019, 0.001, 0.8, 0.7, (True, False, False)),
-        (0.021, 0.001, 0.8, 0.7, (True, True, True)),
-    ):
-        shift = Shift(0.6 * length, -0.8 * length, sigma, 100.0, explained, light)
-        assert (shift.better_than_light, shift.significant, shift.certain) == said, (length, sigma, explained)
-
-
-def test_what_light_explains_does_not_depend_on_the_scale():
-    d, m = np.random.default_rng(4).random((2, 40, 50))
-    assert _lit(1e-3 * d, 1e-3 * m) == pytest.approx(1e-6 * _lit(d, m), rel=1e-12)
-    assert _lit(0.3 * m, m) == pytest.approx(np.square(0.3 * m).sum(), rel=1e-12)
 
 
 def test_shadows_that_are_missing_are_not_told_as_a_shift(scenes):

@@ -43,7 +43,7 @@ PIXELS = 0.0048
 """Megapixels of a picture: 80 x 60."""
 LEAST_SHARE = 0.9
 """Share of the runs in which a fixed number of samples must notice the fault."""
-COLOURS = "#0f8b8d", "#e07b00", "#7a3e9d", "#c02f4a", "#3b82c4", "#a16207"
+COLOURS = "#0f8b8d", "#e07b00", "#7a3e9d", "#c02f4a", "#a16207"
 """Of the chart's lines, one per tool that has one."""
 
 Blocks = Sequence[Image]
@@ -180,7 +180,7 @@ def draw(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         for (tool, line), colour in zip(drawn.items(), COLOURS, strict=True) for x, y in line
     ]  # fmt: skip
     title = f"Samples until the fault is certain ({rows[0][0]}, 80 x 60 pixels)"
-    chart = family_chart("verdict", title, "size of the fault, %", "samples per pixel", points)
+    chart = family_chart("verdict", title, "size of the fault, %", "samples per pixel", points, floor=None)
     write_text(record.DOCS / "images" / "verdict.svg", svg_text(chart))
 
 

@@ -88,36 +88,6 @@ def beyond_rate(p: np.ndarray) -> bool:
     return bool(p.min() < sidak(RATE, p.size))
 
 
-FLIPS = 4096
-"""Random signs that the differences are given."""
-
-
-def sees_by_sign_flips(test: Batches, reference: Batches) -> bool:
-    """The largest of all tiles against random signs, at RATE."""
-    return sign_flip_p(tile_sums(test) - tile_sums(reference)) < RATE
-
-
-def sign_flip_p(differences: Float[np.ndarray, "n k 3"], seed: int = 0) -> float:
-    """The probability of a largest |t| like that of these differences, over all tiles and their mean, by chance alone.
-
-    Exact where the n differences are symmetric, whatever their noise and however tiles hang together (Winkler et al.,
-    Permutation inference for the general linear model, NeuroImage 92, 2014); but never less than 2^(1 - n).
-    """
-    d = np.asarray(differences, np.float64)
-    d = np.concatenate([d, d.mean(axis=1, keepdims=True)], axis=1).reshape(len(d), -1)
-    square = np.square(d).sum(axis=0)
-    d, square = d[:, square > 0], square[square > 0]
-    if len(d) < 2 or not d.size:
-        return 1.0
-    n = len(d)
-    signs = np.random.default_rng(seed).choice((-1.0, 1.0), (FLIPS, n))
-    signs[0] = 1.0
-    mean2 = np.square(signs @ d / n)
-    t2 = mean2 / np.maximum((square / n - mean2) / (n - 1), 1e-300)  # flips leave the sum of squares as it is
-    largest = t2.max(axis=1)
-    return float((largest >= largest[0] * (1 - 1e-9)).mean())
-
-
 def sees_idiff(test: Image, reference: Image) -> bool:
     """OpenImageIO's `idiff -fail 0.004 -failpercent 10 -hardfail 0.1`."""
     import OpenImageIO as oiio
@@ -155,7 +125,6 @@ def sees_z_test(test: Image, reference: Image) -> bool:
 
 ON_BATCHES: dict[str, Callable[[Batches, Batches], bool]] = {
     "Welch": sees_welch,
-    "sign flips": sees_by_sign_flips,
 }
 """Tests that take a side's renders one by one."""
 

@@ -41,7 +41,8 @@ class Statistics(Record, frozen=True):
     `z_tile_worst`: the same for the least plausible tile; `pixel_fail_fraction`: share of pixels with a value that
     fails its own test, or is an outlier of those without noise;
     `minimum_detectable_bias`: the smallest error of the whole image's mean, relative to the reference's mean, that
-    this comparison would have found with probability 0.9; `minimum_detectable_tile_bias`: of 24 x 24 pixels anywhere.
+    this comparison would have found with probability 0.9; `minimum_detectable_tile_bias`: of 24 x 24 pixels, at nine of
+    ten places.
     `looks`: how often rounds of samples were looked at; `samples_to_certainty`: samples per pixel at the last of them,
     null where it left the verdict undecided. `noise_of_samples`: the samples per pixel of the reference's renderer that
     have the test's noise.

@@ -54,6 +54,9 @@ TESTS = 4
 POWER = 0.9
 """The probability with which a minimum detectable bias is detected."""
 
+NEVER_SEEN = 1e9
+"""A relative error above which none counts as detectable, as where hardly any light is."""
+
 SILENT_SHARE = 0.1
 """Standard deviations below this share of the tolerance count as no noise."""
 
@@ -495,27 +498,18 @@ def _tiles(sums: Sums, known: Known, shared: float) -> Family:
             )
             worst = Worst(z, p_value, *place(y, x), c, error, radiance)
         if k == min(1, len(scales) - 1):
-            detectable = _seen_somewhere(tested, level)
+            detectable = _seen_almost_anywhere(tested, level)
     return Family(worst, level, failed, tests, detectable, found)
 
 
-def _seen_somewhere(tested: Deviations, level: float) -> float:
-    """Return the relative error of the mean of a random tile that is found with probability POWER."""
-    from scipy.optimize import brentq
-    from scipy.special import ndtr
+def _seen_almost_anywhere(tested: Deviations, level: float) -> float:
+    """Return the relative error of a tile that, at a share POWER of the places, is found with probability POWER."""
+    from scipy.special import ndtri
 
     lit = tested.radiance > 0
-    if not lit.any():
-        return math.nan
-    some = Deviations(*(x[lit][:: max(1, int(lit.sum()) // 3000)] for x in tested))
-    least = some.least(level)
-
-    def lacks(log_bias: float) -> float:
-        beyond = (math.exp(log_bias) * some.radiance - some.granted) / some.sd - least
-        return POWER - float(ndtr(np.nan_to_num(beyond, nan=-np.inf)).mean())
-
-    low, high = math.log(1e-9), math.log(1e9)
-    return math.inf if lacks(high) > 0 else math.exp(brentq(lacks, low, high, xtol=1e-3))
+    found = (tested.granted + tested.sd * (tested.least(level) + ndtri(POWER)))[lit] / tested.radiance[lit]
+    seen = float(np.quantile(found, POWER)) if found.size else math.nan
+    return math.inf if seen > NEVER_SEEN else seen
 
 
 # ------------------------------------------------------------------------------------------------ the image

@@ -12,21 +12,26 @@ from raytwin.compare.decision import TESTS, Decision, Rounding, decide, enough_s
 from raytwin.compare.exact import Bound, NoiseFree, count_noise_free
 from raytwin.compare.finding import Finding, Place, notes, plural
 from raytwin.compare.messages import agreement, noise_findings, percent, what_could_be_seen
-from raytwin.compare.metrics import METRICS, nth_largest
+from raytwin.compare.metrics import nth_largest
 from raytwin.compare.noise import (
     CAP,
+    ESTIMATED,
+    GIVE,
+    UNEXPLAINED,
     Residual,
     block_means,
+    borne_out,
     capped,
+    dense,
     equivalent_samples,
     estimated,
     few_samples,
     rare_light,
     residual,
+    unexplained,
 )
 from raytwin.compare.shift import Shift, shift_findings
 from raytwin.compare.significance import sidak
-from raytwin.compare.untold import ESTIMATED, GIVE, UNEXPLAINED, borne_out, dense, unexplained
 from raytwin.images.image import Image
 from raytwin.judging import Judging
 
@@ -42,8 +47,13 @@ PATTERN = (
     "test states excuses nothing"
 )
 
-ENOUGH_SAMPLES_UNSTATED = 4
-"""Samples from which on the scatter between neighbouring pixels shows the noise of an image that states no variance."""
+ENOUGH_BATCHES = 4
+"""With fewer batches the variance is unreliable: an image fails only if the scatter between neighbours fails it too."""
+
+FEW_BATCHES = (
+    "undecided: a variance from {} batches is hardly known, and by the scatter between neighbouring pixels nothing is "
+    "wrong: take at least 4 samples per pixel"
+)
 
 FEW_SAMPLES = (
     "undecided: too few random samples to know any noise: take at least 4 samples per pixel, and another image for "
@@ -151,10 +161,6 @@ class RadianceTest:
         noise_free = count_noise_free(error, error.size, self.bound, reference, forgiven)
         findings = self._noise_free_findings(noise_free)
         p999 = nth_largest(error.size // 1000, np.asarray, error) * self.unit
-        if findings:
-            relative = METRICS["p999_rel"].function(*(image * np.float32(self.unit) for image in (test, reference)))
-            text = f"99.9 % quantile of the error: {p999:.3g} absolute, {relative:.3g} relative"
-            findings.append(Finding("exact", text))
         allowed = self.judging.bounds.p999_abs * self.bound.scale * self.unit
         statistics = Statistics(pixel_fail_fraction=noise_free.outliers / self.pixels)
         noise_free = noise_free._replace(error=noise_free.error * self.unit)
@@ -210,8 +216,10 @@ class RadianceTest:
         return outcome
 
     def _doubts(self, outcome: Outcome, test: Image, reference: Image) -> tuple[str, ...]:
-        """Why the findings prove nothing: rare events, or noise that all pixels of the test share."""
-        kinds = {f.kind for f in outcome.findings}
+        """Why the findings prove nothing: few batches, rare events, or noise that all pixels of the test share."""
+        kinds, few = {f.kind for f in outcome.findings}, fewest_batches(test, reference)
+        if few < ENOUGH_BATCHES and "exact" not in kinds and not self._decided_by_scatter().findings:
+            return (FEW_BATCHES.format(few),)
         share, whose = max((rare_light(test), "the test"), (rare_light(reference), "the reference"))
         if kinds <= {"tile", "value"} and share > MOSTLY_RARE:
             return (FEW_EVENTS_SEEN.format(100 * share, whose),)
@@ -307,6 +315,13 @@ def finite(x: float) -> float | None:
     return x if np.isfinite(x) else None
 
 
+def fewest_batches(*images: Image) -> int:
+    """Return the least number of batches of the images that have a variance."""
+    return min(
+        i.batches if i.batches is not None else i.samples or ENOUGH_BATCHES for i in images if i.variance is not None
+    )
+
+
 def hardly_sampled(image: Image) -> bool:
     """A random render of so few samples that not even the scatter between neighbouring pixels shows its noise."""
-    return image.variance is None and image.batches == 1 and image.samples < ENOUGH_SAMPLES_UNSTATED
+    return image.variance is None and image.batches == 1 and image.samples < ENOUGH_BATCHES

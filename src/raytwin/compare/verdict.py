@@ -54,7 +54,6 @@ def compare(
     made = partial(_made, time.perf_counter())
     if findings := shape_findings(test, reference):
         return made(findings)
-    test, reference = _single(test), _single(reference)
     scale = scale_of(reference, test)
     findings = value_findings(test, reference, tolerance.p999_abs * scale, noisy=noise == "both")
     radiance = Radiance(**measure(test.mean, reference.mean, Radiance.__struct_fields__))
@@ -114,12 +113,6 @@ def _made(
     verdict: Verdict = "undecided" if doubts else "fail" if findings else "pass"
     said = (*notes(doubts), *sorted(findings, key=lambda f: f.rank)) or seen
     return Comparison(verdict, said, seconds=time.perf_counter() - start, **parts)
-
-
-def _single(image: Image) -> Image:
-    """The image in float32, or float64 where it came so: half floats overflow when squared."""
-    wide = {k: x for k in ("mean", "variance") if (x := getattr(image, k)) is not None and x.dtype.itemsize < 4}
-    return replace(image, **{k: x.astype(np.float32) for k, x in wide.items()})
 
 
 def _scaled(image: Image, unit: float) -> Image:
