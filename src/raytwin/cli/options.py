@@ -121,7 +121,7 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
     },
     "diff": {
         "a": _arg("Image to test: EXR, PFM, a picture of 8 bits; several renders as a folder or 'x_*.exr'.", "A"),
-        "b": _arg("Reference, likewise; two folders are compared name by name.", "B"),
+        "b": _arg("Reference, likewise.", "B"),
         "layer": _opt("Layer (diffuse of diffuse.R), channel or part; of one side: A.exr:diffuse.", "NAME"),
         "tolerance": _opt("Largest error of 99.9 % of the noise-free values, relative to B.", kind=float),
         "false_alarm_rate": _opt("Share of correct noisy pairs that fail by chance."),

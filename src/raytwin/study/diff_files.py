@@ -14,7 +14,7 @@ from raytwin.compare import compare as compare_images
 from raytwin.compare.finding import at, notes
 from raytwin.errors import InputError
 from raytwin.images.image import Image
-from raytwin.images.image_input import ENDINGS, LoadedImage, as_image, read_side
+from raytwin.images.image_input import LoadedImage, as_image, read_side
 from raytwin.judging import DiffSettings
 from raytwin.notebook import InNotebook
 from raytwin.renderers import references
@@ -249,20 +249,6 @@ def _scene_of(path: Path) -> tuple[Scene | None, str | None]:
         return references.load(path).scene, path.stem
     except InputError:
         return None, None
-
-
-def pairs(a: Path, b: Path) -> list[tuple[str, Path | None, Path | None]]:
-    """The images of two folders, and of the folders within, by name: None where one of them lacks it."""
-    inside = [{str(p.relative_to(f)): p for p in f.rglob("*") if p.suffix.lower() in ENDINGS} for f in (a, b)]
-    names = sorted(inside[0].keys() | inside[1].keys())
-    if not names:
-        raise InputError(a, "images that are in both folders", "none in either")
-    return [(name, inside[0].get(name), inside[1].get(name)) for name in names]
-
-
-def lacking(name: str, folder: Path) -> Report:
-    """The report on an image that one of two folders lacks."""
-    return Report(name, "", Comparison("fail", notes([f"{name} is missing in {folder}"])))
 
 
 def _in_place(made: Comparison, a: tuple[int, int], b: tuple[int, int]) -> Comparison:
