@@ -9,7 +9,7 @@
     a scene -> levels, bench: how much light it needs, and at what cost; time against error of every method
     Scene + photo -> augment_photo: the photo with the scene's spheres and their shadows
     a student's function -> check: is it correct, and if not, why
-    a Camera -> camera_rays, mitsuba_sensor: for renderers of your own
+    a Camera -> mitsuba_sensor: for a Mitsuba scene of your own
 
 Lengths are metres, pixels OpenCV's, radiance linear Rec. 709 in float32 (H, W, 3), row 0 on top. Wrong input raises
 InputError(where, expected, got). Heavy libraries are imported when a function first needs them. Every result has
@@ -45,13 +45,11 @@ if TYPE_CHECKING:
     from raytwin.photos.camera import calibrate as calibrate
     from raytwin.renderers.references import reference as reference
     from raytwin.scene import Camera as Camera
-    from raytwin.scene import Lambert as Lambert
     from raytwin.scene import Rectangle as Rectangle
     from raytwin.scene import Scene as Scene
     from raytwin.scene import Sky as Sky
     from raytwin.scene import Sphere as Sphere
     from raytwin.scene import Sun as Sun
-    from raytwin.scene.camera_rays import camera_rays as camera_rays
     from raytwin.scene.scene_files import read_scene as read_scene
     from raytwin.scene_folders import scenes as scenes
     from raytwin.study.bench import bench as bench
@@ -74,7 +72,6 @@ _HOME = {
     "DiffSettings": "judging",
     "Image": "images.image",
     "InputError": "errors",
-    "Lambert": "scene",
     "Rectangle": "scene",
     "Scene": "scene",
     "SequentialComparison": "compare",
@@ -84,7 +81,6 @@ _HOME = {
     "augment_photo": "photos.augment:augment",
     "bench": "study.bench",
     "calibrate": "photos.camera",
-    "camera_rays": "scene.camera_rays",
     "check": "teach.contract.check",
     "compare": "study.diff_files",
     "compare_images": "compare:compare",

@@ -10,7 +10,6 @@ COMMANDS: dict[str, str] = {
     "bench calibration": "Use `python -m measure.calibration_cost`, in tests/ of the repository.",
     "bench paper": "Use `python -m measure.paper`, in tests/ of the repository.",
     "compare --must-see": "Use --detectable-bias.",
-    "compare --verbose -v": "Use --json, which has the seconds of every stage.",
     "diff --allow-failures --allowfailures --fail --fail-percent --fail-relative --failpercent --failrelative"
     " --hard-fail --hard-warn --hardfail --hardwarn --warn --warn-percent --warn-relative --warnpercent"
     " --warnrelative": "Use OpenImageIO's idiff, which has these options.",
@@ -23,18 +22,20 @@ COMMANDS: dict[str, str] = {
     "photo board --family --first-id --import --name --unit --y-down": "Use a board.toml, as docs/photos.md shows.",
     "photo board --landscape --margin --portrait": "Leave it out: the board fits the paper, 5 mm from each edge.",
     "photo calibrate --bend --uncertainty": "Use -o camera.toml: the page beside it has the numbers.",
-    "photo draw --against": "Use `raytwin diff DRAWN TRUE` on two photos.",
+    "photo draw --against": "Use `raytwin diff DRAWN TRUE` on two photos or folders.",
     "photo draw --no-shadows --shadows": "Use shadows=False of raytwin.augment_photo.",
     "photo simulate --bend": "Leave it out: a synthetic board is flat.",
     "photo simulate --dist --focal": "Leave it out: the camera is that of truth.toml. --size changes its pixels.",
     "photo simulate --exposure": "Scale the sun and the sky of the scene that --scene names.",
     "reference check --samples": "Use --budget.",
-    "reference diff": "Use `reference make --again`, which shows changes and asks.",
+    "reference diff": "Use `reference make --again`, which shows changes and asks; `diff A B` on two folders.",
     "reference make --dask --shard": "Use one `reference make SCENE` per machine.",
     "reference make --jobs -j": "Leave it out: Mitsuba renders on every core.",
     "reference make --seed": "Leave it out: one seed is as good as another.",
     "reference show --all": "Name one reference, and all that is known of it is printed.",
+    "scenes export --json": "Leave it out: JSON is written unless --mitsuba-xml is given.",
     "stability sum-samples": "Use np.cumsum of float32 values, which shows it.",
+    "walk --solved": "Leave it out: raytwin's own function stands in for each that is not yet correct.",
 }
 """Words of the command line ("bench paper"), or a command with options that went -> what to use instead, a sentence."""
 
@@ -50,6 +51,8 @@ MOVED: dict[str, str] = {
 """Old name of a command -> its name today. The old name does the same, and `--help` does not list it."""
 
 NAMES: dict[str, str] = {
+    "camera_rays": "Use back_project and to_board of raytwin.tracer.pixel_to_ray, as docs/python.md shows.",
+    "Lambert": "Write the albedo itself: raytwin.Sphere(center, radius, (0.8, 0.2, 0.2)).",
     "ladder": "Use raytwin.levels(scene).",
     "needs": "Use raytwin.levels(scene, tolerance).",
     "SceneFile": "Use raytwin.Scene, which read_scene returns.",
@@ -63,12 +66,20 @@ BOARD_KEYS = {
 }
 """Keys of a board's file, and of its shape in a camera.toml -> what is expected instead."""
 
+RUBRIC_KEYS = {
+    "feedback": "Leave it out: causes and lines are named by the grader alone.",
+    "inside": "Leave the exercise out: `render` is seen from outside spheres.",
+    "measure": "Leave it out: `credit` counts the error.",
+    "output_mb": "Leave it out: what a submission prints may be as long as a file, `file_mb`.",
+    "speed": "Leave it out: pages and results.csv show seconds, which earn no points.",
+}
+"""Keys of a rubric and of its exercises -> what to do instead, a sentence."""
+
 SCALAR = "removed in 0.2.0. Use llvm_ad_rgb: pip install 'raytwin[llvm]' brings what it needs."
 """About Mitsuba's scalar variants, forced by name."""
 
 RENDERERS: dict[str, str] = {
     "*-inplace": "Use the same name with conic.",
-    "*-nlm": "Use the same name without nlm.",
     "loop-*": "Use numpy64 in the place of loop.",
     "mitsuba-*": "Use twin-llvm-direct-N or twin-llvm-path-N: the same Mitsuba, with its variance.",
     "twin-scalar-*": "Use the same name with llvm.",

@@ -12,10 +12,10 @@ import pytest
 from msgspec.structs import replace as replace_row
 
 from raytwin.images.image import Image
-from raytwin.show.bench_charts import error_chart
 from raytwin.show.bench_page import (
     MOST_PICTURES,
     bench_summary,
+    error_chart,
     error_charts,
     frontier_rows,
     pictures_of,
@@ -93,24 +93,17 @@ def test_no_label_lies_over_another_or_beyond_the_frame(made):
         assert all(low >= LEFT and high <= LEFT + WIDTH and TOP <= y <= TOP + HEIGHT + 5 for low, high, y, _ in found)
 
 
-def test_who_is_on_the_frontier_and_every_family_is_named_and_what_lies_below_the_floor_is_marked(made):
+def test_who_is_on_the_frontier_is_named_and_what_lies_below_the_floor_is_marked(made):
     for chart in error_charts(made):
-        texts = {text for *_, text in labels(chart)}
-        assert {p.name for p in chart.points if p.strong} <= texts
-        named = {p.family for p in chart.points if p.name in texts}
-        assert {p.family for p in chart.points} <= texts | named
+        assert {p.name for p in chart.points if p.strong} == {text for *_, text in labels(chart)}
         for p in chart.points:
             assert p.y >= chart.floor * (1 - 1e-12)
             assert p.hollow == (p.y <= chart.floor * (1 + 1e-12))
     assert any(p.hollow for p in error_chart(made, SIZES[0], "shadow-center").points)
 
 
-def test_guides_have_the_slope_that_is_said_and_noisy_methods_alone_an_upright_of_two_standard_errors(made):
+def test_noisy_methods_alone_have_an_upright_of_two_standard_errors(made):
     lines = error_chart(made, SIZES[0], "path-area").lines
-    guides = [line for line in lines if line.dash == "dotted"]
-    assert guides
-    for guide in guides:
-        assert np.diff(np.log(guide.ys)) / np.diff(np.log(guide.xs)) == pytest.approx(-0.5)
     noisy = [e for e in made.errors if (e.width, e.height) == SIZES[0] and e.rmse_sigma]
     bars = [(line.xs[0], *line.ys) for line in lines if len(set(line.xs)) == 1]
     np.testing.assert_allclose(bars, [(e.seconds_median, 0.8 * e.rmse, 1.2 * e.rmse) for e in noisy])

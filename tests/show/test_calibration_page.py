@@ -11,7 +11,7 @@ from raytwin.photos import camera
 from raytwin.photos.camera.calibration_result import Calibration, Evidence, View
 from raytwin.photos.camera.diagnostics import coverage
 from raytwin.show import calibration_page, terminal_text
-from raytwin.show.calibration_pictures import MEAN, SIDE, residual_drawing
+from raytwin.show.calibration_page import MEAN, SIDE, residual_drawing
 
 
 def elements(drawing: str, kind: str, **like: str) -> list[ElementTree.Element]:

@@ -20,7 +20,7 @@ from browser import barriers_of
 from test_bench_page import every_method
 
 from raytwin.compare import Report, compare
-from raytwin.compare.report import Part
+from raytwin.compare.comparison import Part
 from raytwin.explain.ledger import Ledger
 from raytwin.images.exr import write_exr
 from raytwin.images.image import Image
@@ -46,7 +46,7 @@ from raytwin.study.levels import Levels, Row, Table
 from raytwin.study.levels import Part as LightPart
 from raytwin.teach.contract.stage_table import LESSONS
 from raytwin.teach.grade.result import CodeLine, Marked, MarkedPart, Picture, Result
-from raytwin.teach.grade.rubric import Exercise, Feedback, Rubric, Speed
+from raytwin.teach.grade.rubric import Exercise, Rubric
 
 pytestmark = pytest.mark.nightly
 
@@ -174,11 +174,9 @@ def light(folder: Path, make_result, scenes) -> list[Path]:
 def graded_class(folder: Path, make_result, scenes) -> list[Path]:
     """Two students with the same wrong numbers and one who handed in nothing that runs; pages of all, a handout."""
     exercises = (Exercise("shade", 10, name=EVIL), Exercise("render", 20, name="image", drawn=1))
-    rubric = Rubric(EVIL, exercises, speed=Speed("image", bonus=2), feedback=(Feedback("shade", "0", EVIL, EVIL),))
+    rubric = Rubric(EVIL, exercises)
     parts = (MarkedPart(EVIL, False, 0.25, 0.1, 0.5, problem=EVIL),)
-    image = Marked(
-        "image", "render", "fail", 0, 20, "hidden", EVIL, 1e-5, sentences=(EVIL,), fingerprint="1 2 " * 8, parts=parts
-    )
+    image = Marked("image", "render", "fail", 0, 20, "hidden", EVIL, 1e-5, sentences=(EVIL,), parts=parts)
     shade = msgspec.structs.replace(
         image, name=EVIL, stage="shade", of=10, visibility="visible", causes=("pi",), sureness="proved",
         faults=((EVIL, EVIL),), inputs=EVIL, expected=EVIL, got=EVIL,
@@ -188,10 +186,10 @@ def graded_class(folder: Path, make_result, scenes) -> list[Path]:
     thumb = png_url(to_bytes(noise()))
     pictures = (Picture("image", EVIL, thumb, msgspec.json.encode(packed).decode()), Picture("image", EVIL, thumb))
     wrong = Result(f"a {EVIL}", "a", EVIL, (shade, image), printed=EVIL, notes=(EVIL,), open_locks=(EVIL,),
-                   pictures=pictures, speed=(("image", 0.1, 1e-7),), graded="2026-01-01 00:00")  # fmt: skip
+                   pictures=pictures, graded="2026-01-01 00:00")  # fmt: skip
     same, none = msgspec.structs.replace(wrong, student="b", key="b"), Result(f"c {EVIL}", "c", EVIL, (), problem=EVIL)
-    done = tuple(msgspec.structs.replace(e, status="pass", fingerprint="") for e in (shade, image))
-    right = msgspec.structs.replace(wrong, student="d", key="d", exercises=done, bonus=2.0)
+    done = tuple(msgspec.structs.replace(e, status="pass") for e in (shade, image))
+    right = msgspec.structs.replace(wrong, student="d", key="d", exercises=done)
     kept = msgspec.structs.replace(same, exercises=(shade, msgspec.structs.replace(image, same_as=EVIL, followed=2.0)))
     assert class_page.write_class((wrong, kept, none, right), rubric, folder, for_students=True) == []
     handed_out = min((folder / "for-students").iterdir())

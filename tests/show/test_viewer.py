@@ -11,7 +11,7 @@ from browser import opened
 from test_compare_page import text_of
 
 from raytwin.compare import Report, compare
-from raytwin.compare.report import Part
+from raytwin.compare.comparison import Part
 from raytwin.explain.ledger import Ledger
 from raytwin.images import packing
 from raytwin.images.exr import write_exr
@@ -19,8 +19,6 @@ from raytwin.images.image import Image
 from raytwin.images.packing import binned
 from raytwin.show.compare_page import write_report
 from raytwin.show.data_urls import exposed, exposure
-from raytwin.show.live.progressive import to_screen
-from raytwin.show.live.view_state import Look
 from raytwin.show.report_folder import write_diff
 from raytwin.show.view import PairView, view_of
 from raytwin.study.diff_files import compare as diff
@@ -64,12 +62,7 @@ LOOK = """
   viewer.set({ exposure: viewer.state.exposure + 1 });
   await drawn();
   const b = canvas("reference"), aside = 0.4 * b.width / 4;  // beside the numbers that are written into the pixel
-  const middle = () => [...pixels("reference", b.width / 2 - aside | 0, b.height / 2 - aside | 0, 1, 1)].slice(0, 3);
-  result.brighter = middle();
-  viewer.set({ tone: "filmic" });
-  await drawn();
-  result.filmic = middle();
-  viewer.set({ tone: "sRGB" });
+  result.brighter = [...pixels("reference", b.width / 2 - aside | 0, b.height / 2 - aside | 0, 1, 1)].slice(0, 3);
   viewer.reset();
   await drawn();
   result.sizes = [...viewer.panes.values()].map((pane) => [pane.canvas.clientWidth, pane.canvas.clientHeight]);
@@ -134,7 +127,7 @@ def looked(spoiled, browse):
 def test_the_inspector_shows_the_values_of_the_exr_to_the_digits_shown(looked):
     result, _, found = looked
     a, b = result.subject, result.twin
-    names = ["sphere 0 (red)", "sphere 1 (green)", "sphere 2 (blue)", "floor", "background"]
+    names = ["sphere 0", "sphere 1", "sphere 2", "floor", "background"]
     for (x, y), read in zip(POINTS, found["read"], strict=True):
         for row, image in (("test", a), ("reference", b)):
             assert read[row][3] == names[image.surface.ids[y, x]]
@@ -170,8 +163,6 @@ def test_pictures_are_drawn_at_their_pixels_and_stay_sharp_when_magnified(looked
         assert near.max() < 40  # a JPEG
     twice = exposed(result.twin, 2 * gain)[y, x].astype(int)
     assert np.abs(np.array(found["brighter"]) - twice).max() <= 2
-    filmic = to_screen(2 * np.float32(gain) * result.twin.mean, Look(tone="filmic"))[y, x].astype(int)
-    assert np.abs(np.array(found["filmic"]) - filmic).max() <= 2
     for width, height in found["sizes"]:
         assert width > 350
         assert width / height == pytest.approx(160 / 120, rel=0.02)
@@ -182,7 +173,7 @@ def test_the_pointer_reads_a_pixel_a_click_keeps_it_and_keys_go_on_from_there(lo
     result, _, read = looked
     assert read["hovered"] == [100, 50]
     seen = result.twin.surface.ids[50, 100]
-    assert read["object"] == ["sphere 0 (red)", "sphere 1 (green)", "sphere 2 (blue)", "floor", "background"][seen]
+    assert read["object"] == ["sphere 0", "sphere 1", "sphere 2", "floor", "background"][seen]
     assert (read["clicked"], read["address"]) == ([90, 45], "#pixel=90,45")
     assert read["moved"] == [91, 55]
     assert read["zoomed"] == pytest.approx(160 / 1.5, rel=1e-3)

@@ -9,7 +9,7 @@ import pytest
 from scene_of import changed
 
 from raytwin import twin
-from raytwin.compare.report import Part
+from raytwin.compare.comparison import Part
 from raytwin.errors import InputError
 from raytwin.explain.ledger import Ledger
 from raytwin.fast import trace

@@ -23,6 +23,7 @@ from raytwin.images.photo_files import to_bytes, write_picture
 from raytwin.renderers import references
 from raytwin.show.terminal_text import diff_summary
 from raytwin.study.diff_files import compare as diff
+from raytwin.study.diff_files import told_apart
 from raytwin.tracer import trace
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -96,7 +97,7 @@ def test_each_side_names_its_own_layer(folder):
 
 
 def test_two_sides_of_one_name_are_told_apart(folder):
-    """Files by their paths, functions as image and reference."""
+    """Files by the shortest paths that differ, functions as image and reference."""
     for place in ("new/x", "old/x"):
         (folder / place).mkdir(parents=True)
         write_exr(folder / place / "tracer.exr", Image(A))
@@ -105,7 +106,10 @@ def test_two_sides_of_one_name_are_told_apart(folder):
     assert run.stdout.startswith("PASS  new/x/tracer.exr against old/x/tracer.exr")
     page = (folder / "out" / "report.html").read_text()
     assert all(f"{side}: {path}" in page for side, path in zip("AB", pair, strict=True))
-    refused(raytwin("diff", "new", "old", cwd=folder), "`diff` of two folders, name by name, was removed in 0.2.0")
+    assert "PASS  x/tracer.exr" in raytwin("diff", "new", "old", cwd=folder).stdout
+    assert told_apart("a.exr", "x/a.exr") == ("a.exr", "x/a.exr")
+    assert told_apart("a.exr", "./a.exr") == ("a.exr", "a.exr")
+    assert told_apart("a.exr", "b.exr") == ("a.exr", "b.exr")
 
     def render(seed):
         return A
@@ -195,6 +199,32 @@ def test_an_undecided_comparison_exits_with_2_and_is_an_error_in_junit(tmp_path)
     assert "the samples per pixel (--samples-a) or several renders" in run.stdout
     assert ET.parse(tmp_path / "x.xml").getroot().get("errors") == "1"
     assert raytwin("diff", "a.pfm", "b.pfm", "--detectable-bias", "9", cwd=tmp_path).returncode == 0
+
+
+def test_two_folders_are_compared_name_by_name(tmp_path):
+    for folder in ("A", "B"):
+        for name in ("same.exr", "more/dark.exr", "bad.exr", f"only{folder}.exr"):
+            path = tmp_path / folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            factor = 0.9 if (folder, name) == ("A", "more/dark.exr") else 1
+            write_exr(path, Image((A * factor).astype(np.float32)))
+    (tmp_path / "A" / "bad.exr").write_text("no image")
+    run = raytwin("diff", "A", "B", "--json", "x.json", "--junit", "x.xml", "-o", "out", cwd=tmp_path)
+    assert run.returncode == 1
+    summed_up = "FAIL  5 pairs, 3 failed, 1 undecided or unreadable"
+    for line in ("onlyA.exr is missing in B", "onlyB.exr is missing in A", summed_up):
+        assert line in run.stdout
+    numbers = json.loads((tmp_path / "x.json").read_text())
+    verdicts = {name: pair.get("verdict", "error") for name, pair in numbers["pairs"].items()}
+    expected = {"same.exr": "pass", "more/dark.exr": "fail", "bad.exr": "error"}
+    assert (numbers["verdict"], verdicts) == ("fail", expected | {"onlyA.exr": "fail", "onlyB.exr": "fail"})
+    root = ET.parse(tmp_path / "x.xml").getroot()
+    assert [root.get(k) for k in ("tests", "failures", "errors")] == ["5", "3", "1"]
+    assert (tmp_path / "out" / "index.html").exists()
+    for name in ("onlyA.exr", "onlyB.exr", "bad.exr", "more/dark.exr"):
+        for folder in "AB":
+            (tmp_path / folder / name).unlink(missing_ok=True)
+    assert raytwin("diff", "A", "B", cwd=tmp_path).returncode == 0
 
 
 def test_a_side_of_8_bits_is_held_to_half_a_step_in_noise_and_without(tmp_path):

@@ -1,4 +1,4 @@
-"""A camera that sees no object compares the sky alone: undecided, in a line that says how a pose must be given."""
+"""A camera that sees no object compares the sky alone: undecided, in a line that says where the objects are."""
 
 import numpy as np
 
@@ -43,12 +43,16 @@ def flipped(axes: tuple[int, int, int]) -> np.ndarray:
     return np.diag((*axes, 1.0))
 
 
-def test_a_camera_that_sees_no_object_is_undecided_and_told_how_a_pose_must_be_given():
+def test_a_camera_that_sees_no_object_is_undecided_and_told_where_they_are():
     assert compare_scene(scene_of(TURNED), rung="lambert").comparison.verdict == "pass"
     aside = np.array([50.0, 0.1, 1, 1])
-    behind, outside = scene_of(flipped((1, -1, -1)) @ TURNED), scene_of(TURNED, aside)
-    for rung, scene in (("lambert", behind), ("surface", outside), ("path", outside)):
-        assert "compared. R_cam_board and t_cam_board must" in told(compare_scene(scene, rung=rung))
+    for rung, scene, place in (
+        ("lambert", scene_of(flipped((1, -1, -1)) @ TURNED), "1 object is behind it"),
+        ("surface", scene_of(TURNED, aside), "1 object is outside the frame"),
+        ("path", scene_of(TURNED, aside), "1 object is outside the frame"),
+    ):
+        line = told(compare_scene(scene, rung=rung))
+        assert f"compared: {place}. R_cam_board and t_cam_board must" in line
 
 
 def test_a_mitsuba_file_whose_camera_looks_away_is_undecided(tmp_path):

@@ -84,7 +84,7 @@ def test_a_bug_that_one_sphere_shows_ends_with_that_sphere(scenes):
 
     def render(told):
         scene = as_scene(told)
-        green = next((s for s in scene.spheres if s.material.albedo[1] > 0.4), None)
+        green = next((s for s in scene.spheres if s.albedo[1] > 0.4), None)
         if green is None:
             return trace(scene).mean
         larger = msgspec.structs.replace(green, radius=1.2 * green.radius)

@@ -59,7 +59,7 @@ COMMANDS: dict[str, tuple[Any, str]] = {
     "scenes": (scenes_commands.list_command, ""),
     "scenes list": (scenes_commands.list_command, ""),
     "scenes copy": (scenes_commands.copy_command, "desk my-desk"),
-    "scenes export": (scenes_commands.export_command, "overlap --mitsuba-xml -o overlap.xml"),
+    "scenes export": (scenes_commands.export_command, "overlap -o overlap.json"),
     "doctor": (doctor_command.doctor_command, ""),
 }
 """Command -> what runs, or the help of a group that does nothing by itself; and words for it, as an example."""

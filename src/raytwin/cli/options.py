@@ -72,6 +72,7 @@ SHARED_OPTIONS: dict[str, dict[str, Row]] = {
         "out": _opt("Folder to write.", "DIR", *OUT),
         "jobs": _opt("Number of local processes.", "N", "--jobs", "-j"),
         "dask": _opt("Dask scheduler (extra `cluster`); its workers share the disk.", "ADDRESS"),
+        "verbose": _opt("Print the seconds of every stage.", None, "--verbose", "-v"),
     },
     CERTAINTY: {
         "budget": _opt("Samples per pixel (1024) or time (30s) after which the verdict is undecided.", "N|TIME"),
@@ -121,7 +122,7 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
     },
     "diff": {
         "a": _arg("Image to test: EXR, PFM, a picture of 8 bits; several renders as a folder or 'x_*.exr'.", "A"),
-        "b": _arg("Reference, likewise.", "B"),
+        "b": _arg("Reference, likewise; two folders are compared name by name.", "B"),
         "layer": _opt("Layer (diffuse of diffuse.R), channel or part; of one side: A.exr:diffuse.", "NAME"),
         "tolerance": _opt("Largest error of 99.9 % of the noise-free values, relative to B.", kind=float),
         "false_alarm_rate": _opt("Share of correct noisy pairs that fail by chance."),
@@ -157,10 +158,8 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
     },
     "walk": {
         "notebook": _opt("Write a Jupyter notebook instead of a script.", None, "--notebook"),
-        "solved": _opt("Fill in every function.", None, "--solved"),
     },
     "scenes export": {
-        "json": _opt("Write JSON, as programs of --subject read it.", None, "--json"),
         "mitsuba_xml": _opt("Write a Mitsuba 3 scene.", None, "--mitsuba-xml"),
         "rung": _opt("Light level: in JSON (shadow) or of the XML, sky or path (path)."),
         "out": _opt("File to write (standard output).", "FILE", *OUT),
@@ -233,7 +232,7 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
         "for_students": _opt("Also write a page per student to hand out, to for-students/.", None, "--for-students"),
         "force": _opt("Overwrite an existing file.", None, "--force"),
         "stage": _opt("Functions to include: names with commas between, or repeat it (default: the six)."),
-        "wheel": _opt("Install this wheel of raytwin instead of the released version.", "FILE"),
+        "wheel": _opt("Install this wheel of raytwin; a development version needs one.", "FILE"),
     },
     "grade starter": {
         "out": _opt("File to write (tracer.py or rubric.toml).", "FILE", *OUT),

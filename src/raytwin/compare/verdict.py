@@ -12,12 +12,12 @@ import numpy as np
 from raytwin.compare.alpha import alpha_findings
 from raytwin.compare.blocks import Pixels
 from raytwin.compare.comparison import Comparison, Perceptual, Radiance, Verdict
+from raytwin.compare.exact import Bound, scale_of, unit_of
 from raytwin.compare.finding import HARD, Finding, notes, plural
 from raytwin.compare.geometry import geometry_findings, without_ties
 from raytwin.compare.invalid import shape_findings, value_findings
 from raytwin.compare.metrics import measure
 from raytwin.compare.radiance_test import RadianceTest
-from raytwin.compare.scale import Bound, scale_of, unit_of
 from raytwin.compare.shift import find_shift, shift_finding
 from raytwin.images.image import Image
 from raytwin.judging import Judging
@@ -118,9 +118,7 @@ def _made(
 
 def _single(image: Image) -> Image:
     """The image in float32, or float64 where it came so: half floats overflow when squared."""
-    wide = {
-        k: x for k in ("mean", "variance", "third") if (x := getattr(image, k)) is not None and x.dtype.itemsize < 4
-    }
+    wide = {k: x for k in ("mean", "variance") if (x := getattr(image, k)) is not None and x.dtype.itemsize < 4}
     return replace(image, **{k: x.astype(np.float32) for k, x in wide.items()})
 
 
@@ -130,5 +128,4 @@ def _scaled(image: Image, unit: float) -> Image:
         return image
     k = math.frexp(unit)[1] - 1
     variance = None if image.variance is None else np.ldexp(image.variance, -2 * k)
-    third = None if image.third is None else np.ldexp(image.third, -3 * k)
-    return replace(image, mean=np.ldexp(image.mean, -k), variance=variance, third=third)
+    return replace(image, mean=np.ldexp(image.mean, -k), variance=variance)

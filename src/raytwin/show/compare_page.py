@@ -1,14 +1,13 @@
 """report.html: one file that opens offline; the viewer, numbers, calibration, times beside errors."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 from raytwin.compare.finding import CAUSES, Finding
 from raytwin.compare.heatmap import signed_error
 from raytwin.show import data_urls, numbers, viewer
-from raytwin.show.locations import linked
 from raytwin.show.page import write_page
 from raytwin.show.view import PairView, showable, view_of
 
@@ -18,6 +17,10 @@ if TYPE_CHECKING:
 
 LISTED = 8
 """Worst pixels in the table."""
+AROUND = 48
+"""Pixels across the view that a link opens; a tile larger than a third of it gets three times its own side."""
+Reason = tuple[str, str | None]
+"""The text of a reason, and the address of its place in the picture, or None."""
 SAYS = {
     "pass": "The two images agree within ",
     "differs": "One side models less light on purpose; otherwise the images agree within ",
@@ -57,6 +60,24 @@ def first_said(findings: Sequence[Finding], passed: bool) -> tuple[Finding | Non
         return Finding("note", f"{text[0].upper()}{text[1:]}."), list(findings[1:])
     ordered = sorted(findings, key=lambda finding: finding.kind not in CAUSES)
     return (None, ordered) if passed or not ordered else (ordered[0], ordered[1:])
+
+
+def linked(findings: Iterable[Finding], shape: Sequence[int]) -> tuple[list[Reason], list[dict[str, int]]]:
+    """Return each finding's reason with the address of its place, and the places themselves, each once.
+
+    `shape`: the image's. A finding about the whole image leads to all of it.
+    """
+    found: list[Reason] = []
+    places: list[dict[str, int]] = []
+    for finding in findings:
+        address, place = "#whole" if finding.kind == "image" else None, finding.place
+        if address is None and place is not None and len(shape) > 1 and place.x < shape[1] and place.y < shape[0]:
+            x, y = place.x + place.width // 2, place.y + place.height // 2
+            address = f"#pixel={x},{y},{max(AROUND, 3 * max(place.width, place.height))}"
+            if place._asdict() not in places:
+                places.append(place._asdict())
+        found.append((finding.reason, address))
+    return found, places
 
 
 def side_by_side(view: PairView) -> dict[str, Any]:
@@ -118,20 +139,15 @@ def packed_and_panes(view: PairView) -> tuple[viewer.Packed, list[dict[str, Any]
 
 
 def photos(view: PairView) -> list[dict[str, Any]]:
-    """Panes of the photo and of the augmented one, stored as the rectangle that differs. Large photos are reduced."""
-    photo, augmented = view.pair.photo, view.pair.augmented
-    panes: list[dict[str, Any]] = []
-    if photo is not None:
-        url, note = data_urls.small_jpeg(photo, photo.shape)
-        panes.append({"key": "photo", "kind": "picture", "title": "Photo", "tab": "photo", "url": url, "note": note})
-    if augmented is not None:
-        pane: dict[str, Any] = {"key": "augmented", "kind": "picture", "title": "Augmented photo", "tab": "augmented"}
-        x, y, w, h = (0, 0, *augmented.shape[1::-1])
-        if photo is not None and photo.shape == augmented.shape == view.reference.shape:
-            x, y, w, h = data_urls.changed(photo, augmented)
-            pane |= {"over": "photo", "box": (x, y, w, h)}
-        url, note = data_urls.small_jpeg(augmented[y : y + h, x : x + w], augmented.shape)
-        panes.insert(0, pane | {"url": url, "note": note})
+    """Panes of the augmented photo and of the photo. Large ones are reduced."""
+    panes = []
+    for tab, title, pixels in (
+        ("augmented", "Augmented photo", view.pair.augmented),
+        ("photo", "Photo", view.pair.photo),
+    ):
+        if pixels is not None:
+            url, note = data_urls.small_jpeg(pixels)
+            panes.append({"key": tab, "kind": "picture", "title": title, "tab": tab, "url": url, "note": note})
     return panes
 
 
@@ -140,10 +156,9 @@ def alone(view: PairView) -> list[dict[str, str]]:
     found = []
     for title, image in ((view.names.test_title, view.test), (view.names.reference_title, view.reference)):
         if showable(image):
-            url, lossless = data_urls.picture_url(data_urls.exposed(image, data_urls.exposure(image)))
+            url, note = data_urls.small_jpeg(data_urls.exposed(image, data_urls.exposure(image)))
             size = "{1} × {0} pixels".format(*image.shape)
-            note = size + ("" if lossless else "; shown as JPEG")
-            found.append({"title": title, "alt": f"{title}, {size}", "note": note, "url": url})
+            found.append({"title": title, "alt": f"{title}, {size}", "note": f"{size}; shown as {note}", "url": url})
     return found
 
 
@@ -179,7 +194,6 @@ def calibrated(view: PairView) -> dict[str, Any] | None:
     """The calibration's tables and pictures, and the photo whose pose the camera has."""
     if (calibration := view.pair.calibration) is None:
         return None
-    from raytwin.show.calibration_page import calibration_pictures, calibration_tables  # which load OpenCV
+    from raytwin.show.calibration_page import calibration_tables  # which loads OpenCV
 
-    posed = view.pair.pose.photo if view.pair.pose else None
-    return calibration_tables(calibration) | {"posed": posed, "pictures": calibration_pictures(calibration)}
+    return calibration_tables(calibration) | {"posed": view.pair.pose.photo if view.pair.pose else None}

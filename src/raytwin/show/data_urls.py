@@ -92,37 +92,14 @@ def png_url(pixels: np.ndarray) -> str:
     return data_url(np.ascontiguousarray(pixels), "png", compress_level=1)
 
 
-def jpeg_url(pixels: np.ndarray) -> str:
-    """sRGB uint8 (H, W, 3) as a JPEG in a data URL: sensor noise would make a PNG of several megabytes."""
-    return data_url(pixels, "jpeg", quality=87)
+def small_jpeg(pixels: np.ndarray, most_pixels: int = MOST_PIXELS) -> tuple[str, str]:
+    """Return (data URL, a note) of sRGB uint8 (h, w, 3), made smaller if it has more than `most_pixels`.
 
+    As a JPEG: sensor noise would make a PNG of several megabytes.
+    """
+    n, note = math.ceil(math.sqrt(pixels.shape[0] * pixels.shape[1] / most_pixels)), "JPEG"
+    if n > 1:
+        from PIL import Image as Pillow
 
-def small_jpeg(pixels: np.ndarray, whole: tuple[int, ...]) -> tuple[str, str]:
-    """Return (data URL, a note) of sRGB uint8 (h, w, 3), made smaller as a picture of the shape `whole` must be."""
-    n = math.ceil(math.sqrt(whole[0] * whole[1] / MOST_PIXELS))
-    if n <= 1:
-        return jpeg_url(pixels), "JPEG"
-    from PIL import Image as Pillow
-
-    return jpeg_url(np.asarray(Pillow.fromarray(pixels).reduce(n))), f"JPEG, 1/{n} of its width and height"
-
-
-def changed(before: np.ndarray, after: np.ndarray) -> tuple[int, int, int, int]:
-    """(x, y, width, height) of what differs between two pictures (H, W, 3), on JPEG's grid of 16; one cell if none."""
-    differs = (before != after).any(axis=-1)
-    rows, columns = (np.flatnonzero(differs.any(axis=axis)) for axis in (1, 0))
-    if not rows.size:
-        return 0, 0, min(16, before.shape[1]), min(16, before.shape[0])
-    (x, width), (y, height) = (
-        (start := int(n[0]) // 16 * 16, min(-(-(int(n[-1]) + 1) // 16) * 16, side) - start)
-        for n, side in ((columns, before.shape[1]), (rows, before.shape[0]))
-    )
-    return x, y, width, height
-
-
-def picture_url(pixels: np.ndarray) -> tuple[str, bool]:
-    """(data URL, whether it is lossless): PNG, or JPEG where noise makes a PNG of more than a byte a pixel."""
-    url = png_url(pixels)
-    if len(url) <= pixels.shape[0] * pixels.shape[1] + 200_000:
-        return url, True
-    return jpeg_url(pixels), False
+        pixels, note = np.asarray(Pillow.fromarray(pixels).reduce(n)), f"JPEG, 1/{n} of its width and height"
+    return data_url(pixels, "jpeg", quality=87), note

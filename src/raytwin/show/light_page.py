@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from raytwin.images.packing import MOST_PIXELS
 from raytwin.images.photo_files import to_bytes
 from raytwin.show.data_urls import small_jpeg
 from raytwin.show.page import write_page
@@ -124,5 +125,4 @@ def _evidence(found: "LightEstimate") -> list[Line]:
 
 
 def _jpeg(pixels: np.ndarray) -> str:
-    height, width = pixels.shape[:2]
-    return small_jpeg(pixels, (2 * height, 2 * width))[0]
+    return small_jpeg(pixels, MOST_PIXELS // 4)[0]

@@ -5,7 +5,7 @@ Pictures are PNGs in the HTML, so that they stay when a notebook is saved. They 
 
 import secrets
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -42,71 +42,74 @@ class Pictures(InNotebook):
         return f"<{', '.join(title for _, title in self.figures)}>"
 
 
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """What a notebook shows: `head` and `table` as notebook.html.j2 takes them, pictures, and the viewer's data."""
+
+    head: dict[str, Any]
+    figures: Figures = field(default_factory=list)
+    table: tuple[Sequence[str], Sequence[dict[str, Any]]] = ((), ())
+    viewed: Callable[[], dict[str, Any]] | None = None
+
+    def html(self) -> str:
+        """Return what stays in a saved notebook: pictures as PNG, tables as HTML."""
+        return _shown(self.head, [(png_url(pixels), title) for pixels, title in self.figures], self.table)
+
+    def still(self) -> dict[str, Any]:
+        """Return the pictures in a row, as PNG."""
+        if not self.figures:
+            return {}
+        most = max(len(pixels) for pixels, _ in self.figures)
+        rows = [np.pad(p, ((0, most - len(p)), (0, GAP), (0, 0)), constant_values=255) for p, _ in self.figures]
+        return {"image/png": encoded(np.concatenate(rows, axis=1)[:, :-GAP], "png")}
+
+    def widget(self, still: str = "") -> dict[str, Any]:
+        """Return the viewer as a notebook's widget, which hides what is marked `still`; nothing without pictures."""
+        if self.viewed is None:
+            return {}
+        bundle = widget(self.viewed(), _shown(self.head), still)._repr_mimebundle_()
+        first = bundle[0] if isinstance(bundle, tuple) else bundle
+        return {kind: value for kind, value in first.items() if kind.endswith("widget-view+json")}
+
+
+def _shown(head: dict[str, Any], figures: Sequence[Any] = (), table: Any = ((), ())) -> str:
+    empty: dict[str, Any] = dict.fromkeys(("verdict", "caption"))
+    columns, rows = table
+    return render_part("notebook.html.j2", figures=figures, columns=columns, rows=rows, wide=MAX_WIDTH, **empty | head)
+
+
 def html_of(thing: Any) -> str:
-    """Return what stays in a saved notebook: pictures as PNG, tables as HTML."""
-    return HTML[type(thing).__name__](thing)
+    """Return what stays in a saved notebook."""
+    return cell_of(thing).html()
 
 
 def bundle_of(thing: Any) -> dict[str, Any]:
     """Return the pictures as one PNG, and the viewer as a notebook's widget; each where there is one."""
-    return still_of(thing) | (widget_of(thing) if has_widgets() else {})
-
-
-def still_of(thing: Any) -> dict[str, Any]:
-    """Return the pictures of `thing` in a row, as PNG."""
-    if not (figures := FIGURES.get(type(thing).__name__, lambda _: [])(thing)):
-        return {}
-    heights = [len(pixels) for pixels, _ in figures]
-    rows = [np.pad(p, ((0, max(heights) - len(p)), (0, GAP), (0, 0)), constant_values=255) for p, _ in figures]
-    return {"image/png": encoded(np.concatenate(rows, axis=1)[:, :-GAP], "png")}
-
-
-def widget_of(thing: Any, still: str = "") -> dict[str, Any]:
-    """Return the viewer as a notebook's widget, which hides what is marked `still`; nothing without pictures."""
-    made = VIEWED.get(type(thing).__name__)
-    if made is None or (shown := made(thing)) is None:
-        return {}
-    bundle = widget(*shown, still)._repr_mimebundle_()
-    first = bundle[0] if isinstance(bundle, tuple) else bundle
-    return {kind: value for kind, value in first.items() if kind.endswith("widget-view+json")}
+    cell = cell_of(thing)
+    return cell.still() | (cell.widget() if has_widgets() else {})
 
 
 def display(thing: Any) -> None:
     """Display pictures that stay, then the viewer, which hides them: without a kernel, Jupyter shows an error in the
     place of a widget, whatever else its output holds. Raises NotImplementedError where there is no viewer."""
     still = secrets.token_hex(8)
-    if not has_widgets() or not (view := widget_of(thing, still)):
+    if not has_widgets() or not (view := (cell := cell_of(thing)).widget(still)):
         raise NotImplementedError
     from IPython.display import display as show
 
-    html = f'<div data-raytwin="{still}">{html_of(thing)}</div>'
-    show({"text/plain": repr(thing), "text/html": html, **still_of(thing)}, raw=True)
+    html = f'<div data-raytwin="{still}">{cell.html()}</div>'
+    show({"text/plain": repr(thing), "text/html": html, **cell.still()}, raw=True)
     show({"text/plain": "", **view}, raw=True)
 
 
-def _shown(columns: Sequence[str] = (), rows: Sequence[dict[str, Any]] = (), **parts: Any) -> str:
-    """Return the parts in the order of notebook.html.j2: verdict, caption, figures, table."""
-    empty: dict[str, Any] = dict.fromkeys(("verdict", "caption", "figures"), ())
-    return render_part("notebook.html.j2", columns=columns, rows=rows, wide=MAX_WIDTH, **empty | parts)
+def cell_of(thing: Any) -> Cell:
+    return CELLS[type(thing).__name__](thing)
 
 
 def small_picture(image: Image, gain: float | None = None) -> np.ndarray:
     """Return sRGB uint8 (h, w, 3), at most MAX_WIDTH across, times `gain` (None: bright parts become white)."""
     small = binned(image, -(-image.shape[1] // MAX_WIDTH)) if image.shape[1] > MAX_WIDTH else image
     return exposed(small, exposure(image) if gain is None else gain)
-
-
-def _image(image: Image) -> str:
-    caption = repr(image).strip("<>").removeprefix("raytwin.")
-    return _pictures(_image_figures(image)) if showable(image) else _shown(caption=caption)
-
-
-def _pictures(figures: Figures, **parts: Any) -> str:
-    return _shown(figures=[(png_url(pixels), title) for pixels, title in figures], **parts)
-
-
-def _image_figures(image: Image) -> Figures:
-    return [(small_picture(image), repr(image).strip("<>").removeprefix("raytwin."))] if showable(image) else []
 
 
 def pair_figures(test: Image, reference: Image, titles: Sequence[str], gain: float) -> Figures:
@@ -117,16 +120,29 @@ def pair_figures(test: Image, reference: Image, titles: Sequence[str], gain: flo
     return [(small_picture(a, gain), titles[0]), (small_picture(b, gain), titles[1]), difference]
 
 
-def _view_figures(view: PairView) -> Figures:
-    if not view.alike:
-        return []
-    return pair_figures(view.test, view.reference, view.names[2:], exposure(view.reference))
+def _image(image: Image) -> Cell:
+    title = repr(image).strip("<>").removeprefix("raytwin.")
+    if not showable(image):
+        return Cell({"caption": title})
+
+    def viewed() -> dict[str, Any]:
+        packed = viewer.pack(image, image, surfaces=False)
+        panes = [pane("test", "Image", "image")]
+        return packed.for_page() | {"names": {"test": "image"}, "panes": panes, "exposure": stops(image)}
+
+    return Cell({}, [(small_picture(image), title)], viewed=viewed)
 
 
-def _pair(view: PairView) -> str:
+def _pair(pair: Any) -> Cell:
     """Return the verdict, both pictures, their difference and the numbers."""
-    table = {"columns": ("number", "value", "unit"), "rows": _numbers(view.comparison)}
-    return _pictures(_view_figures(view), **table, **_head(view))
+    from raytwin.show.compare_page import side_by_side
+
+    view = view_of(pair)
+    table = ("number", "value", "unit"), _numbers(view.comparison)
+    if not view.alike:
+        return Cell(_head(view), table=table)
+    figures = pair_figures(view.test, view.reference, view.names[2:], exposure(view.reference))
+    return Cell(_head(view), figures, table, lambda: side_by_side(view)["data"] | {"address": False})
 
 
 def _head(view: PairView) -> dict[str, Any]:
@@ -143,49 +159,15 @@ def _numbers(c: Comparison) -> list[dict[str, Any]]:
     return [{"number": r.number.name, "value": numbers.shown(r.value), "unit": r.number.unit} for r in rows]
 
 
-HTML: dict[str, Callable[[Any], str]] = {
+LEVELS = "method", "rung", "rays", "seconds", "error"
+METHODS = "method", "rung", "width", "height", "seconds_median", "rmse", "verdict", "on_frontier"
+"""Columns of the tables."""
+CELLS: dict[str, Callable[[Any], Cell]] = {
     "Image": _image,
-    "Pictures": lambda shown: _pictures(shown.figures),
-    "Diff": lambda found: _pair(view_of(found)),
-    "Result": lambda found: _pair(view_of(found)),
-    "Levels": lambda made: _shown(
-        ("method", "rung", "rays", "seconds", "error"), made.table(), caption=made.found.reason
-    ),
-    "Bench": lambda found: _shown(
-        ("method", "rung", "width", "height", "seconds_median", "rmse", "verdict", "on_frontier"), found.table()
-    ),
+    "Pictures": lambda shown: Cell({}, shown.figures, viewed=lambda: shown.data),
+    "Diff": _pair,
+    "Result": _pair,
+    "Levels": lambda made: Cell({"caption": made.found.reason}, table=(LEVELS, made.table())),
+    "Bench": lambda found: Cell({}, table=(METHODS, found.table())),
 }
 """Name of a class -> what a notebook shows of it. One more kind is one more row, and InNotebook among its bases."""
-FIGURES: dict[str, Callable[[Any], Figures]] = {
-    "Image": _image_figures,
-    "Diff": lambda found: _view_figures(view_of(found)),
-    "Result": lambda found: _view_figures(view_of(found)),
-    "Pictures": lambda shown: shown.figures,
-}
-"""Name of a class -> its pictures, for what has any."""
-
-
-# ------------------------------------------------------------------------------------------ the viewer
-
-
-def _viewed_image(image: Image) -> tuple[dict[str, Any], str] | None:
-    if not showable(image):
-        return None
-    packed = viewer.pack(image, image, surfaces=False)
-    about = {"names": {"test": "image"}, "panes": [pane("test", "Image", "image")], "exposure": stops(image)}
-    return packed.for_page() | about, ""
-
-
-def _viewed_pair(view: PairView) -> tuple[dict[str, Any], str] | None:
-    from raytwin.show.compare_page import side_by_side
-
-    return (side_by_side(view)["data"] | {"address": False}, _shown(**_head(view))) if view.alike else None
-
-
-VIEWED: dict[str, Callable[[Any], tuple[dict[str, Any], str] | None]] = {
-    "Image": _viewed_image,
-    "Diff": lambda found: _viewed_pair(view_of(found)),
-    "Result": lambda found: _viewed_pair(view_of(found)),
-    "Pictures": lambda shown: (shown.data, ""),
-}
-"""Name of a class -> the viewer's data and the HTML above it, for what has pictures."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from raytwin.compare import METRICS, Comparison, Report, scaled
-from raytwin.compare.scale import scale_of
+from raytwin.compare.exact import scale_of
 from raytwin.images.image import Image, Surface
 from raytwin.scene import Tolerance
 from raytwin.show.numbers import seconds, short, shown

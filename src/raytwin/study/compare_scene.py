@@ -13,7 +13,6 @@ from raytwin import twin
 from raytwin.compare import Comparison, Report, compare
 from raytwin.compare.finding import Finding, notes
 from raytwin.explain.ledger import LIGHT_LEFT_OUT, Ledger, make_ledger
-from raytwin.explain.light_parts import sampled_parts
 from raytwin.images.image import Image
 from raytwin.images.photo_files import read_photo
 from raytwin.images.stored_precision import rounding_of
@@ -23,7 +22,7 @@ from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.rungs import RUNGS
-from raytwin.scene import MitsubaScene, Scene, Tolerance
+from raytwin.scene import MitsubaScene, Scene, Shape, Tolerance
 from raytwin.scene.lens import without_ray
 from raytwin.scene.mitsuba_file import is_mitsuba
 from raytwin.scene.scene_files import scene_and_photos
@@ -245,30 +244,26 @@ def _explained(job: Job, made: Image, reference: Image, comparison: Comparison) 
     causes: tuple[Finding, ...] = ()
     if failed:
         with stages.stage("cause"):
-            causes = stage_causes(subject) or find_causes(
-                made, compared_with, scene, subject.rung, subject.sampling, job.engine
-            )
+            causes = stage_causes(subject) or find_causes(made, compared_with, scene, subject.rung)
     ledger = None
     if RUNGS[subject.rung].lit:
         with stages.stage("ledger"):
             faulty = failed and not (causes and causes[0].kind == "rounding")
             ledger = make_ledger(scene, made, subject.rung, job.engine, faulty=faulty)
+        if ledger.missing and causes and causes[0].kind == "unknown":
+            causes = (causes[0]._replace(text=f"{causes[0].text}; as if {ledger.missing} were missing"), *causes[1:])
     if on_own_rung is not None:
         comparison = _expected_difference(comparison, on_own_rung, subject.rung, chosen.rung, ledger)
     return comparison.because(*causes), ledger
 
 
-def find_causes(
-    made: Image, reference: Image, scene: Scene, rung: str, sampling: str, engine: str
-) -> tuple[Finding, ...]:
-    """Return why `made` is not its reference, on the same rung; `engine`: follows light for the split."""
+def find_causes(made: Image, reference: Image, scene: Scene, rung: str) -> tuple[Finding, ...]:
+    """Return why `made` is not its reference, on the same rung."""
     from raytwin.explain.diagnosis import explain  # what passes needs no cause
     from raytwin.explain.rounding_cause import rounding_cause
 
     rounded = rounding_cause(made, reference, scene, rung)
-    return rounded or explain(
-        made, reference, scene, rung, rounding_of(made), sampled=sampled_parts(scene, rung, engine, sampling)
-    )  # fmt: skip
+    return rounded or explain(made, reference, scene, rung, rounding_of(made))
 
 
 def stage_causes(subject: Renderer) -> tuple[Finding, ...]:
@@ -297,10 +292,22 @@ def judged_in_view(comparison: Comparison, reference: Image, scene: Scene | Mits
         return comparison
     said = "the camera sees no object, so that only the sky is compared"
     if isinstance(scene, Scene):
-        said += f". {TO_CHECK}"
+        said += f": {_where(scene)}. {TO_CHECK}"
     if not comparison.passed:
         return comparison.saying(said)
     return comparison.judged("undecided", *notes([f"undecided: {said}"]), *comparison.findings)
+
+
+def _where(scene: Scene) -> str:
+    """How many objects are behind the camera, and how many beside what it sees."""
+    axes, depth = np.asarray(scene.camera.R_cam_board), scene.camera.t_cam_board[2]
+
+    def reach(thing: Shape) -> float:
+        return float(axes[2] @ thing.center + depth + thing.extent(axes)[2])
+
+    behind = sum(reach(thing) <= 0 for thing in scene.objects)
+    parts = [(behind, "behind it"), (len(scene.objects) - behind, "outside the frame")]
+    return " and ".join(f"{n} object{'s are' if n > 1 else ' is'} {place}" for n, place in parts if n)
 
 
 def _untested(scene: Scene, rung: str, passed: bool) -> Iterator[str]:

@@ -14,7 +14,7 @@ from raytwin.compare import compare as compare_images
 from raytwin.compare.finding import at, notes
 from raytwin.errors import InputError
 from raytwin.images.image import Image
-from raytwin.images.image_input import LoadedImage, as_image, read_side
+from raytwin.images.image_input import ENDINGS, LoadedImage, as_image, read_side
 from raytwin.judging import DiffSettings
 from raytwin.notebook import InNotebook
 from raytwin.renderers import references
@@ -160,7 +160,7 @@ def compare(a: Any, b: Any, settings: DiffSettings | None = None, **options: Any
         _side(thing, name, chosen, i) for i, (thing, name) in enumerate(((a, "image"), (b, "reference")))
     )
     if test_side.name == reference_side.name:
-        names = (str(a), str(b)) if _is_path(a) and _is_path(b) else ("image", "reference")
+        names = told_apart(a, b) if _is_path(a) and _is_path(b) else ("image", "reference")
         test_side, reference_side = test_side._replace(name=names[0]), reference_side._replace(name=names[1])
     made_of = test_side.loaded, reference_side.loaded
     test, reference = made_of[1].fitted(made_of[0].image), made_of[0].fitted(made_of[1].image)
@@ -223,6 +223,13 @@ def _side(thing: Any, name: str, chosen: DiffSettings, i: int) -> Side:
     return Side(path.name, loaded, *(_scene_of(path) if i else ()))
 
 
+def told_apart(a: str | Path, b: str | Path) -> tuple[str, str]:
+    """The shortest ends of two paths that differ; their names where the paths are equal."""
+    parts = Path(a).parts, Path(b).parts
+    ends = [(str(Path(*parts[0][-k:])), str(Path(*parts[1][-k:]))) for k in range(1, 1 + max(map(len, parts)))]
+    return next((pair for pair in ends if pair[0] != pair[1]), (Path(a).name, Path(b).name))
+
+
 def _is_path(thing: Any) -> bool:
     return isinstance(thing, str | os.PathLike)
 
@@ -249,6 +256,20 @@ def _scene_of(path: Path) -> tuple[Scene | None, str | None]:
         return references.load(path).scene, path.stem
     except InputError:
         return None, None
+
+
+def pairs(a: Path, b: Path) -> list[tuple[str, Path | None, Path | None]]:
+    """The images of two folders, and of the folders within, by name: None where one of them lacks it."""
+    inside = [{str(p.relative_to(f)): p for p in f.rglob("*") if p.suffix.lower() in ENDINGS} for f in (a, b)]
+    names = sorted(inside[0].keys() | inside[1].keys())
+    if not names:
+        raise InputError(a, "images that are in both folders", "none in either")
+    return [(name, inside[0].get(name), inside[1].get(name)) for name in names]
+
+
+def lacking(name: str, folder: Path) -> Report:
+    """The report on an image that one of two folders lacks."""
+    return Report(name, "", Comparison("fail", notes([f"{name} is missing in {folder}"])))
 
 
 def _in_place(made: Comparison, a: tuple[int, int], b: tuple[int, int]) -> Comparison:

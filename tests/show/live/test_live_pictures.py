@@ -20,17 +20,12 @@ def srgb(x: float) -> float:
 
 def test_a_pictures_pixels_are_the_radiance_as_the_viewer_would_show_it():
     values = (0.0, 0.002, 0.05, 0.25, 0.5, 0.9, 1.0, 3.0)
-    for look, shown in (
-        (Look(), lambda x: srgb(min(x, 1))),
-        (Look(exposure=1.0), lambda x: srgb(min(2 * x, 1))),
-        (Look(gamma=2.0), lambda x: srgb(min(x, 1)) ** 0.5),
-        (Look(tone="Reinhard"), lambda x: srgb(x / (1 + x))),
-        (Look(tone="filmic"), lambda x: srgb(min((2.51 * x * x + 0.03 * x) / (2.43 * x * x + 0.59 * x + 0.14), 1))),
-    ):
-        pixels = to_screen(np.tile(np.array(values, np.float32)[:, None, None], (1, 8, 3)), look)
+    for exposure in (0.0, 1.0):
+        pixels = to_screen(np.tile(np.array(values, np.float32)[:, None, None], (1, 8, 3)), exposure)
         for value, row in zip(values, pixels, strict=True):
-            assert row == pytest.approx(255 * shown(value), abs=1), (look, value)  # half floats, then a rounding
-        assert to_screen(np.full((1, 1, 3), -1, np.float32), look).max() == 0
+            shown = 255 * srgb(min(2**exposure * value, 1))
+            assert row == pytest.approx(shown, abs=1), (exposure, value)  # half floats, then a rounding
+        assert to_screen(np.full((1, 1, 3), -1, np.float32), exposure).max() == 0
 
 
 def test_the_jpeg_that_is_sent_shows_the_image(base):
@@ -38,7 +33,7 @@ def test_the_jpeg_that_is_sent_shows_the_image(base):
     event, (jpeg,) = picture("test", image, Look(), 0.5, 1)
     sent = np.asarray(Pillow.open(io.BytesIO(jpeg)).convert("RGB"), float)
     assert (event["pane"], event["seconds"], event["samples"]) == ("test", 0.5, 1)
-    assert np.mean(np.abs(sent - to_screen(image.mean, Look()))) < 4  # JPEG's own loss
+    assert np.mean(np.abs(sent - to_screen(image.mean, 0.0))) < 4  # JPEG's own loss
     assert np.ptp(sent) > 100
 
 

@@ -54,7 +54,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Line:
-    """`dash`: solid, dotted or dashed; `strength`: 1 is the full colour."""
+    """`dash`: solid or dashed; `strength`: 1 is the full colour."""
 
     xs: tuple[float, ...]
     ys: tuple[float, ...]
@@ -154,18 +154,12 @@ Box = tuple[float, float, float, float]
 
 
 def places(at: XY, long: float, left: bool) -> Iterator[XY]:
-    """Yield places for the left end of a label `long` pixels wide, moving away from the point upwards and downwards.
-
-    At each height: right and left of the point, and, if it is above or below it, centred as far as the frame allows.
-    """
+    """Yield places for the left end of a label `long` pixels wide: beside the point, then further above and below."""
     beside = sorted((at[0] + 9, at[0] - 9 - long), reverse=not left)
-    middle = max(LEFT, min(at[0] - long / 2, LEFT + WIDTH - long))
     for k in range(2 * int(HEIGHT / LINE) + 2):
         y = at[1] + (k // 2 + k % 2) * LINE * (-1 if k % 2 else 1)
         if TOP + LINE / 2 <= y <= TOP + HEIGHT - LINE / 2:
             yield from ((x, y) for x in beside if LEFT <= x <= LEFT + WIDTH - long)
-            if k:
-                yield middle, y
 
 
 def covered(label: Box, placed: Iterable[Box]) -> bool:

@@ -12,7 +12,7 @@ from raytwin.show.numbers import short
 
 INK, SOFT, GRID, OUTLINE = "#1b2330", "#5a6575", "#e9edf1", "#c9ced6"
 FONT = "DejaVu Sans, Verdana, system-ui, sans-serif"
-DASHES = {"solid": "", "dotted": ' stroke-dasharray="1.5 3"', "dashed": ' stroke-dasharray="6 4"'}
+DASHES = {"solid": "", "dashed": ' stroke-dasharray="6 4"'}
 CORNERS = {
     "square": ((-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)),
     "triangle": ((0.0, -1.2), (1.1, 0.8), (-1.1, 0.8)),

@@ -9,7 +9,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +17,11 @@ import msgspec
 import numpy as np
 
 from raytwin import twin
-from raytwin.compare import SequentialComparison
 from raytwin.explain.ledger import make_ledger
 from raytwin.fast import ENGINES
 from raytwin.images.image import Image
 from raytwin.images.packing import binned
-from raytwin.images.photo_files import encoded, srgb_encode
+from raytwin.images.photo_files import encoded, to_bytes
 from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.rungs import RUNGS
@@ -108,9 +107,8 @@ class Session:
             maps = viewer.raw_parts(ledger.pictures, ledger.step, noise)
             words = tuple(blob for _, blobs in maps for blob in blobs)
             yield {"kind": "ledger", "parts": plain(ledger.parts), "maps": [about for about, _ in maps]}, words
-        check, said = self.rounds(wanted, scene, method, test, reference), ""
         samples = 2
-        while samples <= wanted.samples and (method.noisy or RUNGS[wanted.twin_rung].noisy) and not said:
+        while samples <= wanted.samples and noisy:
             if method.noisy:
                 method = self.tracer(wanted, samples)
                 test, seconds = _timed(method, scene, samples)
@@ -119,21 +117,8 @@ class Session:
                 reference, seconds = _timed(self.twin, wanted, scene, samples, samples)
                 yield point("twin", None, reference, seconds, halves)
             yield pair(test, reference, scene.names, noisy)
-            if check is not None and (made := check.add(test if method.noisy else None, reference)):
-                said = f"{made.verdict.upper()}, {made.reasons[-1]}"
             samples *= 2
-        yield {"kind": "rest", "said": said}, ()
-
-    def rounds(
-        self, wanted: ViewRequest, scene: Scene, method: Renderer, test: Image, reference: Image
-    ) -> SequentialComparison | None:
-        """Return what decides about the passes; None where the sides have other light, or no noise."""
-        if wanted.rung != wanted.twin_rung or not RUNGS[wanted.twin_rung].noisy:
-            return None
-        judge = partial(compare_with_twin, scene=scene, tolerance=self.base.tolerance)
-        check = SequentialComparison(test=None if method.noisy else test, judge=judge)
-        check.add(test if method.noisy else None, reference)
-        return check
+        yield {"kind": "rest"}, ()
 
 
 def _timed(make: Callable[..., Image], *arguments: Any) -> tuple[Image, float]:
@@ -155,7 +140,7 @@ def point(side: str, method: Renderer | None, image: Image, seconds: float, halv
 
 def picture(pane: str, image: Image, look: Look, seconds: float, samples: int) -> Event:
     """A JPEG of it, as the page would show it."""
-    jpeg = encoded(to_screen(image.mean, look), "jpeg", quality=QUALITY)
+    jpeg = encoded(to_screen(image.mean, look.exposure), "jpeg", quality=QUALITY)
     return {"kind": "picture", "pane": pane, "seconds": seconds, "samples": samples}, (jpeg,)
 
 
@@ -189,28 +174,18 @@ def pair(test: Image, reference: Image, names: tuple[str, ...], noisy: bool) -> 
     }, words
 
 
-TONES = {
-    "sRGB": lambda x: x,
-    "Reinhard": lambda x: x / (1 + x),
-    "filmic": lambda x: (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14),
-}
-"""As colour.js has them."""
-
-
-def to_screen(mean: np.ndarray, look: Look) -> np.ndarray:
-    """(H, W, 3) uint8 by the viewer's exposure, tone and gamma."""
+def to_screen(mean: np.ndarray, exposure: float) -> np.ndarray:
+    """(H, W, 3) uint8 by the viewer's exposure in stops."""
     with np.errstate(over="ignore"):
-        return _bytes_of(look)[mean.astype(np.float16).view(np.uint16)]
+        return _bytes_of(exposure)[mean.astype(np.float16).view(np.uint16)]
 
 
 @lru_cache(4)
-def _bytes_of(look: Look) -> np.ndarray:
-    """(65536,) uint8: what is shown for every half float. Many pictures in a row have one look."""
+def _bytes_of(exposure: float) -> np.ndarray:
+    """(65536,) uint8: what is shown for every half float. Many pictures in a row have one exposure."""
     halves = np.arange(1 << 16, dtype=np.uint16).view(np.float16).astype(np.float32)
     with np.errstate(all="ignore"):
-        x = np.minimum(np.where(halves > 0, halves, 0) * 2.0**look.exposure, 1e9)
-        y = srgb_encode(np.clip(TONES.get(look.tone, TONES["sRGB"])(x), 0, 1)) ** (1 / look.gamma)
-        return np.nan_to_num(255 * y + 0.5).astype(np.uint8)
+        return to_bytes(halves * np.float32(2.0**exposure))
 
 
 def as_message(event: Mapping[str, Any], blobs: tuple[bytes, ...]) -> bytes:

@@ -1,4 +1,4 @@
-// Values as colours: exposure and tone, maps of the difference, silhouettes; each kept until what it depends on changes.
+// Values as colours: exposure, maps of the difference, silhouettes; each kept until what it depends on changes.
 
 import { BITS, FLOAT, clamp, distance, el, farther, mapped, single, table } from "./values.js";
 
@@ -8,11 +8,6 @@ const MAPS = {
   sigmas: { title: "Difference in σ", unit: "standard deviations" },
 };
 const PART = "part: "; // how a map is called that is a part of the error
-const TONES = {
-  sRGB: (x) => x,
-  Reinhard: (x) => x / (1 + x),
-  filmic: (x) => (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14), // Narkowicz's fit of ACES
-};
 const CHANNELS = ["RGB", "R", "G", "B", "luminance"];
 // Linear Rec. 709, from no error to the largest; far enough apart to differ by lightness as well as by hue.
 const NIGHT = globalThis.matchMedia?.("(prefers-color-scheme: dark)").matches;
@@ -23,7 +18,7 @@ const ALLOWED = NIGHT ? [[0.01, 0.013, 0.02], [0.1, 0.1, 0.1]] : [[1, 1, 1], [0.
 const LOST = [0, 203, 0]; // NaN and infinity
 const GREYS = [206, 178, 221, 190, 168, 213, 184, 198].map((v) => (NIGHT ? v - 110 : v));
 const OBJECTS = [NIGHT ? [24, 29, 37] : [250, 250, 250], ...GREYS.map((v) => [v, v, v]), NIGHT ? [206, 212, 220] : [59, 66, 76], [230, 97, 0], [93, 58, 155], [214, 0, 110]];
-const TONING = ["exposure", "gamma", "tone"], MAPPING = ["map", "channel"]; // parts of the state, and what depends on them
+const MAPPING = ["map", "channel"]; // parts of the state, and what depends on them
 
 const rgba = ([r, g, b]) => ((255 << 24) | (b << 16) | (g << 8) | r) >>> 0;
 const encode = (x) => (x <= 0.0031308 ? 12.92 * x : 1.055 * x ** (1 / 2.4) - 0.055);
@@ -47,12 +42,8 @@ class Colours {
 
   // Bytes by the upper bits of a radiance.
   tones() {
-    const { exposure, gamma, tone } = this.state, gain = 2 ** exposure, curve = TONES[tone];
-    return this.remember("tones", TONING, () => table(Uint8Array, (x) => {
-      if (!(x > 0)) return 0;
-      const y = clamp(curve(Math.min(x * gain, 1e9)), 0, 1);
-      return Math.round(255 * (gamma === 1 ? encode(y) : encode(y) ** (1 / gamma)));
-    }));
+    const gain = 2 ** this.state.exposure;
+    return this.remember("tones", ["exposure"], () => table(Uint8Array, (x) => (x > 0 ? Math.round(255 * encode(Math.min(x * gain, 1))) : 0)));
   }
 
   // What the chosen map is: a row of MAPS, or a part of the error by its name.
@@ -163,7 +154,7 @@ class Colours {
 
   // A canvas for a pane, each of its pixels k x k of the planes'.
   layer(pane, k) {
-    const on = { radiance: [...TONING, "channel"], map: [...MAPPING, "scale"], objects: [] }[pane.kind], key = [k, ...on.map((part) => this.state[part])].join();
+    const on = { radiance: ["exposure", "channel"], map: [...MAPPING, "scale"], objects: [] }[pane.kind], key = [k, ...on.map((part) => this.state[part])].join();
     if (pane.drawn === key) return pane.layer;
     const w = Math.ceil(this.data.columns / k), h = Math.ceil(this.data.lines / k), made = { radiance: () => this.expose(pane.key, k), map: () => this.colours(k), objects: () => this.silhouettes(k) }[pane.kind]();
     pane.layer ??= el("canvas");
@@ -207,4 +198,4 @@ class Colours {
   }
 }
 
-export { CHANNELS, Colours, MAPPING, OBJECTS, PART, TONES, encode };
+export { CHANNELS, Colours, MAPPING, OBJECTS, PART, encode };

@@ -6,9 +6,9 @@
 // `parts` of the error, `overlay(g, pane, frame, viewer)` (draws more), `exposure` (stops), `address` (whether the
 // page's address says where to look).
 // Kinds of panes: radiance (key test or reference), map (of their difference), objects (what each pixel sees), picture
-// (8 bits: `url`, perhaps drawn `over` another pane at `box`). All panes show the same part of the frame.
+// (8 bits: `url`). All panes show the same part of the frame.
 
-import { CHANNELS, MAPPING, OBJECTS, PART, TONES, encode } from "./colour.js";
+import { CHANNELS, MAPPING, OBJECTS, PART, encode } from "./colour.js";
 import { clamp, digits, el, short, signed, single, values } from "./values.js";
 import { View } from "./view.js";
 
@@ -22,7 +22,7 @@ class Viewer extends View {
     this.kept = this.at = this.area = null; // the clicked pixel, which stays when the pointer leaves; the one that is shown; pixels of a rectangle
     this.place = -1;
     this.state = {
-      mode: root.clientWidth < 700 ? "one" : "grid", solo: this.data.panes[0]?.key, wipe: 0.5, exposure, gamma: 1, tone: "sRGB",
+      mode: root.clientWidth < 700 ? "one" : "grid", solo: this.data.panes[0]?.key, wipe: 0.5, exposure,
       channel: "RGB", map: sigmas ? "sigmas" : "signed", scale: 0, outlines: true, area: false,
     };
     this.view = { x: (width - 1) / 2, y: (height - 1) / 2, span: Infinity };
@@ -135,9 +135,8 @@ class Viewer extends View {
     this.controls = [];
     const tick = el("input", { type: "checkbox", onchange: () => this.set({ outlines: tick.checked }) });
     this.controls.push(() => { tick.checked = s.outlines; });
-    const adjust = el("details", { className: "rt-adjust" }, el("summary", { textContent: "Exposure, tone, maps" }), el("div", {},
-      range("Exposure", "exposure", -12, 12, 0.05, signed), range("Gamma", "gamma", 0.4, 3, 0.05, (x) => x.toFixed(2)),
-      choice("Tone", "tone", () => Object.keys(TONES)), choice("Channel", "channel", () => CHANNELS),
+    const adjust = el("details", { className: "rt-adjust" }, el("summary", { textContent: "Exposure, maps" }), el("div", {},
+      range("Exposure", "exposure", -12, 12, 0.05, signed), choice("Channel", "channel", () => CHANNELS),
       ...(names.reference ? [choice("Map", "map", () => this.maps(), (x) => ({ signed: "signed", relative: "relative", sigmas: "in sigmas" })[x] ?? x.replace(PART, "")),
         range("Range", "scale", -8, 8, 1, (x) => `× ${short(Number((10 ** (x / 2)).toPrecision(2)))}`), el("label", {}, tick, " Outlines")] : []),
       button("Reset", "As it was (r)", () => this.reset())));
@@ -173,7 +172,7 @@ class Viewer extends View {
     this.bars = el("canvas", { className: "rt-histogram", role: "img", ariaLabel: `Histogram of the chosen channel in stops around white: ${names.test} filled, ${names.reference ?? ""} as a line` });
     const where = el("form", { onsubmit: (event) => event.preventDefault() }, el("b", { textContent: "Pixel " }), el("span", {}, "x ", this.x, " y ", this.y), this.status);
     const inspector = el("div", { className: "rt-inspector", role: "region", ariaLabel: "Pixel inspector" }, where, el("div", { className: "rt-scroll", tabIndex: 0, role: "group", ariaLabel: "Values of the pixel" }, table), this.bars);
-    const keys = "Drag pans, Shift + drag chooses a rectangle, Ctrl + wheel zooms, Shift + wheel exposes; two fingers zoom and pan. In a picture: arrows move by a pixel (Shift: ten), + − 0 zoom, e E exposure, g G gamma, t tone, c channel, m map, s S its range, f flip, w wipe ([ ] move it), a all, 1 to 9 one picture, n p places, o outlines, x a corner of a rectangle, then the other, r reset.";
+    const keys = "Drag pans, Shift + drag chooses a rectangle, Ctrl + wheel zooms, Shift + wheel exposes; two fingers zoom and pan. In a picture: arrows move by a pixel (Shift: ten), + − 0 zoom, e E exposure, c channel, m map, s S its range, f flip, w wipe ([ ] move it), a all, 1 to 9 one picture, n p places, o outlines, x a corner of a rectangle, then the other, r reset.";
     this.root.classList.add("rt");
     bar.append(adjust);
     this.box.append(inspector);
@@ -218,7 +217,7 @@ class Viewer extends View {
       pane.figure.hidden = s.mode === "grid" ? Boolean(pane.aside) : pane.key !== solo;
       if (pane.kind === "radiance") {
         pane.head.textContent = s.mode === "wipe" ? `${names.test} | ${names.reference}` : pane.title;
-        pane.said.textContent = `${signed(s.exposure)} stops, ${s.tone}${s.gamma === 1 ? "" : `, gamma ${s.gamma.toFixed(2)}`}${s.channel === "RGB" ? "" : `, ${s.channel}`}`;
+        pane.said.textContent = `${signed(s.exposure)} stops${s.channel === "RGB" ? "" : `, ${s.channel}`}`;
       } else if (pane.kind === "map") pane.head.textContent = this.about().title;
     }
     for (const [list, now] of [[this.modes, s.mode], [this.tabs, s.mode === "one" ? s.solo : ""]])

@@ -1,6 +1,6 @@
 // Where the panes look and what is painted in them; what a pixel's values are; pointer, fingers and keys.
 
-import { CHANNELS, Colours, PART, TONES } from "./colour.js";
+import { CHANNELS, Colours, PART } from "./colour.js";
 import { EPSILON, HALVES, clamp, decode, digits, el, mapped, values } from "./values.js";
 
 const MOST = 256; // CSS pixels a pixel is magnified to at most
@@ -146,11 +146,6 @@ class View extends Colours {
       if (pane.kind === "picture") return;
       source = this.layer(pane, k);
       cw = ch = thin * k;
-    }
-    if (pane.over) {
-      this.draw(g, this.panes.get(pane.over), f, dots);
-      const [x, y, w, h] = pane.box;
-      return g.drawImage(source, ...f.at(x - 0.5, y - 0.5), w * f.s, h * f.s);
     }
     g.imageSmoothingEnabled = pane.kind !== "map" && pane.kind !== "objects" && f.s * dots * cw < 1;
     g.imageSmoothingQuality = source instanceof ImageBitmap ? "low" : "medium"; // one of many that move
@@ -433,9 +428,8 @@ class View extends Colours {
     const act = {
       "+": () => this.zoom(1.5), "=": () => this.zoom(1.5), "-": () => this.zoom(1 / 1.5), 0: () => this.whole(),
       e: () => this.set({ exposure: s.exposure + 0.5 }), E: () => this.set({ exposure: s.exposure - 0.5 }),
-      g: () => this.set({ gamma: s.gamma * 1.1 }), G: () => this.set({ gamma: s.gamma / 1.1 }),
       s: () => this.set({ scale: s.scale - 1 }), S: () => this.set({ scale: s.scale + 1 }),
-      t: () => this.set({ tone: next(Object.keys(TONES), s.tone) }), c: () => this.set({ channel: next(CHANNELS, s.channel) }),
+      c: () => this.set({ channel: next(CHANNELS, s.channel) }),
       m: () => this.set({ map: next(this.maps(), s.map) }), f: () => this.flip(), w: () => this.data.names.reference && this.set({ mode: s.mode === "wipe" ? "grid" : "wipe" }),
       "[": () => this.set({ wipe: s.wipe - 0.02 }), "]": () => this.set({ wipe: s.wipe + 0.02 }),
       o: () => this.set({ outlines: !s.outlines }), a: () => this.set({ mode: s.mode === "grid" ? "one" : "grid" }),
@@ -464,7 +458,7 @@ class View extends Colours {
 
   reset() {
     this.area = null;
-    this.set({ exposure: this.data.exposure, gamma: 1, tone: "sRGB", channel: "RGB", scale: 0 });
+    this.set({ exposure: this.data.exposure, channel: "RGB", scale: 0 });
     this.whole();
   }
 
