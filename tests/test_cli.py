@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from raytwin.cli import app
 from raytwin.cli.option_values import check_outputs
-from raytwin.cli.progress_bar import print_seconds, show_progress
+from raytwin.cli.terminal import print_seconds, show_progress
 from raytwin.images.exr import read_exr
 from raytwin.images.image import Image
 from raytwin.images.image_formats import write_image
@@ -177,8 +177,8 @@ def test_every_stage_is_timed_once_and_parts_of_a_stage_are_not_counted_again(mo
 def test_the_seconds_that_are_told_make_up_the_whole(capsys, monkeypatch):
     stages = Stages()
     stages.seconds |= {"calibrate": 2.0, "tracer": 0.04, "report": 1.5}
-    monkeypatch.setattr("raytwin.cli.progress_bar.STARTED", 100.0)
-    monkeypatch.setattr("raytwin.cli.progress_bar.time.perf_counter", lambda: 105.0)
+    monkeypatch.setattr("raytwin.cli.terminal.STARTED", 100.0)
+    monkeypatch.setattr("raytwin.cli.terminal.time.perf_counter", lambda: 105.0)
     worth = {"calibrate": "rms 0.1 px", "tracer": "exact"}
     first = "  seconds: calibrate 2.00 s (rms 0.1 px), tracer 0.04 s (exact)"
     for verbose, said in ((False, first), (True, f"{first}, report 1.50 s, in all 5.00 s")):
