@@ -4,6 +4,7 @@ import io
 import json
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from importlib.metadata import version
@@ -11,6 +12,7 @@ from importlib.metadata import version
 import click
 import numpy as np
 import pytest
+from photo_helpers import BOARD
 from program import parse, raytwin, refused
 from typer.main import get_command
 from typer.testing import CliRunner
@@ -21,7 +23,7 @@ from raytwin.cli.terminal import print_seconds, show_progress
 from raytwin.images.exr import read_exr
 from raytwin.images.image import Image
 from raytwin.images.image_formats import write_image
-from raytwin.photos.boards import Board, Grid, write_board
+from raytwin.photos.boards import Board, Grid, read_board, write_board
 from raytwin.progress import Stages
 
 
@@ -184,3 +186,41 @@ def test_the_seconds_that_are_told_make_up_the_whole(capsys, monkeypatch):
     for verbose, said in ((False, first), (True, f"{first}, report 1.50 s, in all 5.00 s")):
         print_seconds(stages, verbose, worth)
         assert capsys.readouterr().out == f"{said}\n"
+
+
+# ------------------------------------------------------------------------------------------ photo board
+
+GRID = ("photo", "board", "--columns", 3, "--rows", 4, "--tag", "30mm", "--pitch", "38mm")
+
+
+def test_a_wrong_board_is_one_line_and_nothing_is_written(subtests, tmp_path):
+    for arguments, parts in (
+        (("--paper", "a3"), ("--paper", "a4, letter", "got a3")),
+        (("--rows", 8), ("--paper", "a4, too small for 116 mm x 316.75 mm")),
+        (("--tag", "30"), ("--tag", "with its unit", "30")),
+        (("--columns", 40, "--rows", 15), ("ids up to 586", "599")),
+        (("--family", "tag25h9"), ("--family` was removed in 0.2.0", "board.toml")),
+        (("--columns", 0), ("--columns", "from 1", "0")),
+        (("--margin", "9mm"), ("--margin` was removed in 0.2.0", "5 mm")),
+        (("-o", "board.png"), ("board.png", ".pdf")),
+    ):
+        with subtests.test(str(arguments)):
+            refused(raytwin(*GRID, "-o", "board.pdf", *arguments, cwd=tmp_path), *parts)
+            assert not list(tmp_path.iterdir())
+
+
+def test_without_options_it_is_a_board_that_a4_holds_and_photos_beside_it_are_calibrated_with_it(shoot, tmp_path):
+    run = raytwin("photo", "board", "--paper", "A4", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert "35 tags on a4" in run.stdout
+    assert (tmp_path / "board.pdf").read_bytes().startswith(b"%PDF-")
+    assert read_board(tmp_path / "board.toml") == BOARD
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    for i in range(4):
+        shutil.copy(shoot()[0] / f"photo_0{i}.jpg", photos)
+    run = raytwin("photo", "calibrate", "photos", "--model", "k1k2", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert "board.toml" in run.stdout.splitlines()[0]
+    (tmp_path / "board.toml").unlink()
+    refused(raytwin("photo", "calibrate", "photos", cwd=tmp_path), "--board", "no board.toml lies beside the photos")

@@ -11,12 +11,13 @@ from scene_of import scene_of
 
 from raytwin import twin
 from raytwin.errors import InputError
-from raytwin.renderers.subject_renderers import fast_engine
+from raytwin.renderers.renderer import Renderer
+from raytwin.renderers.subject_renderers import Filled, Traced, fast_engine
 from raytwin.scene import Scene
 from raytwin.scene.scene_files import read_scene
 from raytwin.study import levels as room
 from raytwin.study.converged import converged
-from raytwin.study.levels import Table, levels, method_of, surfaces_met
+from raytwin.study.levels import Row, Table, levels, surfaces_met, walks
 
 SIZE = 80, 60
 
@@ -29,6 +30,13 @@ def corner() -> Scene:
 @pytest.fixture(scope="module")
 def table(scenes) -> Table:
     return levels(scenes / "overlap", size=SIZE).found
+
+
+def method_of(row: Row) -> Renderer:
+    """The renderer of a row of the tracer."""
+    engine = row.method.partition("-")[0]
+    plain = Filled() if row.rung == "none" else Traced(row.rung, engine)
+    return plain if row.depth is None else walks(engine, row.depth, row.samples)
 
 
 @pytest.mark.nightly

@@ -200,16 +200,6 @@ def walks(engine: str, depth: int, samples: int) -> PathTraced:
     return PathTraced("sky" if depth == 2 else "path", engine, samples, depth=None if depth == 2 else depth)
 
 
-def method_of(row: Row) -> Renderer:
-    """Return the renderer of a row of the tracer."""
-    if row.rung == "none":
-        return Filled()
-    engine = row.method.partition("-")[0]
-    if row.depth is not None:
-        return walks(engine, row.depth, row.samples)
-    return Traced(row.rung, engine)
-
-
 class _Survey:
     """What is known of each method so far."""
 
