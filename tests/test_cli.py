@@ -4,6 +4,7 @@ import io
 import json
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from importlib.metadata import version
@@ -11,17 +12,18 @@ from importlib.metadata import version
 import click
 import numpy as np
 import pytest
+from photo_helpers import BOARD
 from program import parse, raytwin, refused
 from typer.main import get_command
 from typer.testing import CliRunner
 
 from raytwin.cli import app
 from raytwin.cli.option_values import check_outputs
-from raytwin.cli.progress_bar import print_seconds, show_progress
+from raytwin.cli.terminal import print_seconds, show_progress
 from raytwin.images.exr import read_exr
 from raytwin.images.image import Image
 from raytwin.images.image_formats import write_image
-from raytwin.photos.boards import Board, Grid, write_board
+from raytwin.photos.boards import Board, Grid, read_board, write_board
 from raytwin.progress import Stages
 
 
@@ -177,10 +179,59 @@ def test_every_stage_is_timed_once_and_parts_of_a_stage_are_not_counted_again(mo
 def test_the_seconds_that_are_told_make_up_the_whole(capsys, monkeypatch):
     stages = Stages()
     stages.seconds |= {"calibrate": 2.0, "tracer": 0.04, "report": 1.5}
-    monkeypatch.setattr("raytwin.cli.progress_bar.STARTED", 100.0)
-    monkeypatch.setattr("raytwin.cli.progress_bar.time.perf_counter", lambda: 105.0)
+    monkeypatch.setattr("raytwin.cli.terminal.STARTED", 100.0)
+    monkeypatch.setattr("raytwin.cli.terminal.time.perf_counter", lambda: 105.0)
     worth = {"calibrate": "rms 0.1 px", "tracer": "exact"}
     first = "  seconds: calibrate 2.00 s (rms 0.1 px), tracer 0.04 s (exact)"
     for verbose, said in ((False, first), (True, f"{first}, report 1.50 s, in all 5.00 s")):
         print_seconds(stages, verbose, worth)
         assert capsys.readouterr().out == f"{said}\n"
+
+
+# ------------------------------------------------------------------------------------------ photo board
+
+GRID = ("photo", "board", "--columns", 3, "--rows", 4, "--tag", "30mm", "--pitch", "38mm")
+
+
+def test_a_wrong_board_is_one_line_and_nothing_is_written(subtests, tmp_path):
+    for arguments, parts in (
+        (("--paper", "a3"), ("--paper", "a4, letter", "got a3")),
+        (("--rows", 8), ("--paper", "a4, too small for 116 mm x 316.75 mm")),
+        (("--tag", "30"), ("--tag", "with its unit", "30")),
+        (("--columns", 40, "--rows", 15), ("ids up to 586", "599")),
+        (("--family", "tag25h9"), ("--family` was removed in 0.2.0", "board.toml")),
+        (("--columns", 0), ("--columns", "from 1", "0")),
+        (("--margin", "9mm"), ("--margin` was removed in 0.2.0", "5 mm")),
+        (("-o", "board.png"), ("board.png", ".pdf")),
+    ):
+        with subtests.test(str(arguments)):
+            refused(raytwin(*GRID, "-o", "board.pdf", *arguments, cwd=tmp_path), *parts)
+            assert not list(tmp_path.iterdir())
+
+
+def test_without_options_it_is_a_board_that_a4_holds_and_photos_beside_it_are_calibrated_with_it(shoot, tmp_path):
+    run = raytwin("photo", "board", "--paper", "A4", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert "35 tags on a4" in run.stdout
+    assert (tmp_path / "board.pdf").read_bytes().startswith(b"%PDF-")
+    assert read_board(tmp_path / "board.toml") == BOARD
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    for i in range(4):
+        shutil.copy(shoot()[0] / f"photo_0{i}.jpg", photos)
+    run = raytwin("photo", "calibrate", "photos", "--model", "k1k2", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert "board.toml" in run.stdout.splitlines()[0]
+    (tmp_path / "board.toml").unlink()
+    refused(raytwin("photo", "calibrate", "photos", cwd=tmp_path), "--board", "no board.toml lies beside the photos")
+
+
+def test_a_length_is_the_number_that_is_written_in_metres_and_any_other_text_is_refused(subtests):
+    for text, metres in (
+        ("30mm", 0.03), ("3 cm", 0.03), (".03m", 0.03), ("0.8in", 0.02032), ("0.8 IN", 0.02032), (" 1.mm ", 0.001),
+    ):  # fmt: skip
+        assert parse_length(text, "--tag") == metres, text
+    assert parse_length("0mm", "--stand", zero=True) == 0
+    for text in ("30", "", "mm", "-3mm", "0mm", "nanmm", "infin", "1e3mm", "3mm3mm", "30px", "1,5cm", "٣mm", "9" * 99):
+        with subtests.test(text), pytest.raises(InputError, match=r"^--tag: expected a length with its unit"):
+            parse_length(text, "--tag")

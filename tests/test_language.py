@@ -28,9 +28,3 @@ def is_number(value: ast.expr | None) -> bool:
 def test_every_number_says_its_unit_or_its_effect():
     trees = {path.relative_to(SOURCE).as_posix(): ast.parse(path.read_text("utf-8")) for path in SOURCE.rglob("*.py")}
     assert [f"{path}:{line}" for path, tree in trees.items() for line in bare_constants(tree)] == []
-
-
-def test_a_bare_number_is_found():
-    sources = {"A = 1 << 20": 1, "A: int = -3": 1, 'A = 1\n"""Metres."""': 0, "A = 1 + B": 0, "A = 'x'": 0, "a = 1": 0}
-    for source, bare in sources.items():
-        assert len(list(bare_constants(ast.parse(source)))) == bare, source

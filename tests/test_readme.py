@@ -102,15 +102,6 @@ def test_every_command_and_option_that_is_named_exists():
         assert refused in (None, "MissingParameter", "NoArgsIsHelpError", "BadOptionUsage"), (command, refused)
 
 
-def test_a_command_that_is_none_would_be_noticed_within_another_too():
-    script = "git bisect run sh -c 'make || exit 125; raytwin compare ball --subject \"./a {scene} {out}\"; exit $?'\n"
-    assert within(script) == ['raytwin compare ball --subject "./a {scene} {out}"']
-    assert parse(raytwin_words(within(script.replace("compare", "reference check"))[0])) == "NoSuchOption"
-    assert parse(["reference", "shows"]) == "UsageError"
-    assert parse(["bench", "single", "--sizes", "1", "--nonsense"]) == "NoSuchOption"
-    assert parse(["bench", "single", "--sizes", "1"]) is None
-
-
 @pytest.fixture(scope="module")
 def checkout(tmp_path_factory) -> Path:
     """A folder that looks like the repository's root, where commands may write."""

@@ -10,8 +10,6 @@ import pytest
 from raytwin.fast import draw
 from raytwin.scene.scene_files import read_scene
 
-DEEP = np.zeros((6, 8, 3))
-
 
 @pytest.fixture
 def scene(scenes):

@@ -18,27 +18,6 @@ ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "docs" / "build.py"
 
 
-@pytest.fixture
-def faults(monkeypatch):
-    """build.py's check of a folder of pages."""
-    monkeypatch.syspath_prepend(str(BUILD.parent))
-    return runpy.run_path(str(BUILD))["faults"]
-
-
-def test_a_link_that_leads_nowhere_and_a_file_from_elsewhere_are_noticed(faults, tmp_path):
-    (tmp_path / "b.html").write_text('<h1 id="here">b</h1>', encoding="utf-8")
-    for link, wrong in (
-        ('<a href="b.html#here">', ""),
-        ('<a href="https://example.org/">', ""),
-        ('<a href="c.html">', "a.html: c.html leads nowhere"),
-        ('<a href="b.html#there">', "a.html: b.html#there: b.html has no such heading"),
-        ('<img src="missing.png">', "a.html: missing.png leads nowhere"),
-        ('<script src="https://example.org/a.js">', "a.html: loads https://example.org/a.js"),
-    ):
-        (tmp_path / "a.html").write_text(link, encoding="utf-8")
-        assert faults(tmp_path) == ([wrong] if wrong else []), link
-
-
 @pytest.fixture(scope="module")
 def site(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("site")

@@ -16,7 +16,7 @@ PARTS = (
     Part("all bounces", 0.0184, 0.0185, 0.0276, False),
     Part("bounces beyond 1", 0.0074, 0.0075, 0.0086, True),
     Part("bounces beyond 2", 0.0015, 0.0016, 0.0013, True),
-    Part("lens coefficients k2, p1", 0.03, 0.03, None, True),
+    Part("shadows of the sun", 0.003, 0.003, 0.02, True),
 )
 FOUND = Table("made <up>", *SIZE[::-1], "rmse", 0.01, PATH, "", (FILL, SHADOW, PATH, TWIN), PARTS, 256, 8e-4, 3.0)
 
@@ -65,7 +65,7 @@ def test_the_recommendation_names_the_choice_the_next_cheaper_one_and_what_can_b
         "Its rmse is 0.0076.",
         "It costs 35 rays per pixel, shadow rays included.",
         "The next cheaper, drjit32-shadow-conic, has 0.014, which exceeds it.",
-        "Any one of these can be left out and rmse <= 0.01 still holds: bounces beyond 1, lens coefficients k2, p1.",
+        "Any one of these can be left out and rmse <= 0.01 still holds: bounces beyond 1, shadows of the sun.",
     ]
     tied = msgspec.structs.replace(SHADOW, error=0.0099, error_most=0.0102)
     told = answer(msgspec.structs.replace(FOUND, rows=(FILL, tied, PATH, TWIN)))
@@ -95,7 +95,7 @@ def test_the_summary_has_a_line_per_method_and_part_and_marks_the_choice():
     lines = levels_summary(FOUND).splitlines()
     assert [line.split()[-1] for line in lines if line.startswith("*")] == ["drjit32-path-depth4-16"]
     assert any("2.0 ms" in line and "0.0144" in line and line.endswith("drjit32-shadow-conic") for line in lines)
-    assert any("0.0300 px" in line and line.endswith("lens coefficients k2, p1") for line in lines)
+    assert any("+2 %" in line and line.endswith("shadows of the sun") for line in lines)
 
 
 def test_the_chart_sets_error_against_rays_and_marks_the_choice():

@@ -18,7 +18,7 @@ from raytwin.errors import InputError
 from raytwin.explain.explanation import Cause, Explanation
 from raytwin.images.exr import write_exr
 from raytwin.images.image import Image
-from raytwin.images.image_formats import read_image, write_image
+from raytwin.images.image_formats import write_image
 from raytwin.images.photo_files import to_bytes, write_picture
 from raytwin.renderers import references
 from raytwin.show.terminal_text import diff_summary
@@ -158,8 +158,6 @@ def test_several_renders_of_a_side_tell_their_own_noise(renders):
     assert alike.passed
     assert (alike.test.batches, alike.test.samples) == (6, 0)
     assert diff(renders / "a", renders / "b" / "s1.pfm").test.batches == 6  # a folder
-    stack = np.array([read_image(renders / "a" / f"s{i}.pfm").mean for i in range(6)], float)
-    np.testing.assert_allclose(alike.test.variance, stack.var(axis=0, ddof=1) / 6, rtol=1e-5)
     assert diff(renders / "a" / "s*.pfm", renders / "b" / "s0.pfm", samples=(4, 4)).test.samples == 24
     assert diff(renders / "dark" / "s*.pfm", renders / "b" / "s?.pfm").comparison.verdict == "fail"
     with pytest.raises(InputError, match="at least 4"):

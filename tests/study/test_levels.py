@@ -11,13 +11,13 @@ from scene_of import scene_of
 
 from raytwin import twin
 from raytwin.errors import InputError
-from raytwin.renderers.subject_renderers import fast_engine
-from raytwin.scene import Camera, Scene
-from raytwin.scene.lens import distort
+from raytwin.renderers.renderer import Renderer
+from raytwin.renderers.subject_renderers import Filled, Traced, fast_engine
+from raytwin.scene import Scene
 from raytwin.scene.scene_files import read_scene
 from raytwin.study import levels as room
 from raytwin.study.converged import converged
-from raytwin.study.levels import Table, levels, method_of, still_terms, surfaces_met
+from raytwin.study.levels import Row, Table, levels, surfaces_met, walks
 
 SIZE = 80, 60
 
@@ -30,6 +30,13 @@ def corner() -> Scene:
 @pytest.fixture(scope="module")
 def table(scenes) -> Table:
     return levels(scenes / "overlap", size=SIZE).found
+
+
+def method_of(row: Row) -> Renderer:
+    """The renderer of a row of the tracer."""
+    engine = row.method.partition("-")[0]
+    plain = Filled() if row.rung == "none" else Traced(row.rung, engine)
+    return plain if row.depth is None else walks(engine, row.depth, row.samples)
 
 
 @pytest.mark.nightly
@@ -150,32 +157,3 @@ def test_the_command_writes_what_it_says(tmp_path):
     assert (found.tolerance, found.rows[0].method) == (0.1, "fill")
     assert {p.name for p in (tmp_path / "page").iterdir()} == {"levels.html", "levels.json", "levels.svg"}
     refused(raytwin("levels", "single", "--tolerance", "0"), "--tolerance")
-
-
-# ------------------------------------------------------------------------------------------------ the lens
-
-
-def camera(*dist: float) -> Camera:
-    K = ((420.0, 0.0, 404.2), (0.0, 418.0, 297.1), (0.0, 0.0, 1.0))
-    return Camera((800, 600), K, ((1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0)), (0.0, 0.0, 1.0), dist)
-
-
-def test_terms_that_move_no_pixel_are_found_by_projecting_every_pixel_without_them():
-    lens = camera(-0.05, 2e-6, 1e-5, -3e-6, 4e-6)
-    terms, move = still_terms(lens)
-    assert set(terms) == {"k2", "p1", "p2", "k3"}
-    # Ideal points all over what the frame sees: the border's are the farthest.
-    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-1.3, 1.3, 800), np.linspace(-1.0, 1.0, 800)))
-    u, v = distort(x, y, lens.coefficients)
-    inside = (abs(420 * u + 404.2 - 399.5) <= 400) & (abs(418 * v + 297.1 - 299.5) <= 300)
-    plain = distort(x, y, (-0.05, 0, 0, 0, 0))
-    farthest = np.hypot(420 * (u - plain[0]), 418 * (v - plain[1]))[inside].max()
-    assert farthest <= move < 0.05
-    assert farthest == pytest.approx(move, rel=0.05)
-
-
-def test_terms_are_left_out_together_only_while_all_of_them_stay_still():
-    assert still_terms(camera(0.0, 0.0, 3e-5))[0] == ("p1",)
-    assert len(still_terms(camera(0.0, 0.0, 3e-5, 3e-5))[0]) == 1
-    assert still_terms(camera(-0.05, 0.01)) == ((), 0.0)
-    assert still_terms(camera()) == ((), 0.0)

@@ -9,11 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from planted_renderers import Planted
 from program import raytwin, refused
-from scene_of import changed
 
 from raytwin.errors import InputError
-from raytwin.fast import trace
-from raytwin.renderers.scene_exchange import as_scene
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.scene.scene_files import read_scene, write_scene
 from raytwin.study.compare_scene import compare_scene
@@ -77,23 +74,6 @@ def test_the_small_scene_has_the_light_that_is_asked_for_and_a_part_left_out_is_
             small = leave_out(small)
         assert not small.objects
         assert not any((*small.sun.irradiance, *small.sky.radiance, *small.camera.coefficients))  # nor a map
-
-
-def test_a_bug_that_one_sphere_shows_ends_with_that_sphere(scenes):
-    """What a renderer does to one sphere alone: nothing else of four objects is needed."""
-
-    def render(told):
-        scene = as_scene(told)
-        green = next((s for s in scene.spheres if s.albedo[1] > 0.4), None)
-        if green is None:
-            return trace(scene).mean
-        larger = msgspec.structs.replace(green, radius=1.2 * green.radius)
-        objects = tuple(larger if thing is green else thing for thing in scene.objects)
-        return trace(changed(scene, objects=objects)).mean
-
-    found = shrink(scenes / "overlap", subject=UserRenderer("shadow", "one sphere", render), size=SMALL)
-    assert len(found.after.spheres) == 1
-    assert len(found.after.objects) == 1
 
 
 def test_what_cannot_be_cut_down_is_refused(scenes):

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from raytwin.cli.option_values import check_outputs, parse_numbers
-from raytwin.cli.progress_bar import show_progress
-from raytwin.cli.terminal import say, worst_code
+from raytwin.cli.terminal import say, show_progress, worst_code
 from raytwin.errors import check_one_of
 from raytwin.rungs import RUNGS
 

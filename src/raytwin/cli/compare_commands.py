@@ -7,8 +7,7 @@ from typing import Any, NoReturn
 import typer
 
 from raytwin.cli.option_values import check_outputs
-from raytwin.cli.progress_bar import print_seconds, show_progress
-from raytwin.cli.terminal import say, worst_code
+from raytwin.cli.terminal import print_seconds, say, show_progress, worst_code
 from raytwin.errors import InputError
 from raytwin.judging import DiffSettings
 from raytwin.study.settings import CompareSettings

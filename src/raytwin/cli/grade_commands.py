@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from raytwin.cli.option_values import check_outputs
-from raytwin.cli.progress_bar import show_progress
-from raytwin.cli.terminal import say
+from raytwin.cli.terminal import say, show_progress
 from raytwin.errors import InputError, check_one_of
 
 if TYPE_CHECKING:

@@ -4,8 +4,7 @@ from pathlib import Path
 
 from raytwin.cli.option_values import check_outputs, parse_length, parse_placed
 from raytwin.cli.options import Size
-from raytwin.cli.progress_bar import show_progress
-from raytwin.cli.terminal import say
+from raytwin.cli.terminal import say, show_progress
 from raytwin.errors import InputError, check_one_of
 from raytwin.study.settings import AugmentSettings
 

@@ -6,8 +6,7 @@ import typer
 
 from raytwin.cli.option_values import check_outputs
 from raytwin.cli.options import Size
-from raytwin.cli.progress_bar import show_progress
-from raytwin.cli.terminal import say
+from raytwin.cli.terminal import say, show_progress
 
 
 def list_command() -> None:

@@ -51,8 +51,7 @@ def levels_summary(found: "Table") -> str:
     lines.append("  error without it     of the light")
     for part in found.parts:
         share = "" if part.share_of_light is None else f"{100 * part.share_of_light:+.2g} %"
-        unit = " px" if part.share_of_light is None and part.part.startswith("lens") else ""
-        lines.append(f"  {shown(part.error, 3) + unit:<20} {share:<13} {part.part}")
+        lines.append(f"  {shown(part.error, 3):<20} {share:<13} {part.part}")
     return "\n".join(lines)
 
 

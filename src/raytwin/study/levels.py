@@ -30,8 +30,7 @@ from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import Filled, PathTraced, Traced, fast_engine
 from raytwin.renderers.twin_renderers import Twin
 from raytwin.rungs import RUNGS
-from raytwin.scene import Camera, Record, Scene, Sky
-from raytwin.scene.lens import distort, newton, without_ray
+from raytwin.scene import Record, Scene, Sky
 from raytwin.study.converged import SQUARES, Error, Reference, converged, unbiased_error
 
 METRICS = *SQUARES, "mae", "max_abs", "p999_abs", "p999_rel"
@@ -50,8 +49,6 @@ FLOOR = 0.1, 1 / 3
 """Shares of the tolerance: the floor that the reference is rendered to, and the one that is too high to answer."""
 PART_SAMPLES, PART_SEEDS = 64, (31, 32)
 """Samples per pixel of each half of the light's parts."""
-STILL = 0.05
-"""Pixels: lens coefficients that move no pixel farther can be dropped."""
 
 
 class Row(Record, frozen=True):
@@ -73,7 +70,7 @@ class Row(Record, frozen=True):
 
 
 class Part(Record, frozen=True):
-    """A part of the scene: the `error` of an image without it (lens coefficients: the largest move in pixels).
+    """A part of the light: the `error` of an image without it.
 
     `share_of_light`: its mean over that of all light, less than 0 where it takes light away. `can_be_dropped`: the
     error is at most the tolerance. None without a tolerance.
@@ -203,16 +200,6 @@ def walks(engine: str, depth: int, samples: int) -> PathTraced:
     return PathTraced("sky" if depth == 2 else "path", engine, samples, depth=None if depth == 2 else depth)
 
 
-def method_of(row: Row) -> Renderer:
-    """Return the renderer of a row of the tracer."""
-    if row.rung == "none":
-        return Filled()
-    engine = row.method.partition("-")[0]
-    if row.depth is not None:
-        return walks(engine, row.depth, row.samples)
-    return Traced(row.rung, engine)
-
-
 class _Survey:
     """What is known of each method so far."""
 
@@ -299,9 +286,6 @@ class _Survey:
             sent = sum(float(half[name].mean(dtype=float)) for half in self.light for name in names) / 2
             can = None if tolerance is None else error.most <= tolerance
             yield Part(title, error.value, error.most, sent / mean if mean else None, can)
-        terms, move = still_terms(self.scene.camera)
-        if terms:
-            yield Part(f"lens coefficients {', '.join(terms)}", move, move, None, True)
 
 
 def _depth(method: Renderer) -> int | None:
@@ -327,33 +311,3 @@ def surfaces_met(scene: Scene, engine: str) -> tuple[float, ...]:
     for k in range(1, bounces):
         met.append(met[-1] - float(parts[f"bounce {k}"].mean.mean(dtype=float)))
     return tuple(max(share, 0.0) for share in met)
-
-
-TERMS = "k1", "k2", "p1", "p2", "k3"
-
-
-def still_terms(camera: Camera) -> tuple[tuple[str, ...], float]:
-    """Return the lens coefficients that can be left out together, and how far that moves a pixel at most.
-
-    A term moves the ideal point by a homogeneous polynomial, which grows along every ray from the middle: the largest
-    move is on the frame's border, where it is taken every half pixel. None where the lens folds back in the frame.
-    """
-    if not any(camera.dist) or without_ray(camera) is not None:
-        return (), 0.0
-    w, h = camera.image_size
-    us, vs = np.linspace(-0.5, w - 0.5, 2 * w + 1), np.linspace(-0.5, h - 0.5, 2 * h + 1)
-    u = np.concatenate([us, us, np.full_like(vs, us[0]), np.full_like(vs, us[-1])])
-    v = np.concatenate([np.full_like(us, vs[0]), np.full_like(us, vs[-1]), vs, vs])
-    x, y = newton((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, camera.coefficients)
-
-    def moved(terms: tuple[str, ...]) -> float:
-        kept = [0.0 if term in terms else c for term, c in zip(TERMS, camera.coefficients, strict=True)]
-        whole, less = distort(x, y, camera.coefficients), distort(x, y, kept)
-        return float(np.hypot(camera.fx * (whole[0] - less[0]), camera.fy * (whole[1] - less[1])).max())
-
-    given = [term for term, c in zip(TERMS, camera.coefficients, strict=True) if c]
-    left: tuple[str, ...] = ()
-    for term in sorted(given, key=lambda one: moved((one,))):
-        if moved((*left, term)) < STILL:
-            left = (*left, term)
-    return left, moved(left)
