@@ -36,7 +36,7 @@ def test_every_mistake_is_found_and_called_by_its_name_and_by_no_other(stage):
     shape_checks.next_test()  # whatever was kept of these cases: it is the variants' first calls that are checked
 
     def passes(answer):
-        return all(judging._passes(stage, case, one) for case, one in zip(cases, answer, strict=True))
+        return all(judging.is_right(stage, case, one) for case, one in zip(cases, answer, strict=True))
 
     def alike(a, b):
         return all(judging._agrees(stage, x, y) for x, y in zip(a, b, strict=True))

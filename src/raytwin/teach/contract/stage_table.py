@@ -28,10 +28,6 @@ CONTRACT: dict[str, Stage] = {
 """name -> stage, in the order in which a tracer goes through them."""
 
 LESSONS: dict[str, Stage] = CONTRACT | {
-    stage.name: stage
-    for stage in (
-        *lessons.LESSON_STAGES,
-        *samplers.SAMPLER_STAGES,
-    )
+    stage.name: stage for stage in (*lessons.LESSON_STAGES, *samplers.SAMPLER_STAGES)
 }
 """Those, and the further ones that a learner's walk has: what `raytwin.check` knows, and no submission need define."""
