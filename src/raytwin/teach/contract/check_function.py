@@ -93,6 +93,7 @@ def _call(function: Function, case: Case) -> tuple[Outcome, list[int]]:
     """What it answers, and the numbers of the arguments that it changed."""
     arguments = copy.deepcopy(case.args)
     before = [pickle.dumps(argument) for argument in arguments]
+    outcome: Outcome
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")

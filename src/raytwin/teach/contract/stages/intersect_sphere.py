@@ -64,8 +64,7 @@ def marked_misses(drawn: Sequence[Case], got: Sequence[Arrays]) -> tuple[str, st
     if len(marks) not in (1, 2):
         return None
     for case, (t,) in zip(drawn, got, strict=True):
-        read = np.where(np.isin(t, marks) | (np.isnan(t) & np.isnan(marks).any()), np.inf, t)
-        if (errors(case, (read,)) > T_TOLERANCE).any():
+        if (errors(case, (np.where(np.isinf(case.expected[0]), np.inf, t),)) > T_TOLERANCE).any():
             return None
     named = " or ".join(f"{mark:.5g}" for mark in marks)
     said = f"a miss has to be np.inf, not {named}: where the discriminant is negative, and where t is not positive"
@@ -74,8 +73,7 @@ def marked_misses(drawn: Sequence[Case], got: Sequence[Arrays]) -> tuple[str, st
 
 T_TOLERANCE = 1e-4
 """Of t."""
-HINTS = {2: "both roots, or t and a mask, are returned: one array t is wanted, np.inf for a miss"}
 STAGE = Stage(
-    intersect_sphere, ("t",), cases, errors, T_TOLERANCE, "of t", textbook_variants("intersect_sphere"), hints=HINTS,
+    intersect_sphere, ("t",), cases, errors, T_TOLERANCE, "of t", textbook_variants("intersect_sphere"),
     by_values=marked_misses,
 )  # fmt: skip
