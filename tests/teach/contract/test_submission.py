@@ -12,9 +12,8 @@ from raytwin.fast import trace
 from raytwin.images.image import Image
 from raytwin.images.image_formats import write_image
 from raytwin.photos.find_camera import find_camera
-from raytwin.teach.contract.ipython_syntax import as_python
 from raytwin.teach.contract.subject import find_subject
-from raytwin.teach.contract.submission import load
+from raytwin.teach.contract.submission import as_python, load
 
 SHADE = """
 from dataclasses import dataclass

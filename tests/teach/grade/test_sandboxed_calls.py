@@ -19,7 +19,7 @@ EXERCISE = Exercise("render", 10, name="image", scenes=("three spheres",), drawn
 @pytest.fixture(scope="module")
 def question():
     """A picture of spheres and rectangles with shadows, 40 x 30 pixels, and how to ask for it."""
-    case = CONTRACT["render"].cases(0)[2]
+    case = CONTRACT["render"].cases(0)[3]
     scene = as_scene(case.args[0] | {"name": "three spheres"})
     return lambda: _picture_question(EXERCISE, scene, case.expected[0], Tolerance())
 
@@ -55,7 +55,7 @@ RETURNED = "\nright = intersect_sphere\ndef intersect_sphere(o, d, c, r):\n    t
         (PARTS.replace("np.where(hit, disc, 0)", "np.where(hit, disc[:5], 0)"), "intersect_sphere: ValueError"),
         (PARTS + RETURNED + "t, t, t", "intersect_sphere: it returned 3 arrays, where one is wanted"),
         (PARTS + RETURNED + "()", "intersect_sphere: it returned 0 arrays"),
-        (PARTS + RETURNED + "t[:, None]", "where (1200,) is wanted"),  # would be 468 x 468 in the grader
+        (PARTS + RETURNED + "t[:, None]", "where (1200,) is wanted"),  # would be 1200 x 1200 in the grader
         (PARTS + RETURNED + "t[:5]", "where (1200,) is wanted"),
         # The first bytes of an 8-bit PNG beside a picture would grant half a step of 8 bits to each value.
         ("import numpy as np\ndef render(s): return 1.0, np.frombuffer(b'\\x89PNG' + bytes(22), 'u1')", "2 arrays"),

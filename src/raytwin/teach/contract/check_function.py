@@ -4,6 +4,7 @@ What is wrong is found by prediction: each variant of the stage, a typical mista
 and named where it gives the numbers that were found, in all cases.
 """
 
+import copy
 import dataclasses
 import itertools
 import pickle
@@ -60,12 +61,13 @@ def repair_function(stage: Stage, function: Function, seed: int = 0, source: str
 
 def is_right(stage: Stage, case: Case, got: Outcome) -> bool:
     """Whether these arrays pass the case."""
-    return _passes(stage, case, got)
+    checked = _checked(stage, case, got)
+    return not isinstance(checked, str) and _case_result(stage, case, checked).passed
 
 
 def is_repaired(stage: Stage, case: Case, got: Outcome) -> bool:
     """Whether these arrays pass the case, hardly a value being off: an accident may spoil as few as may be off."""
-    return _passes(dataclasses.replace(stage, outliers=min(stage.outliers, REPAIRED_OFF)), case, got)
+    return is_right(dataclasses.replace(stage, outliers=min(stage.outliers, REPAIRED_OFF)), case, got)
 
 
 # ------------------------------------------------------------------------------------------ calling
@@ -89,31 +91,21 @@ def _one_says_so(stage: Stage, outcomes: list[Outcome], changed: Sequence[Sequen
 
 def _call(function: Function, case: Case) -> tuple[Outcome, list[int]]:
     """What it answers, and the numbers of the arguments that it changed."""
-    arguments = _copied(case.args)
+    arguments = copy.deepcopy(case.args)
     before = [pickle.dumps(argument) for argument in arguments]
+    outcome: Outcome
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
-            outcome = as_arrays(function(*arguments))
+            made = function(*arguments)
     except Exception as error:  # theirs, whatever it is
         outcome = _error_text(error)
+    else:
+        try:
+            outcome = tuple(a.astype(float) for a in arrays_of(made))
+        except TypeError as error:
+            outcome = str(error)
     return outcome, [k for k, one in enumerate(before) if one != pickle.dumps(arguments[k])]
-
-
-def _copied(args: Any) -> Any:
-    if isinstance(args, np.ndarray):
-        return args.copy()
-    if isinstance(args, dict):
-        return {key: _copied(value) for key, value in args.items()}
-    return type(args)(map(_copied, args)) if isinstance(args, list | tuple) else args
-
-
-def as_arrays(made: Any) -> Outcome:
-    """What was returned as arrays of floats, or in words what else it was."""
-    try:
-        return tuple(a.astype(float) for a in arrays_of(made))
-    except TypeError as error:
-        return str(error)
 
 
 def _error_text(error: Exception) -> str:
@@ -236,19 +228,14 @@ def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[
     def explains(variant: Variant) -> bool:
         function = variant.make()
         predicted, _ = _call(function, first[0])
-        others = (one for one in rest if not (variant.sometimes and _passes(stage, *one)))
+        others = (one for one in rest if not (variant.sometimes and is_right(stage, *one)))
         return (
             _agrees(stage, predicted, first[1])
             and all(_agrees(stage, _call(function, case)[0], found) for case, found in others)
-            and not _passes(stage, first[0], predicted)
+            and not is_right(stage, first[0], predicted)
         )
 
     return list(filter(explains, stage.variants)) or list(itertools.islice(filter(explains, stage.in_other_forms), 1))
-
-
-def _passes(stage: Stage, case: Case, outcome: Outcome) -> bool:
-    checked = _checked(stage, case, outcome)
-    return not isinstance(checked, str) and _case_result(stage, case, checked).passed
 
 
 def _agrees(stage: Stage, predicted: Outcome, found: Arrays) -> bool:

@@ -5,22 +5,20 @@ To add one: a file in `stages/`, its row here, its text in starter.py.txt, its m
 
 from raytwin.teach.contract.stage import Stage
 from raytwin.teach.contract.stages import (
-    back_project,
     estimate_pose,
-    intersect_sphere,
     lessons,
     pictures,
     samplers,
-    shade,
+    tracer_parts,
 )
 
 CONTRACT: dict[str, Stage] = {
     stage.name: stage
     for stage in (
-        back_project.STAGE,
+        tracer_parts.BACK_PROJECT,
         estimate_pose.STAGE,
-        intersect_sphere.STAGE,
-        shade.STAGE,
+        tracer_parts.INTERSECT_SPHERE,
+        tracer_parts.SHADE,
         pictures.HIT_POINTS,
         pictures.RENDER,
     )
@@ -28,10 +26,6 @@ CONTRACT: dict[str, Stage] = {
 """name -> stage, in the order in which a tracer goes through them."""
 
 LESSONS: dict[str, Stage] = CONTRACT | {
-    stage.name: stage
-    for stage in (
-        *lessons.LESSON_STAGES,
-        *samplers.SAMPLER_STAGES,
-    )
+    stage.name: stage for stage in (*lessons.LESSON_STAGES, *samplers.SAMPLER_STAGES)
 }
 """Those, and the further ones that a learner's walk has: what `raytwin.check` knows, and no submission need define."""

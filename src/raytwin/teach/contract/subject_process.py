@@ -50,8 +50,7 @@ class SubjectProcess:
 
     def hint(self, name: str) -> str:
         """Return the line of a wrong function to look at, and what is wrong there; empty where none is found."""
-        self.describe()
-        return str(self._ask((HINT, (name,), {})))
+        return str(self.call(HINT, (name,), {}))
 
     def close(self) -> None:
         """End the process, and whatever it started: also done when nobody holds this any more, and when Python ends."""
@@ -128,10 +127,7 @@ def main(connection: Connection) -> None:
     with contextlib.suppress(EOFError):
         while True:
             name, arguments, options = connection.recv()
-            if name == HINT:
-                _answer(connection, lambda: _hint(arguments[0], functions))  # noqa: B023 (called at once)
-            else:
-                _answer(connection, lambda: _plain(functions[name](*arguments, **options)))  # noqa: B023 (called at once)
+            _answer(connection, lambda: _called(functions, name, arguments, options))  # noqa: B023 (called at once)
 
 
 def _end_with(parent: int) -> None:
@@ -166,12 +162,14 @@ def _loaded(text: str, functions: dict[str, Callable[..., Any]]) -> dict[str, An
     return {"made": made, "functions": {name: takes_of(f) for name, f in functions.items()}}
 
 
-def _hint(name: str, functions: dict[str, Callable[..., Any]]) -> str:
+def _called(functions: dict[str, Callable[..., Any]], name: str, arguments: tuple[Any, ...], options: Any) -> Any:
+    if name != HINT:
+        return _plain(functions[name](*arguments, **options))
     from raytwin.teach.contract.check import DEFAULT_HINTS
     from raytwin.teach.contract.check_function import repair_function
     from raytwin.teach.contract.stage_table import CONTRACT
 
-    found = repair_function(CONTRACT[name], functions[name])
+    found = repair_function(CONTRACT[arguments[0]], functions[arguments[0]])
     return found.hint(DEFAULT_HINTS) if found else ""
 
 

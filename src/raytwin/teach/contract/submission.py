@@ -4,17 +4,19 @@ Each becomes a `Submission`: functions by the names of the contract. A program a
 `render`; so whoever grades calls functions and need not know the kind.
 """
 
+import ast
 import itertools
 import os
+import re
 import shlex
 import subprocess
 import sys
 import tempfile
 import traceback
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import msgspec
@@ -27,7 +29,6 @@ from raytwin.renderers.scene_exchange import as_json
 from raytwin.safe_write import check_file
 from raytwin.scene.toml_json import write_json
 from raytwin.teach.contract.composed_tracer import PARTS, compose, made_of
-from raytwin.teach.contract.ipython_syntax import as_python
 from raytwin.teach.contract.loading import functions_of, image_at, new_module, run_cells, run_program
 from raytwin.teach.contract.stage import Function
 from raytwin.teach.contract.stage_table import CONTRACT
@@ -91,8 +92,18 @@ def load(what: str | os.PathLike, function: str | None = None) -> Submission:
 
 
 def load_code(path: Path, function: str | None = None) -> Submission:
-    """The functions of a Python file or a notebook, which is run."""
-    module, notes = run_notebook(path) if path.suffix == ".ipynb" else (run_file(path), ())
+    """The functions of a Python file, which has to run to its end, or of a notebook, cell by cell."""
+    if (folder := str(path.absolute().parent)) not in sys.path:
+        sys.path.append(folder)  # its other files can be imported
+    module = new_module(f"raytwin_submission_{next(_numbers)}_{path.stem}", path)
+    notebook = path.suffix == ".ipynb"
+    texts = [(f"cell {number}", text) for number, text in cells(path)] if notebook else [(str(path), _read(path))]
+    failed = run_cells(module, texts)
+    for name, error in failed.items():
+        if not notebook:
+            expected = "Python" if isinstance(error, SyntaxError) else "a Python file that can be imported"
+            raise InputError(path, expected, _error_text(error, name)) from error
+    notes = tuple(f"{name}: {_error_text(error, name)}" for name, error in failed.items())
     found: dict[str, Function] = functions_of(module, CONTRACT)
     if function is not None:
         if not callable(getattr(module, function, None)):
@@ -101,22 +112,6 @@ def load_code(path: Path, function: str | None = None) -> Submission:
     if not found:
         raise InputError(path, f"a function of {', '.join(CONTRACT)}", "; ".join(("none", *notes)))
     return Submission(str(path), found, notes)
-
-
-def run_file(path: Path) -> ModuleType:
-    """The module that a Python file is. Raises InputError where it cannot be run to its end."""
-    module = _new_module(path)
-    for error in run_cells(module, [(str(path), _read(path))]).values():
-        expected = "Python" if isinstance(error, SyntaxError) else "a Python file that can be imported"
-        raise InputError(path, expected, _error_text(error, str(path))) from error
-    return module
-
-
-def run_notebook(path: Path) -> tuple[ModuleType, tuple[str, ...]]:
-    """The code cells of a notebook, one after the other; and what went wrong in those that failed."""
-    module = _new_module(path)
-    failed = run_cells(module, [(f"cell {number}", text) for number, text in cells(path)])
-    return module, tuple(f"{name}: {_error_text(error, name)}" for name, error in failed.items())
 
 
 def cells(path: Path) -> Iterator[tuple[int, str]]:
@@ -141,13 +136,6 @@ def _read(path: Path) -> str:
         raise InputError(path, "UTF-8 text", f"byte {error.object[error.start]:#04x} at {error.start}") from None
 
 
-def _new_module(path: Path) -> ModuleType:
-    """Its folder's other files can be imported."""
-    if (folder := str(path.absolute().parent)) not in sys.path:
-        sys.path.append(folder)
-    return new_module(f"raytwin_submission_{next(_numbers)}_{path.stem}", path)
-
-
 def _error_text(error: BaseException, name: str) -> str:
     """`KeyError: 'moon' (line 12)`, the line being the file's own."""
     if isinstance(error, SystemExit):
@@ -156,6 +144,58 @@ def _error_text(error: BaseException, name: str) -> str:
         return f"{type(error).__name__}: {error.msg} (line {error.lineno}: {(error.text or '').strip()[:60]})"
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == name]
     return f"{type(error).__name__}: {error}" + (f" (line {lines[-1]})" if lines else "")
+
+
+# ------------------------------------------------------------------------------------------ cells of a notebook
+
+
+OTHER_LANGUAGES = frozenset({
+    "bash", "sh", "script", "cmd", "html", "HTML", "javascript", "js", "latex", "markdown", "svg", "SVG", "perl",
+    "ruby", "R", "cython", "writefile", "file",
+})  # fmt: skip
+"""Cell magics (`%%bash`) whose cells are not Python. Under any other, such as `%%time`, the cell is."""
+MAX_LINES_TAKEN_OUT = 40
+"""Lines taken out of a cell: each costs a parse of the whole cell."""
+_FORMS = (
+    (re.compile(r"(\s*)%time\s+(?=\S)(.*)"), r"\1\2"),  # runs a statement, whose names stay
+    (re.compile(r"(\s*)[%!].*"), r"\1pass"),
+    (re.compile(r"(\s*)(?=\S)(\?.*|.*\?)\s*"), r"\1pass"),  # help: `np.cross?`
+    (re.compile(r"([\w.,\s]+=)\s*[%!].*"), r"\1 None"),  # `names = !ls`
+)
+
+
+def as_python(cell: str) -> str:
+    """Return the cell without magics, shell commands and questions for help; "" where it is another language.
+
+    Only lines at which Python's own parser stops are looked at: `%` within an expression or a string stays.
+    """
+    lines = cell.split("\n")
+    first = next((line for line in lines if line.strip()), "")
+    if first.startswith("%%") and first[2:].split()[:1] and first[2:].split()[0] in OTHER_LANGUAGES:
+        return ""
+    for _ in range(MAX_LINES_TAKEN_OUT):
+        if (number := _stops_at("\n".join(lines))) is None or number >= len(lines):
+            break
+        line = lines[number]
+        lines[number] = next((form.sub(to, line) for form, to in _FORMS if form.fullmatch(line)), line)
+        if lines[number] == line:
+            break
+        while line.endswith("\\") and (number := number + 1) < len(lines):
+            line, lines[number] = lines[number], ""
+    return "\n".join(lines)
+
+
+def _stops_at(text: str) -> int | None:
+    """The line, from 0, at which Python's parser stops; None where it reads the text, or cannot say."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SyntaxWarning)
+            ast.parse(text)
+    except SyntaxError as error:
+        return None if error.lineno is None else error.lineno - 1
+    except (ValueError, RecursionError, MemoryError):
+        return None
+    return None
 
 
 # ------------------------------------------------------------------------------------------ programs and images
@@ -183,7 +223,11 @@ class Program:
             described, out = Path(scene.get("mitsuba", f"{folder}/scene.json")), Path(folder) / "out.exr"
             if "mitsuba" not in scene:
                 write_json(described, as_json(scene))
-            words = [w.replace("{samples}", str(samples)).replace("{seed}", str(seed)) for w in self._words()]
+            try:
+                words = shlex.split(self.command, posix=os.name != "nt")
+            except ValueError as error:
+                raise InputError(self.command, "a command", error) from None
+            words = [w.replace("{samples}", str(samples)).replace("{seed}", str(seed)) for w in words]
             try:
                 options = {"stdout": subprocess.DEVNULL, "timeout": SECONDS, "start_new_session": os.name == "posix"}
                 return as_image(run_program(words, described, out, ENDINGS, **options)).image
@@ -194,12 +238,6 @@ class Program:
                 raise MachineError(f"The program {words[0]}", said) from None
             except RuntimeError as error:
                 raise InputError(self.command, "an image at {out}", error) from None
-
-    def _words(self) -> list[str]:
-        try:
-            return shlex.split(self.command, posix=os.name != "nt")
-        except ValueError as error:
-            raise InputError(self.command, "a command", error) from None
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ class Sampler(NamedTuple):
         """The value of one part."""
         names = {"pi": np.pi, "sqrt": np.sqrt, "cos": np.cos, "arccos": np.arccos, "c": parameter, "n": parameter}
         with np.errstate(all="ignore"):
-            return eval(_compiled(getattr(self, part)), names | known) + 0 * next(iter(known.values()))
+            return eval(getattr(self, part), names | known) + 0 * next(iter(known.values()))
 
     def __call__(self, u: Any, parameter: Any = None) -> Arrays:
         a, b = np.asarray(u, float).T
@@ -57,11 +57,6 @@ class Sampler(NamedTuple):
         pdf, value = self.at("pdf", parameter, z=z), self.at("value", parameter, z=z)
         directions = np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=-1)
         return directions, pdf, self.at("weight", parameter, value=value, pdf=pdf)
-
-
-@cache
-def _compiled(expression: str) -> Any:
-    return compile(expression, "sampler", "eval")
 
 
 SAMPLERS = {
@@ -98,10 +93,10 @@ SAMPLER_NAMES = tuple(SAMPLERS)
 
 def source_of(names: Sequence[str]) -> str:
     """The text of these samplers, with all that they need."""
-    head = "from functools import cache\nfrom typing import Any, NamedTuple\nimport numpy as np\nArrays = Any"
+    head = "from typing import Any, NamedTuple\nimport numpy as np\nArrays = Any"
     known = f"SAMPLERS = {SAMPLERS!r}"
     texts = [inspect.getsource(globals()[name]) for name in names]
-    return "\n\n".join([head, inspect.getsource(Sampler), inspect.getsource(_compiled), known, *texts])
+    return "\n\n".join([head, inspect.getsource(Sampler), known, *texts])
 
 
 # ------------------------------------------------------------------------------------------ what is drawn
