@@ -103,8 +103,8 @@ def test_a_mistake_that_is_known_by_its_line_is_counted_and_a_name_that_is_no_ca
 def test_what_to_look_at_first_comes_first_then_what_lost_most_and_what_is_not_written_comes_last():
     some = (
         replace(wrong("written", same_as="worst"), status="missing"), replace(wrong("passed"), status="pass"),
-        replace(wrong("follows", because=("shade",)), points=-5), replace(wrong("little"), points=9), wrong("much"),
-        replace(wrong("worst"), status="limit", points=9.5),
+        replace(wrong("follows", because=("shade",)), status="limit", points=-5), wrong("much"),
+        replace(wrong("little"), points=9), replace(wrong("worst"), status="limit", points=9.5),
     )  # fmt: skip
     page = student_page(Result("a", "k", "t", some), RUBRIC)
     order = re.findall(r"<h2[^>]*>. (\w+)", page)

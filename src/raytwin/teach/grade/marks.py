@@ -144,9 +144,9 @@ class _Causes:
     """The causes of wrong pictures. One tracer made them all, so they are diagnosed together.
 
     `failed`: functions that fail alone and were `replaced` by correct ones. `mended`: pictures for which a change of
-    the text is known. Tried in this order: pictures that are correct with correct functions are `by_functions`, unless
-    the pictures name a cause that the functions do not; `as_handed_in`, one diagnosis of all other pictures; and where
-    correct functions leave less wrong (`has_second`), `second`, a diagnosis of the pictures made with them.
+    the text is known. Pictures that are correct with correct functions are `by_functions`, unless the pictures name a
+    cause that the functions do not. Of the others one diagnosis is made: as they were handed in, or, where correct
+    functions leave less wrong (`has_second`), as they are with these.
     """
 
     def __init__(
@@ -160,19 +160,11 @@ class _Causes:
         again = [a for a in shown if a.again is not None]
         fixed = any(a.again for a in every) and all(a.fixed for a in again)
         self.has_second = any(_is_nearer(a) for a in again if not a.fixed)
-        self.as_handed_in: Explanation | None = None
-        if not (known and self.has_second):
-            explained = again if known and fixed else []
-            self.as_handed_in = self._diagnosed([a.checked for a in shown if a not in explained])
-        named = self.as_handed_in is not None and self.as_handed_in.cause is not None
-        self.by_functions = fixed and (known or not named)
-        self.second: Explanation | None = None
-        if self.has_second and not named:
-            found = self._diagnosed([a.again or a.checked for a in shown])
-            if found is not None and found.cause is not None:
-                self.second = found
-            else:
-                self.as_handed_in = self.as_handed_in or self._diagnosed([a.checked for a in shown])
+        others = [a for a in shown if not (fixed and known and a in again)]
+        self.found = self._diagnosed([(self.has_second and a.again) or a.checked for a in others])
+        named = self.found is not None and self.found.cause is not None
+        self.second = self.has_second and named
+        self.by_functions = self.second or (fixed and (known or not named))
 
     def _diagnosed(self, checked: Sequence[CheckedPicture | None]) -> Explanation | None:
         """None if nothing is wrong, there are no numbers, or no search is left."""
@@ -185,7 +177,7 @@ class _Causes:
     def of(self, asked: Sequence[Question]) -> _Found:
         """Return what is said of one exercise."""
         wrong = [a for a in asked if not a.passed]
-        if wrong and all(a.fixed for a in wrong) and self.failed and (self.by_functions or self.second):
+        if wrong and all(a.fixed for a in wrong) and self.failed and self.by_functions:
             faults = tuple(dict.fromkeys(fault for m in self.failed for fault in m.faults))
             sureness = max((m.sureness for m in self.failed), key=SUREST.index) if faults else ""
             once = f"{self.functions} is" if len(self.replaced) == 1 else "these are"
@@ -193,7 +185,7 @@ class _Causes:
             return _Found((caused,), faults, sureness, self.replaced)
         if not any(a.checked and a.checked.view for a in wrong) or any(a in self.mended for a in asked):
             return _Found()
-        found = self.second or self.as_handed_in
+        found = self.found
         if found is not None and found.cause is None and any(not a.passed and a not in asked for a in self.shown):
             found = self._diagnosed([a.checked for a in asked]) or found
             # What other pictures speak against is not proved.
@@ -202,9 +194,9 @@ class _Causes:
             return _Found()
         faults = ((found.cause.name, found.cause.sentence),) if found.cause else ()
         makes = "makes" if len(self.replaced) == 1 else "make"
-        beside = (f"{self.functions} {makes} it wrong, too",) if self.second is not None else ()
+        beside = (f"{self.functions} {makes} it wrong, too",) if self.second else ()
         said = (*student_words(found), *beside)
-        alone = self.second is None and says_why(found.certainty, faults)
+        alone = not self.second and says_why(found.certainty, faults)
         return _Found(said, faults, found.certainty if faults else "", (), tuple(n for n, _ in faults) if alone else ())
 
 
