@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -41,7 +42,7 @@ def marked(result: Result, rubric: Rubric, asked: list[Question], problem: str, 
     Functions that fail alone are repaired before causes of pictures are looked for: the same change may make these
     right, too.
     """
-    with LineSearch(rubric, None if problem else code) as line_search:
+    with closing(LineSearch(rubric, None if problem else code)) as line_search:
         exercises, pictures = _marked(result.seed, rubric, asked, line_search)
     if code is not None:
         exercises = [msgspec.structs.replace(m, code=lines_of(m, code)) for m in exercises]
