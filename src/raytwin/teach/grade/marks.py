@@ -63,8 +63,8 @@ def _marked(
     for one in shown:
         one.checked = check_picture(one)
     marks = {e.name: _mark_stage(of[e.name]) for e in rubric.exercises if of[e.name][0].scene is None}
-    failed = [m.stage for m in marks.values() if m.status not in ("pass", "missing")]
-    replaced = ask_again(line_search.child_with, shown, failed) if line_search.code else ()
+    failed = [m.name for m in marks.values() if m.status not in ("pass", "missing")]
+    replaced = ask_again(line_search.child_with, shown, [marks[n].stage for n in failed]) if line_search.code else ()
     drawn_ones = [e for e in rubric.exercises if e.name not in marks]
     status = {name: m.status for name, m in marks.items()}
     status |= {e.name: _status([a.checked.part for a in of[e.name] if a.checked], of[e.name]) for e in drawn_ones}
@@ -74,7 +74,7 @@ def _marked(
     beside = dict.fromkeys(a.exercise.stage for a in spoilt if not a.fixed)
     marks |= {m.name: m for m in line_search.with_lines([*marks.values()], right, beside=[*beside])}
     mended = [a for a in spoilt if a.exercise.stage in line_search.found]
-    causes = _Causes(shown, replaced, [m for m in marks.values() if m.stage in replaced], mended, seed)
+    causes = _Causes(shown, replaced, [marks[n] for n in failed if marks[n].stage in replaced], mended, seed)
     pictures: list[Picture] = []
     for exercise in drawn_ones:
         marks[exercise.name], wrong = _mark_pictures(exercise, of[exercise.name], causes)
