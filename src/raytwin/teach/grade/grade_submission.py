@@ -22,6 +22,7 @@ from raytwin.images.cache import made_by
 from raytwin.images.image_input import ENDINGS
 from raytwin.safe_write import check_file
 from raytwin.teach.contract.submission import cells
+from raytwin.teach.grade.excerpt import with_own_text
 from raytwin.teach.grade.marks import marked
 from raytwin.teach.grade.points import with_points
 from raytwin.teach.grade.questions import questions_of
@@ -109,7 +110,7 @@ def _graded(job: Job) -> tuple[Result, bool]:
             one.answer = Answer(problem=error.fault, sort="missing")
         said = plain(error).replace(f"{Path(job.path).parent}{os.sep}", "")
         return with_points(marked(result, rubric, asked, said), rubric), False
-    result = with_points(marked(result, rubric, asked, problem, code), rubric)
+    result = with_points(with_own_text(marked(result, rubric, asked, problem, code), code), rubric)
     result = msgspec.structs.replace(result, seconds=round(time.perf_counter() - began, 4))
     return result, any(refused(one.answer) for one in asked)
 

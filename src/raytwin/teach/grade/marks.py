@@ -1,6 +1,5 @@
 """What is found of the answers: of each exercise which parts are correct, and the cause of what is not; no points."""
 
-import re
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import replace
@@ -18,7 +17,7 @@ from raytwin.teach.contract.stage_table import LESSONS
 from raytwin.teach.grade.check_picture import check_picture, wrong_picture
 from raytwin.teach.grade.follow_through import ask_again
 from raytwin.teach.grade.questions import CheckedPicture, Question
-from raytwin.teach.grade.result import SUREST, Again, CodeLine, Marked, MarkedPart, Picture, Result, Status
+from raytwin.teach.grade.result import SUREST, Again, Marked, MarkedPart, Picture, Result, Status
 from raytwin.teach.grade.rubric import Exercise, Rubric
 from raytwin.teach.grade.sandboxed_repair import LineSearch
 from raytwin.teach.sandbox.sandbox import Code
@@ -29,11 +28,6 @@ WORSE_FACTOR = 1.25
 """Multiple of the wrong pixels: if correct functions leave more, they do not fit the submission's own ways."""
 MAX_WHOLE_PICTURES = 3
 """Wrong pictures of a submission that can be looked at pixel by pixel; of the others there is a small one."""
-LINES_AROUND = 2
-"""Lines that are shown before and after the one to look at."""
-MAX_LINE_CHARACTERS = 160
-"""Characters of a line that are shown."""
-LINE_REFERENCE = re.compile(r"(?:(cell \d+), |([^\s,]+\.py), )?line (\d+)")
 
 
 def marked(result: Result, rubric: Rubric, asked: list[Question], problem: str, code: Code | None = None) -> Result:
@@ -44,8 +38,6 @@ def marked(result: Result, rubric: Rubric, asked: list[Question], problem: str, 
     """
     with closing(LineSearch(rubric, None if problem else code)) as line_search:
         exercises, pictures = _marked(result.seed, rubric, asked, line_search)
-    if code is not None:
-        exercises = [msgspec.structs.replace(m, code=lines_of(m, code)) for m in exercises]
     return msgspec.structs.replace(
         result,
         exercises=tuple(exercises),
@@ -252,16 +244,3 @@ def _again(asked: Question, replaced: Sequence[str]) -> Again | None:
     part, needed = asked.again.part, NEEDED[asked.exercise.stage]
     own = 1 - len(set(needed) & set(replaced)) / len(needed) if asked.made_of else 1.0
     return Again(part.passed, part.error, part.wrong, own)
-
-
-def lines_of(m: Marked, code: Code) -> tuple[CodeLine, ...]:
-    """The lines of the submission that the hint names, or else the error, with their neighbours."""
-    found = [place for said in (*m.mistakes[-1:], *m.sentences) for place in LINE_REFERENCE.findall(said)]
-    if m.status == "pass" or not found or (found[0][1] and found[0][1] != code.file.rpartition(" ")[2]):
-        return ()
-    cell = found[0][0]
-    named = {int(n) for where, file, n in found if (where, file) == found[0][:2]}
-    text = dict(code.cells).get(cell, "") if code.cells else code.source
-    near = {n + k for n in named for k in range(-LINES_AROUND, LINES_AROUND + 1)}
-    every = enumerate(text.splitlines(), start=1)
-    return tuple(CodeLine(n, line[:MAX_LINE_CHARACTERS], n in named) for n, line in every if n in near)

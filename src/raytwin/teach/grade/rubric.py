@@ -117,7 +117,7 @@ class Rubric(Record, frozen=True):
     def questions(self) -> tuple[Any, ...]:
         """What decides the answers and what is found of them: all other keys are arithmetic with stored results."""
         exercises = [(e.stage, e.scenes, e.drawn, e.rung, e.tolerance) for e in self.exercises]
-        return exercises, self.limits, self.file, self.command, self.packages, self.hints
+        return exercises, self.limits, self.file, self.command, self.packages, self.hints > 0
 
     def seed_of(self, content: bytes) -> int:
         """Return a submission's seed, which nobody without the rubric's own can compute."""

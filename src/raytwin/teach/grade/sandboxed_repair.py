@@ -105,11 +105,12 @@ class LineSearch:
         return self.trials.child
 
     def with_mistake(self, m: Marked) -> Marked:
-        """The exercise with the change that repairs it, if one does, as its mistake."""
+        """The exercise with the hints of the change that repairs it, if one does, and that change as its mistake."""
         found = self.found.get(m.stage)
         if found is None or m.status == "pass" or m.because:
             return m
-        return msgspec.structs.replace(m, mistakes=(*m.mistakes, found.hint(3)))
+        hints = tuple(found.hint(level) for level in (1, 2, 3))
+        return msgspec.structs.replace(m, hints=hints, mistakes=(*m.mistakes, hints[-1]))
 
     def close(self) -> None:
         """End the process."""
