@@ -154,7 +154,7 @@ class _Causes:
         fixed = any(a.again for a in every) and all(a.fixed for a in again)
         self.has_second = any(_is_nearer(a) for a in again if not a.fixed)
         others = [a for a in shown if not (fixed and known and a in again)]
-        self.found = self._diagnosed([(self.has_second and a.again) or a.checked for a in others])
+        self.found = self._diagnosed([a.again if self.has_second and a.again else a.checked for a in others])
         named = self.found is not None and self.found.cause is not None
         self.second = self.has_second and named
         self.by_functions = self.second or (fixed and (known or not named))
