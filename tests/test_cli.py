@@ -18,8 +18,9 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from raytwin.cli import app
-from raytwin.cli.option_values import check_outputs
+from raytwin.cli.option_values import check_outputs, parse_length
 from raytwin.cli.terminal import print_seconds, show_progress
+from raytwin.errors import InputError
 from raytwin.images.exr import read_exr
 from raytwin.images.image import Image
 from raytwin.images.image_formats import write_image

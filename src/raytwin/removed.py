@@ -68,7 +68,7 @@ BOARD_KEYS = {
 
 RUBRIC_KEYS = {
     "feedback": "Leave it out: causes and lines are named by the grader alone.",
-    "inside": "Leave the exercise out: `render` is seen from outside spheres.",
+    "inside": 'Leave the exercise out. raytwin.check("render", render) shows such pictures to students.',
     "measure": "Leave it out: `credit` counts the error.",
     "output_mb": "Leave it out: what a submission prints may be as long as a file, `file_mb`.",
     "speed": "Leave it out: pages and results.csv show seconds, which earn no points.",

@@ -232,7 +232,7 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
         "for_students": _opt("Also write a page per student to hand out, to for-students/.", None, "--for-students"),
         "force": _opt("Overwrite an existing file.", None, "--force"),
         "stage": _opt("Functions to include: names with commas between, or repeat it (default: the six)."),
-        "wheel": _opt("Install this wheel of raytwin; a development version needs one.", "FILE"),
+        "wheel": _opt("Install this wheel of raytwin instead of the released version.", "FILE"),
     },
     "grade starter": {
         "out": _opt("File to write (tracer.py or rubric.toml).", "FILE", *OUT),

@@ -2,6 +2,9 @@
 
 import csv
 import re
+import sys
+import tempfile
+import threading
 
 import pytest
 import submitted_tracers as tracers
@@ -12,8 +15,10 @@ from raytwin.errors import MachineError
 from raytwin.show import class_page as pages
 from raytwin.show import student_page
 from raytwin.teach.grade import class_run
+from raytwin.teach.grade import grade_submission as grading
 from raytwin.teach.grade.result import Result
 from raytwin.teach.grade.rubric import read_rubric
+from raytwin.teach.sandbox.sandbox import Answer, Sandbox, probe
 
 RUBRIC = 'title = "t"\n[[exercises]]\nstage = "intersect_sphere"\npoints = 10\n'
 
@@ -92,3 +97,53 @@ def test_a_result_without_exercises_has_a_page_and_a_row(folder):
     result = Result("a", "k", "", (), problem="the grader's own fault: x", grader_fault=True)
     assert pages.write_class([result], read_rubric(folder / "r.toml"), folder / "out") == []
     assert "✗" in (folder / "out" / "students" / pages.page_name(result)).read_text()
+
+
+# ------------------------------------------------------------------------------------------ one limit of processes
+
+
+@pytest.fixture
+def shared(tmp_path, monkeypatch):
+    """Submissions of an ordinary user: the system counts the threads of all of them together."""
+    probe()
+    monkeypatch.setattr(grading, "share_a_limit", lambda: True)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+
+@pytest.mark.nightly
+@pytest.mark.skipif(sys.platform != "linux", reason="RLIMIT_NPROC counts threads on Linux alone")
+def test_who_is_alone_waits_for_the_others_and_they_for_it(shared):
+    order: list[str] = []
+
+    def alone():
+        with grading.turn(alone=True):
+            order.append("alone")
+
+    with grading.turn(), grading.turn():  # beside each other
+        waiting = threading.Thread(target=alone)
+        waiting.start()
+        waiting.join(0.3)
+        order.append("others")
+    waiting.join()
+    assert order == ["others", "alone"]
+
+
+@pytest.mark.nightly
+@pytest.mark.skipif(sys.platform != "linux", reason="RLIMIT_NPROC counts threads on Linux alone")
+def test_a_submission_to_which_a_thread_was_refused_is_graded_again_alone(folder, shared, monkeypatch):
+    own, turn, taken = Sandbox.call, grading.turn, []
+
+    def call(child, *arguments, **more):
+        answer = own(child, *arguments, **more)
+        return Answer(problem="RuntimeError: can't start new thread", sort="error") if len(taken) <= 1 else answer
+
+    def counted(alone=False):
+        taken.append(alone)
+        return turn(alone)
+
+    monkeypatch.setattr(Sandbox, "call", call)
+    monkeypatch.setattr(grading, "turn", counted)
+    (job,) = class_run.jobs_of(folder / "in", folder / "r.toml")
+    result = grading.grade_submission(job)
+    assert taken == [False, True]
+    assert [e.status for e in result.exercises] == ["pass"]

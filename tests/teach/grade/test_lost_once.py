@@ -1,5 +1,6 @@
 """Points are arithmetic with what is stored: a mistake costs them once, and a rubric may change."""
 
+import msgspec
 import pytest
 
 from raytwin.teach.grade.points import with_points
@@ -67,6 +68,15 @@ def test_what_is_correct_with_correct_functions_keeps_the_share_that_is_their_ow
     assert points(with_points(found, rubric())) == [0, 10, 15, pytest.approx(20, abs=1e-4)]
     still = result(wrong("spheres"), wrong("image", again=Again(False, 0.5, 0.5)))
     assert with_points(still, rubric()).exercises[2].followed == 0
+
+
+def test_hints_of_another_level_take_the_place_of_the_stored_ones():
+    hints = "look at line 3", "line 3: the sign", "line 3: the sign; `a` for `b`"
+    for stored in hints:
+        one = msgspec.structs.replace(wrong("spheres"), hints=hints, sentences=("far", f"mend: {stored}"))
+        for level in (1, 2, 3):
+            made = with_points(result(one), rubric(hints=level))
+            assert made.exercises[0].sentences == ("far", f"mend: {hints[level - 1]}")
 
 
 def test_marking_twice_is_marking_once_and_a_result_of_other_exercises_stays():

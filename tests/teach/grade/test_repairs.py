@@ -13,7 +13,7 @@ from raytwin.parallel import Workers
 from raytwin.scene import Tolerance
 from raytwin.teach.grade.check_picture import _compare_points
 from raytwin.teach.grade.class_run import jobs_of, run
-from raytwin.teach.grade.result import Marked, Result
+from raytwin.teach.grade.result import Marked
 from raytwin.teach.grade.sandboxed_repair import LineSearch, _with_hint
 from raytwin.teach.sandbox.sandbox import Code
 
@@ -107,12 +107,6 @@ def test_a_picture_is_repaired_for_sure_where_no_other_picture_stays_wrong(monke
         tried = [msgspec.structs.replace(wrong_image(), stage=stage) for stage in ("hit_points", "render")]
         line_search._repair(tried, (), (), (), (), SimpleNamespace(child=child))
         assert line_search.found["hit_points"].sure == other
-
-
-def test_what_follows_from_another_function_is_looked_at_last():
-    follows = msgspec.structs.replace(wrong_image(), status="error", because=("shade",))
-    result = Result("a", "", "", (follows, wrong_image("no-clamp")))
-    assert result.first_problem == "the cause"
 
 
 def test_points_of_rays_that_meet_nothing_are_nan():

@@ -10,8 +10,8 @@ from raytwin.cli import app
 from raytwin.errors import InputError
 from raytwin.teach.contract.stage_table import CONTRACT, LESSONS
 from raytwin.teach.grade.class_run import jobs_of
+from raytwin.teach.grade.grade_submission import code_of
 from raytwin.teach.grade.rubric import READY, Exercise, read_rubric
-from raytwin.teach.grade.submission_code import code_of
 
 GOOD = """
 title = "t"

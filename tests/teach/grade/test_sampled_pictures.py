@@ -47,7 +47,7 @@ def graded(folder, text, *exercises):
 
 
 def test_a_correct_path_tracer_has_all_points_and_one_that_drops_a_bounce_has_fewer(tmp_path):
-    """False alarms: one in 100 000 of each correct picture. The sandbox's seed is the submission's own."""
+    """False alarms: one in 100 000 of each correct picture. The sandbox's seed is always the same."""
     for rung in ("sky", "path"):
         found = graded(tmp_path, SAMPLING, PICTURE.replace("RUNG", rung)).exercises[0]
         assert (found.status, found.points) == ("pass", 10), found.sentences

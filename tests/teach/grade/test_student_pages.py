@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from raytwin.show import class_page as pages
 from raytwin.show.student_page import for_student, seen_as, student_page
-from raytwin.teach.grade.marks import lines_of
+from raytwin.teach.grade.excerpt import with_own_text
 from raytwin.teach.grade.result import CodeLine, Marked, MarkedPart, Result
 from raytwin.teach.grade.rubric import Exercise, Rubric
 from raytwin.teach.sandbox.sandbox import Code
@@ -82,13 +82,25 @@ def test_the_lines_that_sentences_speak_of_are_shown_with_their_neighbours():
         ("wrong everywhere", None),
         ("line 99: beyond the end", None),
     ):
-        lines = lines_of(wrong("a", sentence), Code(source=SOURCE, file="my ada.py"))
+        made = with_own_text(Result("a", "k", "t", (wrong("a", sentence),)), Code(source=SOURCE, file="my ada.py"))
+        lines = made.exercises[0].code
         assert {line.number for line in lines if line.here} == (here or set()), sentence
         if here:
             near = {n + k for n in here for k in (-2, -1, 0, 1, 2)} & set(range(1, 8))
             assert lines == tuple(CodeLine(n, SOURCE.splitlines()[n - 1], n in here) for n in sorted(near))
-            made = Result("a", "k", "t", (wrong("a", sentence, code=lines),))
             assert f"<i>{min(here)}</i>" in student_page(made, RUBRIC)
+
+
+def test_a_notebooks_cells_are_named_by_what_they_define():
+    code = Code(file="a.ipynb", cells=(("cell 2", "import numpy as np\n1 / 0"), ("cell 14", SOURCE)))
+    hints = "look at cell 14, line 5", "cell 14, line 5: the sign", "cell 14, line 5: the sign; `2` for `1`"
+    one = wrong("a", f"mend: {hints[1]}", hints=hints, mistakes=hints[2:])
+    made = with_own_text(Result("a", "k", "t", (one,), notes=("cell 2: ZeroDivisionError",)), code)
+    there = "line 5 of the cell that defines render"
+    assert made.exercises[0].sentences == (f"mend: {there}: the sign",)
+    assert made.exercises[0].hints[0] == f"look at {there}"
+    assert made.notes == ("the cell that begins with `import numpy as np`: ZeroDivisionError",)
+    assert [line.text for line in made.exercises[0].code if line.here] == ["    a = 1"]
 
 
 def test_a_mistake_that_is_known_by_its_line_is_counted_and_a_name_that_is_no_cause_is_not():
@@ -103,8 +115,8 @@ def test_a_mistake_that_is_known_by_its_line_is_counted_and_a_name_that_is_no_ca
 def test_what_to_look_at_first_comes_first_then_what_lost_most_and_what_is_not_written_comes_last():
     some = (
         replace(wrong("written", same_as="worst"), status="missing"), replace(wrong("passed"), status="pass"),
-        replace(wrong("follows", because=("shade",)), points=-5), replace(wrong("little"), points=9), wrong("much"),
-        replace(wrong("worst"), status="limit", points=9.5),
+        replace(wrong("follows", because=("shade",)), status="limit", points=-5), wrong("much"),
+        replace(wrong("little"), points=9), replace(wrong("worst"), status="limit", points=9.5),
     )  # fmt: skip
     page = student_page(Result("a", "k", "t", some), RUBRIC)
     order = re.findall(r"<h2[^>]*>. (\w+)", page)

@@ -17,12 +17,11 @@ from raytwin.images.image_input import ENDINGS
 from raytwin.parallel import Workers, map_parallel
 from raytwin.progress import Progress, silent
 from raytwin.safe_write import replacing
-from raytwin.teach.grade.grade_submission import Job, grade_submission, job_of
+from raytwin.teach.grade.grade_submission import CODE, Job, grade_submission, job_of
 from raytwin.teach.grade.points import with_points
 from raytwin.teach.grade.questions import references_of
 from raytwin.teach.grade.result import Result
 from raytwin.teach.grade.rubric import Rubric, read_rubric
-from raytwin.teach.grade.submission_code import CODE
 from raytwin.teach.sandbox.sandbox import plain
 
 RESULTS_FOLDER = "results"
@@ -36,10 +35,9 @@ def jobs_of(submissions: Path, rubric_path: Path, whole: bool = False) -> list[J
     """
     rubric = read_rubric(rubric_path)
     references_of(rubric, rubric_path)
-    if not submissions.exists():
-        raise InputError(submissions, "submissions: files, or folders, of students", "no such folder")
     if not (submissions.is_dir() or submissions.is_file()):
-        raise InputError(submissions, "submissions: files, or folders, of students", "a device or a pipe")
+        got = "a device or a pipe" if submissions.exists() else "no such folder"
+        raise InputError(submissions, "submissions: files, or folders, of students", got)
     paths = (
         [submissions]
         if whole or _is_one(submissions, rubric)

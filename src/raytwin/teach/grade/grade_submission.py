@@ -7,24 +7,29 @@ where none of its code runs: cases and scenes are drawn from the seed, numbers c
 import contextlib
 import hashlib
 import os
+import shlex
 import tempfile
 import time
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
 from raytwin.errors import InputError
 from raytwin.images.cache import made_by
+from raytwin.images.image_input import ENDINGS
+from raytwin.safe_write import check_file
+from raytwin.teach.contract.submission import cells
+from raytwin.teach.grade.excerpt import with_own_text
 from raytwin.teach.grade.marks import marked
 from raytwin.teach.grade.points import with_points
 from raytwin.teach.grade.questions import questions_of
 from raytwin.teach.grade.result import Result
 from raytwin.teach.grade.rubric import Rubric, read_rubric
 from raytwin.teach.grade.sandboxed_calls import call_all
-from raytwin.teach.grade.submission_code import code_of, submission_files
-from raytwin.teach.sandbox.sandbox import Answer, plain
+from raytwin.teach.sandbox.sandbox import Answer, Code, plain
 from raytwin.teach.sandbox.work_folder import MEGA
 
 GRADING_ROOMS = (
@@ -33,6 +38,8 @@ GRADING_ROOMS = (
 )  # fmt: skip
 """What decides points and sentences. A result of other code is not reused; a change of a page regrades nobody."""
 GRADER = tuple(Path(__file__).parents[2] / room for room in GRADING_ROOMS)
+CODE = (".py", ".ipynb")
+"""Endings of files with Python."""
 REFUSALS = ("BlockingIOError", "can't start new thread", "Resource temporarily unavailable")
 """What Python says where the system refuses a process or a thread."""
 
@@ -103,9 +110,55 @@ def _graded(job: Job) -> tuple[Result, bool]:
             one.answer = Answer(problem=error.fault, sort="missing")
         said = plain(error).replace(f"{Path(job.path).parent}{os.sep}", "")
         return with_points(marked(result, rubric, asked, said), rubric), False
-    result = with_points(marked(result, rubric, asked, problem, code), rubric)
+    result = with_points(with_own_text(marked(result, rubric, asked, problem, code), code), rubric)
     result = msgspec.structs.replace(result, seconds=round(time.perf_counter() - began, 4))
     return result, any(refused(one.answer) for one in asked)
+
+
+# ------------------------------------------------------------------------------------------ what was handed in
+
+
+def submission_files(path: Path) -> Iterator[Path]:
+    """The file itself, or the files of a folder; hidden folders and links are left out."""
+    if path.is_file():
+        yield path
+    for where, folders, names in os.walk(path, followlinks=False):
+        folders[:] = sorted(f for f in folders if not f.startswith("."))
+        yield from (p for n in names if (p := Path(where, n)).is_file() and not p.is_symlink())
+
+
+def code_of(path: Path, rubric: Rubric) -> Code:
+    """Return what a submission's file or folder holds: Python, a notebook, a program (the rubric's command) or images.
+
+    Raises InputError where it is none of these.
+    """
+    common: dict[str, Any] = {"asked": rubric.functions, "packages": rubric.packages}
+    inside = list(submission_files(path))
+    found = sorted(p for p in inside if p.suffix in CODE and p.parent == path)
+    shown = sum(p.suffix.lower() in ENDINGS for p in inside)
+    if path.is_dir() and shown and (shown == len(inside) or not (found or rubric.command)):
+        return Code("images", folder=path, **common)
+    if path.is_dir() and rubric.command:
+        return Code("command", command=tuple(shlex.split(rubric.command)), folder=path, **common)
+    file = path
+    if path.is_dir():
+        named = [p for p in found if p.stem == rubric.file]
+        if len(named or found) != 1:
+            got = ", ".join(p.name for p in found) or "none"
+            raise InputError(path, f"one file of Python, or {rubric.file}.py beside others", got)
+        file = (named or found)[0]
+    check_file(file, "a Python file, a notebook, or a folder")  # a pipe would be waited for without end
+    if file.suffix not in CODE:
+        raise InputError(path, "a Python file, a notebook, or a folder", file.suffix or "a file of another kind")
+    folder = path if path.is_dir() else None
+    if file.suffix == ".ipynb":
+        found_cells = tuple((f"cell {n}", text) for n, text in cells(file))
+        return Code(file=file.name, cells=found_cells, folder=folder, **common)
+    try:
+        text = file.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(file, "UTF-8 text", type(error).__name__) from None
+    return Code(source=text or "\n", file=file.name, folder=folder, **common)
 
 
 # ------------------------------------------------------------------------------------------ turns

@@ -1,7 +1,7 @@
 """What is found of the answers: of each exercise which parts are correct, and the cause of what is not; no points."""
 
-import re
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ from raytwin.teach.contract.stage_table import LESSONS
 from raytwin.teach.grade.check_picture import check_picture, wrong_picture
 from raytwin.teach.grade.follow_through import ask_again
 from raytwin.teach.grade.questions import CheckedPicture, Question
-from raytwin.teach.grade.result import SUREST, Again, CodeLine, Marked, MarkedPart, Picture, Result, Status
+from raytwin.teach.grade.result import SUREST, Again, Marked, MarkedPart, Picture, Result, Status
 from raytwin.teach.grade.rubric import Exercise, Rubric
 from raytwin.teach.grade.sandboxed_repair import LineSearch
 from raytwin.teach.sandbox.sandbox import Code
@@ -28,11 +28,6 @@ WORSE_FACTOR = 1.25
 """Multiple of the wrong pixels: if correct functions leave more, they do not fit the submission's own ways."""
 MAX_WHOLE_PICTURES = 3
 """Wrong pictures of a submission that can be looked at pixel by pixel; of the others there is a small one."""
-LINES_AROUND = 2
-"""Lines that are shown before and after the one to look at."""
-MAX_LINE_CHARACTERS = 160
-"""Characters of a line that are shown."""
-LINE_REFERENCE = re.compile(r"(?:(cell \d+), |([^\s,]+\.py), )?line (\d+)")
 
 
 def marked(result: Result, rubric: Rubric, asked: list[Question], problem: str, code: Code | None = None) -> Result:
@@ -41,10 +36,8 @@ def marked(result: Result, rubric: Rubric, asked: list[Question], problem: str, 
     Functions that fail alone are repaired before causes of pictures are looked for: the same change may make these
     right, too.
     """
-    with LineSearch(rubric, None if problem else code) as line_search:
+    with closing(LineSearch(rubric, None if problem else code)) as line_search:
         exercises, pictures = _marked(result.seed, rubric, asked, line_search)
-    if code is not None:
-        exercises = [msgspec.structs.replace(m, code=lines_of(m, code)) for m in exercises]
     return msgspec.structs.replace(
         result,
         exercises=tuple(exercises),
@@ -62,8 +55,8 @@ def _marked(
     for one in shown:
         one.checked = check_picture(one)
     marks = {e.name: _mark_stage(of[e.name]) for e in rubric.exercises if of[e.name][0].scene is None}
-    failed = [m.stage for m in marks.values() if m.status not in ("pass", "missing")]
-    replaced = ask_again(line_search.child_with, shown, failed) if line_search.code else ()
+    failed = [m.name for m in marks.values() if m.status not in ("pass", "missing")]
+    replaced = ask_again(line_search.child_with, shown, [marks[n].stage for n in failed]) if line_search.code else ()
     drawn_ones = [e for e in rubric.exercises if e.name not in marks]
     status = {name: m.status for name, m in marks.items()}
     status |= {e.name: _status([a.checked.part for a in of[e.name] if a.checked], of[e.name]) for e in drawn_ones}
@@ -73,7 +66,7 @@ def _marked(
     beside = dict.fromkeys(a.exercise.stage for a in spoilt if not a.fixed)
     marks |= {m.name: m for m in line_search.with_lines([*marks.values()], right, beside=[*beside])}
     mended = [a for a in spoilt if a.exercise.stage in line_search.found]
-    causes = _Causes(shown, replaced, [m for m in marks.values() if m.stage in replaced], mended, seed)
+    causes = _Causes(shown, replaced, [marks[n] for n in failed if marks[n].stage in replaced], mended, seed)
     pictures: list[Picture] = []
     for exercise in drawn_ones:
         marks[exercise.name], wrong = _mark_pictures(exercise, of[exercise.name], causes)
@@ -144,9 +137,9 @@ class _Causes:
     """The causes of wrong pictures. One tracer made them all, so they are diagnosed together.
 
     `failed`: functions that fail alone and were `replaced` by correct ones. `mended`: pictures for which a change of
-    the text is known. Tried in this order: pictures that are correct with correct functions are `by_functions`, unless
-    the pictures name a cause that the functions do not; `as_handed_in`, one diagnosis of all other pictures; and where
-    correct functions leave less wrong (`has_second`), `second`, a diagnosis of the pictures made with them.
+    the text is known. Pictures that are correct with correct functions are `by_functions`, unless the pictures name a
+    cause that the functions do not. Of the others one diagnosis is made: as they were handed in, or, where correct
+    functions leave less wrong (`has_second`), as they are with these.
     """
 
     def __init__(
@@ -160,19 +153,11 @@ class _Causes:
         again = [a for a in shown if a.again is not None]
         fixed = any(a.again for a in every) and all(a.fixed for a in again)
         self.has_second = any(_is_nearer(a) for a in again if not a.fixed)
-        self.as_handed_in: Explanation | None = None
-        if not (known and self.has_second):
-            explained = again if known and fixed else []
-            self.as_handed_in = self._diagnosed([a.checked for a in shown if a not in explained])
-        named = self.as_handed_in is not None and self.as_handed_in.cause is not None
-        self.by_functions = fixed and (known or not named)
-        self.second: Explanation | None = None
-        if self.has_second and not named:
-            found = self._diagnosed([a.again or a.checked for a in shown])
-            if found is not None and found.cause is not None:
-                self.second = found
-            else:
-                self.as_handed_in = self.as_handed_in or self._diagnosed([a.checked for a in shown])
+        others = [a for a in shown if not (fixed and known and a in again)]
+        self.found = self._diagnosed([a.again if self.has_second and a.again else a.checked for a in others])
+        named = self.found is not None and self.found.cause is not None
+        self.second = self.has_second and named
+        self.by_functions = self.second or (fixed and (known or not named))
 
     def _diagnosed(self, checked: Sequence[CheckedPicture | None]) -> Explanation | None:
         """None if nothing is wrong, there are no numbers, or no search is left."""
@@ -185,7 +170,7 @@ class _Causes:
     def of(self, asked: Sequence[Question]) -> _Found:
         """Return what is said of one exercise."""
         wrong = [a for a in asked if not a.passed]
-        if wrong and all(a.fixed for a in wrong) and self.failed and (self.by_functions or self.second):
+        if wrong and all(a.fixed for a in wrong) and self.failed and self.by_functions:
             faults = tuple(dict.fromkeys(fault for m in self.failed for fault in m.faults))
             sureness = max((m.sureness for m in self.failed), key=SUREST.index) if faults else ""
             once = f"{self.functions} is" if len(self.replaced) == 1 else "these are"
@@ -193,7 +178,7 @@ class _Causes:
             return _Found((caused,), faults, sureness, self.replaced)
         if not any(a.checked and a.checked.view for a in wrong) or any(a in self.mended for a in asked):
             return _Found()
-        found = self.second or self.as_handed_in
+        found = self.found
         if found is not None and found.cause is None and any(not a.passed and a not in asked for a in self.shown):
             found = self._diagnosed([a.checked for a in asked]) or found
             # What other pictures speak against is not proved.
@@ -202,9 +187,9 @@ class _Causes:
             return _Found()
         faults = ((found.cause.name, found.cause.sentence),) if found.cause else ()
         makes = "makes" if len(self.replaced) == 1 else "make"
-        beside = (f"{self.functions} {makes} it wrong, too",) if self.second is not None else ()
+        beside = (f"{self.functions} {makes} it wrong, too",) if self.second else ()
         said = (*student_words(found), *beside)
-        alone = self.second is None and says_why(found.certainty, faults)
+        alone = not self.second and says_why(found.certainty, faults)
         return _Found(said, faults, found.certainty if faults else "", (), tuple(n for n, _ in faults) if alone else ())
 
 
@@ -259,16 +244,3 @@ def _again(asked: Question, replaced: Sequence[str]) -> Again | None:
     part, needed = asked.again.part, NEEDED[asked.exercise.stage]
     own = 1 - len(set(needed) & set(replaced)) / len(needed) if asked.made_of else 1.0
     return Again(part.passed, part.error, part.wrong, own)
-
-
-def lines_of(m: Marked, code: Code) -> tuple[CodeLine, ...]:
-    """The lines of the submission that the hint names, or else the error, with their neighbours."""
-    found = [place for said in (*m.mistakes[-1:], *m.sentences) for place in LINE_REFERENCE.findall(said)]
-    if m.status == "pass" or not found or (found[0][1] and found[0][1] != code.file.rpartition(" ")[2]):
-        return ()
-    cell = found[0][0]
-    named = {int(n) for where, file, n in found if (where, file) == found[0][:2]}
-    text = dict(code.cells).get(cell, "") if code.cells else code.source
-    near = {n + k for n in named for k in range(-LINES_AROUND, LINES_AROUND + 1)}
-    every = enumerate(text.splitlines(), start=1)
-    return tuple(CodeLine(n, line[:MAX_LINE_CHARACTERS], n in named) for n, line in every if n in near)

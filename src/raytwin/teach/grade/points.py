@@ -14,7 +14,7 @@ from raytwin.teach.grade.rubric import PICTURES, Exercise, Rubric
 
 
 def with_points(result: Result, rubric: Rubric) -> Result:
-    """Return the result with the rubric's names and points.
+    """Return the result with the rubric's names, points and hints.
 
     Unchanged where it is none of these exercises, as where the grader failed.
     """
@@ -23,6 +23,7 @@ def with_points(result: Result, rubric: Rubric) -> Result:
     names = {m.name: e.name for m, e in zip(result.exercises, rubric.exercises, strict=True)}
     exercises = _paid_once([_scored(m, e) for m, e in zip(result.exercises, rubric.exercises, strict=True)], rubric)
     pictures = tuple(replace(p, exercise=names[p.exercise]) for p in result.pictures)
+    exercises = [replace(m, sentences=_with_hint(m, rubric.hints)) for m in exercises]
     return replace(result, title=rubric.title, exercises=tuple(exercises), pictures=pictures)
 
 
@@ -69,3 +70,12 @@ def _share_again(p: MarkedPart, e: Exercise, rate: float) -> float:
     if p.again is None:
         return 0.0
     return round(rate * p.again.own * e.share(p.again.passed, p.again.error), 6)
+
+
+def _with_hint(m: Marked, level: int) -> tuple[str, ...]:
+    """The sentences with the hint of this level, whichever they were stored with."""
+    if not (m.hints and level):
+        return m.sentences
+    wanted = m.hints[level - 1]
+    old = next((h for h in m.hints if any(said.endswith(h) for said in m.sentences)), wanted)
+    return tuple(said.removesuffix(old) + wanted if said.endswith(old) else said for said in m.sentences)

@@ -50,10 +50,10 @@ class Marked(Record, frozen=True):
     `faults`: (name, sentence) of each mistake that was made; `causes` has those, too, that explain it as well.
     `code`: lines of the submission that the sentences speak of.
     `inputs`, `expected`, `got`: of the worst value of a stage's cases.
-    `repair`: what was wrong where one change of the text makes all right, in an operator's words. `mistakes`: what each
-    explains all that is wrong here, and shows elsewhere, too. `because`: functions that failed on their own, with
-    correct ones of which this picture is correct. `same_as`: the exercise that pays for the same mistake. `followed`:
-    of the points, those that are kept since it is paid for.
+    `repair`: what was wrong where one change of the text makes all right, in an operator's words; `hints`: that change
+    in each of three levels of detail. `mistakes`: what each explains all that is wrong here, and shows elsewhere, too.
+    `because`: functions that failed on their own, with correct ones of which this picture is correct. `same_as`: the
+    exercise that pays for the same mistake. `followed`: of the points, those that are kept since it is paid for.
     `judged_by`: the statistical test that decides in place of a tolerance.
     """
 
@@ -71,6 +71,7 @@ class Marked(Record, frozen=True):
     sureness: str = ""
     faults: tuple[tuple[str, str], ...] = ()
     repair: str = ""
+    hints: tuple[str, ...] = ()
     mistakes: tuple[str, ...] = ()
     because: tuple[str, ...] = ()
     same_as: str = ""

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
+import numpy as np
 
 from raytwin.errors import InputError, check_one_of
 from raytwin.removed import RUBRIC_KEYS
@@ -71,17 +72,10 @@ class Exercise(Record, frozen=True):
         """
         if passed:
             return 1.0
-        if self.sampled or not self.credit or error is None or not math.isfinite(error) or error > self.credit[-1][0]:
+        if self.sampled or not self.credit or error is None or not error <= self.credit[-1][0]:
             return 0.0
-        below = self.credit[0]
-        for above in self.credit:
-            if error <= above[0]:
-                if above[0] == below[0] or error <= below[0]:
-                    return below[1]
-                x = math.log(error / below[0]) / math.log(above[0] / below[0])
-                return round(below[1] + x * (above[1] - below[1]), 6)
-            below = above
-        return 0.0
+        errors, shares = zip(*self.credit, strict=True)
+        return round(float(np.interp(math.log(max(error, 1e-300)), np.log(errors), shares)), 6)
 
 
 class Rubric(Record, frozen=True):
@@ -123,7 +117,7 @@ class Rubric(Record, frozen=True):
     def questions(self) -> tuple[Any, ...]:
         """What decides the answers and what is found of them: all other keys are arithmetic with stored results."""
         exercises = [(e.stage, e.scenes, e.drawn, e.rung, e.tolerance) for e in self.exercises]
-        return exercises, self.limits, self.file, self.command, self.packages, self.hints
+        return exercises, self.limits, self.file, self.command, self.packages, self.hints > 0
 
     def seed_of(self, content: bytes) -> int:
         """Return a submission's seed, which nobody without the rubric's own can compute."""

@@ -90,12 +90,6 @@ class LineSearch:
         self.trials: _Trials | None = None
         self.replaced: tuple[str, ...] = ()
 
-    def __enter__(self) -> "LineSearch":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def child_with(self, names: Sequence[str] = ()) -> Sandbox:
         """The process, with correct functions of these names in place of the student's; a new one if it ended."""
         assert self.code is not None
@@ -111,11 +105,12 @@ class LineSearch:
         return self.trials.child
 
     def with_mistake(self, m: Marked) -> Marked:
-        """The exercise with the change that repairs it, if one does, as its mistake."""
+        """The exercise with the hints of the change that repairs it, if one does, and that change as its mistake."""
         found = self.found.get(m.stage)
         if found is None or m.status == "pass" or m.because:
             return m
-        return msgspec.structs.replace(m, mistakes=(*m.mistakes, found.hint(3)))
+        hints = tuple(found.hint(level) for level in (1, 2, 3))
+        return msgspec.structs.replace(m, hints=hints, mistakes=(*m.mistakes, hints[-1]))
 
     def close(self) -> None:
         """End the process."""
@@ -151,8 +146,8 @@ class LineSearch:
     ) -> None:  # fmt: skip
         for stage in dict.fromkeys(e.stage for e in tried):
             if stage in trials.child.functions:
-                most = WORK_PROVED if all(_is_proved(e) for e in tried if e.stage == stage) else WORK_UNNAMED
-                before = min(most, self.left)
+                proved = all(says_why(e.sureness, e.faults) for e in tried if e.stage == stage)
+                before = min(WORK_PROVED if proved else WORK_UNNAMED, self.left)
                 work = Work(before)
                 fitting = [(r.candidate, *r.rivals) for r in self.found.values() if r.candidate and not replaced]
                 known = list(dict.fromkeys(itertools.chain(*fitting)))
@@ -198,10 +193,6 @@ def _further(stage: str) -> list[Case]:
     return further_probes(LESSONS[stage], PROBE_SEED)
 
 
-def _is_proved(exercise: Marked) -> bool:
-    return says_why(exercise.sureness, exercise.faults)
-
-
 def _with_hint(exercise: Marked, repair: Repair, level: int) -> Marked:
     """The exercise with a repair in its place among the sentences."""
     raised = exercise.status == "error"
@@ -210,7 +201,7 @@ def _with_hint(exercise: Marked, repair: Repair, level: int) -> Marked:
     other = (
         exercise.stage in PICTURES and exercise.sureness == "likely" and any(n not in FACTS for n, _ in exercise.faults)
     )
-    sureness = "proved" if _is_proved(exercise) or (repair.sure and not other) else "likely"
+    sureness = "proved" if says_why(exercise.sureness, exercise.faults) or (repair.sure and not other) else "likely"
     return msgspec.structs.replace(exercise, sentences=sentences, sureness=sureness, repair=kind_of(repair.operator))
 
 
