@@ -224,8 +224,6 @@ def test_passes_go_on_with_twice_the_samples_until_all_are_there(base):
     assert 1.2 < errors["twin", 1] / errors["twin", 4] < 3.3
     assert [e["kind"] for e in events].count("ledger") == 1
     assert events[-1]["kind"] == "rest"
-    moving = [event["kind"] for event, _ in Session(base).passes(msgspec.structs.replace(wish, moving=True))]
-    assert moving == ["picture", "picture"]
 
 
 def test_the_ledger_of_a_subject_that_fails_on_its_own_level_names_its_own_error(base):
@@ -329,16 +327,9 @@ def page_that_asks(address: str) -> socket.socket:
     return link
 
 
-BROWSER = """#!/bin/sh
-cat "${1#file://}" > seen
-dirname "${1#file://}" | xargs stat -c %a > mode
-echo "$*" > line
-"""
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="a browser that is a shell script, and GNU's stat")
+@pytest.mark.skipif(sys.platform != "linux", reason="a browser that is a shell script")
 def test_the_token_stands_on_no_command_line_and_ctrl_c_ends_a_subject_that_does_not_return(scenes, tmp_path):
-    (tmp_path / "browser").write_text(BROWSER)
+    (tmp_path / "browser").write_text('#!/bin/sh\necho "$*" > line\n')
     (tmp_path / "browser").chmod(0o700)
     (tmp_path / "mine.py").write_text(
         "import time\ndef render(scene):\n    open('begun', 'w').close()\n    while True: time.sleep(1)\n"
@@ -363,8 +354,6 @@ def test_the_token_stands_on_no_command_line_and_ctrl_c_ends_a_subject_that_does
     assert "Traceback" not in err
     line = (tmp_path / "line").read_text().strip()
     assert address.partition("=")[2] not in line
-    assert address in (tmp_path / "seen").read_text()
-    assert (tmp_path / "mode").read_text() == "700\n"
     assert not Path(line.removeprefix("file://")).exists()
 
 
@@ -438,6 +427,7 @@ def middle_of(scene: Scene, name: str) -> tuple[int, int]:
 def desk(chromium, live):
     """One page for all, found by the one that a browser is started with."""
     with opening_page(live.address) as path, shown(chromium, path.as_uri()) as page:
+        assert path.parent.stat().st_mode & 0o777 == 0o700
         assert page.page.title() == "overlap · raytwin explore"
         assert page.page.url.startswith(f"{live.origin}/#view=")
         yield page
@@ -449,20 +439,6 @@ def page(desk):
     desk.click("Reset")
     desk.page.get_by_role("button", name="Whole", exact=True).first.click()  # zoomed in, a drag beside objects pans
     return desk
-
-
-def test_the_inspector_tells_what_was_rendered(page, base):
-    scene = base
-    tracer = trace(scene, "shadow", "drjit32")
-    for x, y in ((40, 40), (60, 30), (20, 50), (2, 2)):
-        here = page.viewer(f"read({x}, {y})")
-        for (value, doubt), true in zip(here["test"], tracer.mean[y, x], strict=True):
-            assert abs(value - true) <= doubt * 1.01 + 1e-9
-        assert here["objects"][0] == (
-            "background" if tracer.surface.ids[y, x] < 0 else scene.names[tracer.surface.ids[y, x]]
-        )
-    assert page.console == []
-    assert all(re.match(r"(http|ws)://127\.0\.0\.1:\d+/|data:|blob:|file:", url) for url in page.requests)
 
 
 def test_a_link_opens_the_view_that_it_was_copied_from_where_the_token_is_known(chromium, live, page):
@@ -480,6 +456,9 @@ def test_a_link_opens_the_view_that_it_was_copied_from_where_the_token_is_known(
 
 def test_a_sphere_is_dragged_and_the_rest_stays(page, base):
     u, v = middle_of(base, base.names[1])
+    here, true = page.viewer(f"read({u}, {v})"), trace(base, "shadow").mean[v, u]
+    assert here["objects"] == [base.names[1]] * 2
+    assert all(abs(value - x) <= 1.01 * doubt + 1e-6 for (value, doubt), x in zip(here["test"], true, strict=True))
     box = page.page.locator("#viewer canvas").first.bounding_box()
     scale = box["width"] / SIZE[0]
     page.drag(box, ((u + 0.5) * scale, (v + 0.5) * scale), ((u + 8.5) * scale, (v + 0.5) * scale))
@@ -491,6 +470,8 @@ def test_a_sphere_is_dragged_and_the_rest_stays(page, base):
     shifted = trace(wish.scene(base), "surface").surface.ids
     after = int(np.median(np.nonzero(shifted == 1)[1]))
     assert after - u == pytest.approx(8, abs=2)
+    assert page.console == []
+    assert all(re.match(r"(http|ws)://127\.0\.0\.1:\d+/|data:|blob:|file:", url) for url in page.requests)
 
 
 def test_zoom_is_linked_and_a_pixels_light_paths_are_drawn_and_shut_nobody_out(page):
