@@ -127,13 +127,10 @@ def test_the_images_are_called_a_and_b_and_nothing_else(pair):
     assert (colours[0, 0] == 255).all()
 
 
-@pytest.mark.parametrize("other", [A[:-1], A.transpose(1, 0, 2)])
-def test_other_sizes_give_a_page_that_shows_both(pair, other):
-    _, out = pair(np.ascontiguousarray(other))
+def test_other_sizes_give_a_page_that_shows_both(pair):
+    _, out = pair(np.ascontiguousarray(A.transpose(1, 0, 2)))
     text = text_of(out / "report.html")
-    h, w = other.shape[:2]
-    assert f"the test image is 36 x 24 pixels, the reference {w} x {h}" in text
-    assert f"{w} × {h} pixels" in text
+    assert "the test image is 36 x 24 pixels, the reference 24 x 36" in text
     page = (out / "report.html").read_text(encoding="utf-8")
     assert page.count('<img class="alone" src="data:image/') == 2
     assert "RMSE" not in text  # no number of theirs means anything
