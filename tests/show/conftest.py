@@ -87,6 +87,13 @@ def calibration(scenes) -> Calibration:
     return calibrate(list_photos(folder / "photos"), boards.read_board(folder / "board.toml"))
 
 
+@pytest.fixture(scope="session")
+def base(scenes) -> Scene:
+    """96 x 72 pixels of the scene `overlap`: what the live page is tested with."""
+    written = read_scene(scenes / "overlap")
+    return written.with_camera(written.camera.resized(96, 72))
+
+
 def copied(image: Image) -> Image:
     s = image.surface
     return Image(image.mean.copy(), None, 1, Surface(s.ids.copy(), s.depth.copy(), s.normal.copy()))

@@ -101,10 +101,10 @@ def test_a_twin_of_another_size_or_kind_fails_and_such_a_surface_is_left_out(mak
 
 @pytest.fixture
 def pair(tmp_path):
-    def write(other, **options):
+    def write(other):
         for name, mean in (("a.exr", A), ("b.exr", other)):
             write_exr(tmp_path / name, Image(mean))
-        found = diff(tmp_path / "a.exr", tmp_path / "b.exr", **options)
+        found = diff(tmp_path / "a.exr", tmp_path / "b.exr")
         write_diff(found, tmp_path / "out")
         return found, tmp_path / "out"
 
@@ -136,12 +136,3 @@ def test_other_sizes_give_a_page_that_shows_both(pair):
     assert "RMSE" not in text  # no number of theirs means anything
     assert "<script" not in page
     assert not (out / "heatmap.png").exists()
-
-
-def test_flip_is_one_row_of_the_page_where_it_was_asked_for(pair):
-    pytest.importorskip("OpenImageIO")
-    for flip in (False, True):
-        found, out = pair(B, flip=flip)
-        assert ("FLIP, mean" in text_of(out / "report.html")) == flip
-        assert (found.comparison.perceptual.flip_mean is None) != flip
-        assert found.metrics["flip_hdr"] == found.comparison.perceptual.flip_mean

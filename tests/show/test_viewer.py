@@ -27,6 +27,12 @@ def assert_true_digits(text: str, value: float) -> None:
     assert abs(float(text.replace("−", "-")) - value) <= 0.76 * last, (text, value)
 
 
+def assert_true_row(texts: list[str], values: np.ndarray) -> None:
+    """A value of each channel, with a sign where it is a difference."""
+    for text, value in zip(texts[:3], values, strict=True):
+        assert_true_digits(text.lstrip("+"), float(value))
+
+
 POINTS = [(0, 0), (159, 119), (80, 60), (25, 61), (41, 70), (97, 41), (60, 30)]
 
 LOOK = r"""
@@ -139,15 +145,13 @@ def test_the_inspector_shows_the_values_of_the_exr_to_the_digits_shown(looked):
     for (x, y), read in zip(POINTS, found["read"], strict=True):
         for row, image in (("test", a), ("reference", b)):
             assert read[row][3] == names[image.surface.ids[y, x]]
-            for text, value in zip(read[row][:3], image.mean[y, x], strict=True):
-                assert_true_digits(text, float(value))
+            assert_true_row(read[row], image.mean[y, x])
+            for text in read[row][:3]:
                 assert text == "0" or len(text.replace(".", "").lstrip("0").partition("e")[0]) >= 2
             assert_true_digits(read[row][4], float(image.surface.depth[y, x]))
         error = a.mean[y, x].astype(float) - b.mean[y, x]
-        for text, value in zip(read["error"][:3], error, strict=True):
-            assert_true_digits(text.lstrip("+"), value)
-        for text, value in zip(read["further"][:3], error / (np.abs(b.mean[y, x]) + 0.01), strict=True):
-            assert_true_digits(text.lstrip("+"), value)
+        assert_true_row(read["error"], error)
+        assert_true_row(read["further"], error / (np.abs(b.mean[y, x]) + 0.01))
 
 
 def test_a_pixel_that_is_not_finite_is_shown_as_such_and_one_that_is_not_there_is_answered(looked):
@@ -302,8 +306,7 @@ def test_thinned_values_are_their_blocks_worst_and_a_photo_of_another_size_is_sh
     error = (result.subject.mean - result.twin.mean)[40:42, 96:98]
     dy, dx = np.unravel_index(np.abs(error).max(axis=-1).argmax(), (2, 2))
     assert read["at"] == [96 + dx, 40 + dy]
-    for text, value in zip(read["error"][:3], error[dy, dx], strict=True):
-        assert_true_digits(text.lstrip("+"), float(value))
+    assert_true_row(read["error"], error[dy, dx])
 
 
 @pytest.mark.nightly
@@ -331,11 +334,8 @@ def test_noise_is_shown_in_sigmas_and_as_means_where_not_every_pixel_fits(make_r
     assert read["map"] == ["sigmas", "Difference in σ"]
     a, b = binned(test, 2), binned(reference, 2)
     error, sigma = (a.mean - b.mean)[22, 31], np.sqrt(a.variance)[22, 31]
-    for text, value in zip(read["test"][:3], a.mean[22, 31], strict=True):
-        assert_true_digits(text, float(value))
-    for row, values in (("error", error), ("further", error / sigma)):
-        for text, value in zip(read[row][:3], values, strict=True):
-            assert_true_digits(text.lstrip("+"), float(value))
+    for row, values in (("test", a.mean[22, 31]), ("error", error), ("further", error / sigma)):
+        assert_true_row(read[row], values)
     z = (mean - result.twin.mean)[44:48, 60:64].mean(axis=(0, 1)) / (0.01 / 4)
     assert read["z"][0] == pytest.approx(z[np.abs(z).argmax()], rel=0.05)
     assert read["z"][1] < 3
