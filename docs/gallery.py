@@ -63,7 +63,7 @@ ENTRIES = (
     Entry(
         "atlas", "out/atlas.html", "The atlas of failures",
         "Three experiments: each method is driven until it fails, beside what theory predicts.",
-        ("stability sphere-far sphere-ground sum-samples -o out",),
+        ("stability sphere-far sphere-ground shadow-small -o out",),
     ),
     Entry(
         "calibration", "camera.html", "A calibration and how wrong it may be",
@@ -76,7 +76,7 @@ ENTRIES = (
         (
             "bench single overlap --subject class/cleo.py --methods"
             " numpy32-shadow-*,drjit32-shadow-*,twin-llvm-direct-*"
-            " --sizes 0.01 --budget 50 --repeats 4 --truth-samples 256 -o out",
+            " --sizes 0.01 --budget 50 -o out",
         ), (1,),
     ),
     Entry(

@@ -74,7 +74,6 @@ def test_what_is_wrong_is_named_as_it_was_typed_and_what_exists_is_kept(tmp_path
         (("compare", "single", "--size=0x10"), "--size: expected"),
         ((*small, "--detectable-bias", "0"), "--detectable-bias: expected a number > 0, got 0"),
         ((*small, "--subject", "./nosuch {scene} {out}"), "The program ./nosuch cannot be started: No such file"),
-        (("photo", "simulate", "--board", "b.toml", "-o", "out", "--focal", "0"), "--focal, --size: K: expected"),
         (("photo", "calibrate", ".", "--board", "b.toml"), "3.jpg: a damaged one (image file is truncated"),
         (("bench", "--sizes", "big", "single"), "--sizes: expected numbers separated by commas, got big"),
         (("bench", "scene"), "scene: expected a scene's folder"),

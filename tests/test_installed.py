@@ -201,7 +201,7 @@ def test_an_installed_raytwin_does_its_jobs_in_an_empty_folder(run, tmp_path):
     steps = (
         ("compare single --size 64x48", 0, "report: out/single/report.html"),
         ("reference check single --rung shadow", 0, "1 reference, 0 failed"),
-        ("stability sum-samples", 0, "report: out/stability/atlas.html"),
+        ("stability sphere-ground", 0, "report: out/stability/atlas.html"),
         ("walk --notebook -o lessons", 0, "wrote lessons/"),
         ("grade students --rubric rubric.toml", 0, "10 of 10  right: all right"),
     )

@@ -106,7 +106,7 @@ def test_a_scene_changes_by_with():
     scene = raytwin.read_scene("overlap")
     ball = scene.spheres[0]
     changed = scene.with_(spheres=[ball.with_(radius=np.float64(0.5), center=np.array([1, 2, 3]))], size=(40, 30))
-    assert changed.spheres == (type(ball)((1, 2, 3), 0.5, ball.material),)
+    assert changed.spheres == (type(ball)((1, 2, 3), 0.5, ball.albedo),)
     assert raytwin.trace(changed, "shadow").shape == (30, 40, 3)
     for record, wrong, said in (
         (ball, {"radius": -1}, "Sphere.radius: expected metres > 0, got -1"),

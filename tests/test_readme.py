@@ -193,7 +193,7 @@ def test_the_python_of_a_page_runs_and_prints_what_is_said_of_it(checkout, monke
         code = "\n".join(block for block in blocks(page, "python") if part in block)
         return printed_by(code, checkout, monkeypatch, capsys)
 
-    assert printed(DOCS / "python.md", "camera_rays(") == "(3,) (600, 800, 3)\n"
+    assert printed(DOCS / "python.md", "back_project(") == "(3,) (600, 800, 3)\n"
     assert printed(DOCS / "start.md") == "pass\n"
     learnt = [float(v) for v in re.findall(r"[\d.]+", printed(README, "raytwin.trace"))]
     albedo, sky = (0.8, 0.4, 0.2), (0.1, 0.12, 0.15)

@@ -14,10 +14,13 @@ from raytwin.teach.contract.subject import find_subject
 
 
 def test_a_removed_command_or_option_says_what_to_use_instead():
-    for name, instead in removed.COMMANDS.items():
-        run = raytwin(*name.split())
-        assert run.returncode == 2, name
-        assert run.stderr.splitlines() == [f"raytwin: `{name}` was removed in 0.2.0. {instead}"]
+    for row, instead in removed.COMMANDS.items():
+        command, *options = row.split(" -")
+        for name in [f"{command} -{option}" for option in options] or [command]:
+            assert removed.removed_command(name.split()) == f"`{name}` was removed in 0.2.0. {instead}"
+    run = raytwin("bench", "paper")
+    assert (run.returncode, run.stdout) == (2, "")
+    assert run.stderr == f"raytwin: {removed.removed_command(['bench', 'paper'])}\n"
 
 
 def test_a_command_that_moved_answers_to_its_old_name():

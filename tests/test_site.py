@@ -1,6 +1,5 @@
 """The site: it builds without a warning, its links lead somewhere, it loads nothing from elsewhere, all can read it."""
 
-import json
 import runpy
 import subprocess
 import sys
@@ -70,28 +69,6 @@ WRITTEN_BY_HAND = runpy.run_path(str(BUILD.parent / "tables.py"))["written_by_ha
 def test_no_measured_table_is_written_by_hand():
     assert WRITTEN_BY_HAND(MEASURED) == []
     assert "<!-- table: " in MEASURED.read_text(encoding="utf-8")
-
-
-def test_a_table_that_is_written_by_hand_is_noticed(tmp_path):
-    """A table outside the markers, a number changed within them, and a measurement without its command."""
-    table = {"columns": ["a", "b"], "rows": [["x", "1"]], "date": "2026-01-02", "version": "1", "command": "run"}
-    data = tmp_path / "measured" / "data" / "file.json"
-    data.parent.mkdir(parents=True)
-    data.write_text(json.dumps({"t": table}), encoding="utf-8")
-    page = tmp_path / "page.md"
-    page.write_text("<!-- table: file/t -->\n<!-- end -->\n", encoding="utf-8")
-    filled = runpy.run_path(str(BUILD.parent / "tables.py"))["filled"](page)
-    assert "by `run`" in filled
-    for text, found in (
-        (filled, []),
-        (filled + "| c |\n", ["| c |"]),
-        (filled.replace("| x | 1 |", "| x | 2 |"), ["| x | 2 |"]),
-    ):
-        page.write_text(text, encoding="utf-8")
-        assert WRITTEN_BY_HAND(page) == found
-    data.write_text(json.dumps({"t": table | {"command": ""}}), encoding="utf-8")
-    with pytest.raises(ValueError, match="command"):
-        WRITTEN_BY_HAND(page)
 
 
 def test_the_gallery_shows_a_fault_beside_its_difference_and_every_sentence(tmp_path, monkeypatch):

@@ -32,19 +32,6 @@ def test_a_verdict_is_coloured_on_a_terminal_alone_and_never_by_a_strangers_text
     assert capsys.readouterr().out == "FAIL  a\n"
 
 
-def test_no_sentence_is_wider_than_the_terminal_and_a_path_stays_whole(monkeypatch, capsys):
-    monkeypatch.setenv("COLUMNS", "60")
-    path = "out/" + "x" * 70
-    say(f"FAIL  {'word ' * 40}\n  {'reason ' * 30}\nreport: {path}")
-    lines = capsys.readouterr().out.splitlines()
-    assert [line for line in lines if len(line) > 60] == [f"  {path}"]
-    assert sum(line.startswith("    reason") for line in lines) >= 3
-    monkeypatch.delenv("COLUMNS")
-    monkeypatch.setattr("sys.__stdout__", None)  # no terminal: a log is searched by lines
-    say("word " * 40)
-    assert capsys.readouterr().out.count("\n") == 1
-
-
 def test_only_say_prints():
     """Text printed without it could carry a name's escapes."""
     for file in Path(cli.__file__).parent.glob("*.py"):

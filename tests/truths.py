@@ -7,7 +7,7 @@ import numpy as np
 from scene_of import scene_of
 
 from raytwin.images.image import Image
-from raytwin.scene import Camera, Lambert, Phong, Rectangle, Scene, Shape, Sky, Sphere, Sun
+from raytwin.scene import Camera, Rectangle, Scene, Shape, Sky, Sphere, Sun
 
 
 def from_element(h: float, c: float) -> float:
@@ -49,10 +49,10 @@ def camera_above(height: float, size: int = 101, f: float = 100.0) -> Camera:
 def glare(exponent: float) -> tuple[Scene, np.ndarray]:
     """A sheet seen in the sun's mirror direction, aslant; and the red of its Phong highlight by the formula (H, W)."""
     to_light = np.array((0.48, 0.36, 0.8))
-    material = Phong((0.3, 0.2, 0.1), (0.4, 0.3, 0.2), exponent)
+    material = (0.3, 0.2, 0.1), (0.4, 0.3, 0.2), exponent
     sun, eye = Sun(tuple(to_light.tolist()), (10.0,) * 3), np.array((-0.48, -0.36, 0.8)) * 1.5
     camera = view_of((0.0, 0.0, 0.0), eye, 2 / exponent**0.5, 48)
-    scene = scene_of("glare", camera, (Rectangle((0, 0, 0), (9, 0, 0), (0, 9, 0), material),), (sun,))
+    scene = scene_of("glare", camera, (Rectangle((0, 0, 0), (9, 0, 0), (0, 9, 0), *material),), (sun,))
     v, u = np.mgrid[:48, :48].astype(float)
     d = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(u)], axis=-1)
     d = d @ np.array(camera.R_cam_board)
@@ -62,11 +62,11 @@ def glare(exponent: float) -> tuple[Scene, np.ndarray]:
 
 
 WHITE = (Sky((1.0, 1.0, 1.0)),)
-BLACK = Lambert((0.0, 0.0, 0.0))
+BLACK = (0.0, 0.0, 0.0)
 
 
-def grey(albedo: float) -> Lambert:
-    return Lambert((albedo,) * 3)
+def grey(albedo: float) -> tuple[float, float, float]:
+    return (albedo,) * 3
 
 
 def element(normal, albedo: float = 0.5) -> Rectangle:

@@ -9,7 +9,7 @@
     a scene -> levels, bench: how much light it needs, and at what cost; time against error of every method
     Scene + photo -> augment_photo: the photo with the scene's spheres and their shadows
     a student's function -> check: is it correct, and if not, why
-    a Camera -> camera_rays, mitsuba_sensor: for renderers of your own
+    a Camera -> mitsuba_sensor: for a Mitsuba scene of your own
 
 Lengths are metres, pixels OpenCV's, radiance linear Rec. 709 in float32 (H, W, 3), row 0 on top. Wrong input raises
 InputError(where, expected, got). Heavy libraries are imported when a function first needs them. Every result has
@@ -39,24 +39,22 @@ if TYPE_CHECKING:
     from raytwin.images.image import Image as Image
     from raytwin.images.image_formats import read_image as read_image
     from raytwin.images.image_formats import write_image as write_image
+    from raytwin.judging import DiffSettings as DiffSettings
     from raytwin.photos.augment import augment as augment_photo
     from raytwin.photos.boards import read_board as read_board
     from raytwin.photos.camera import calibrate as calibrate
     from raytwin.renderers.references import reference as reference
     from raytwin.scene import Camera as Camera
-    from raytwin.scene import Lambert as Lambert
     from raytwin.scene import Rectangle as Rectangle
     from raytwin.scene import Scene as Scene
     from raytwin.scene import Sky as Sky
     from raytwin.scene import Sphere as Sphere
     from raytwin.scene import Sun as Sun
-    from raytwin.scene.camera_rays import camera_rays as camera_rays
     from raytwin.scene.scene_files import read_scene as read_scene
     from raytwin.scene_folders import scenes as scenes
-    from raytwin.study.bench.bench_run import bench as bench
+    from raytwin.study.bench import bench as bench
     from raytwin.study.compare_scene import compare_scene as compare_scene
     from raytwin.study.diff_files import compare as compare
-    from raytwin.study.diff_settings import DiffSettings as DiffSettings
     from raytwin.study.levels import levels as levels
     from raytwin.study.settings import CompareSettings as CompareSettings
     from raytwin.teach.contract.check import check as check
@@ -71,10 +69,9 @@ if TYPE_CHECKING:
 _HOME = {
     "Camera": "scene",
     "CompareSettings": "study.settings",
-    "DiffSettings": "study.diff_settings",
+    "DiffSettings": "judging",
     "Image": "images.image",
     "InputError": "errors",
-    "Lambert": "scene",
     "Rectangle": "scene",
     "Scene": "scene",
     "SequentialComparison": "compare",
@@ -82,9 +79,8 @@ _HOME = {
     "Sphere": "scene",
     "Sun": "scene",
     "augment_photo": "photos.augment:augment",
-    "bench": "study.bench.bench_run",
+    "bench": "study.bench",
     "calibrate": "photos.camera",
-    "camera_rays": "scene.camera_rays",
     "check": "teach.contract.check",
     "compare": "study.diff_files",
     "compare_images": "compare:compare",

@@ -1,13 +1,18 @@
-"""How two images are judged: one record, which every command and function that compares passes on."""
+"""How two images are judged: one record, which every command and function that compares passes on.
+
+Nothing here needs more than a light install has.
+"""
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
-from raytwin.errors import InputError
+from raytwin.errors import InputError, check_one_of
+from raytwin.rungs import RUNGS
 
 if TYPE_CHECKING:
-    from raytwin.scene import Tolerance  # with NumPy, which the command line's options need not
+    from raytwin.scene import Scene, Tolerance  # with NumPy, which the command line's options need not
 
 DETECTABLE_BIAS = 0.1
 """A pass that could have missed a relative bias of the whole image above this is undecided, unless another is asked."""
@@ -54,3 +59,37 @@ class Judging:
         """The biases of the whole image, and of 24 x 24 pixels, that a pass must not have missed."""
         image, tile = self.detectable_bias, self.detectable_tile_bias
         return DETECTABLE_BIAS if image is None else image, math.inf if tile is None else tile
+
+
+@dataclass(frozen=True)
+class DiffSettings(Judging):
+    """How `raytwin.compare` reads two images and judges them; checked when it is made.
+
+    `layer` chooses within EXRs. `variances` (arrays or files) and `samples` of the two images are used where they lack
+    them. `scene` (one made in Python, a file or a name) and `rung` say what is shown, so that a failure names its
+    cause; `renders`: how often a function is called.
+    """
+
+    layer: str | None = None
+    flip: bool = False
+    variances: tuple[Any, Any] = (None, None)
+    samples: tuple[int, int] = (0, 0)
+    scene: "Scene | str | Path | None" = None
+    rung: str | None = None
+    renders: int = 8
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (isinstance(self.samples, tuple) and len(self.samples) == 2 and all(map(_is_count, self.samples))):
+            expected = "rays per pixel of both images, as (4, 512); 0 if unknown"
+            raise InputError("samples", expected, repr(self.samples))
+        if self.rung is not None:
+            check_one_of("rung", self.rung, RUNGS)
+
+    @property
+    def judging(self) -> Judging:
+        return Judging(*(getattr(self, field) for field in Judging.__dataclass_fields__))
+
+
+def _is_count(n: object) -> bool:
+    return isinstance(n, int) and n >= 0

@@ -9,7 +9,7 @@ Loaded by every pytest run on a machine that has raytwin: so this file imports n
 
 import itertools
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -19,11 +19,6 @@ if TYPE_CHECKING:
     from raytwin.reference_check import ReferenceCheck
     from raytwin.scene import Scene
     from raytwin.study.laws import Laws
-
-GONE = (
-    "the fixture raytwin_case was removed in 0.2.0. Use raytwin_reference(scene, rung) and pytest.mark.parametrize, as "
-    "docs/renderer.md shows."
-)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -89,12 +84,6 @@ def raytwin_laws(request: pytest.FixtureRequest) -> "Callable[..., Laws]":
         return found
 
     return judge
-
-
-@pytest.fixture
-def raytwin_case() -> NoReturn:
-    """Removed: say what to use instead."""
-    pytest.fail(GONE, pytrace=False)
 
 
 # ------------------------------------------------------------------------------------------ report

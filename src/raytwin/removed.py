@@ -3,61 +3,41 @@
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 
-IDIFF = (
-    "allow-failures", "allowfailures", "fail", "fail-percent", "fail-relative", "failpercent", "failrelative",
-    "hard-fail", "hard-warn", "hardfail", "hardwarn", "warn", "warn-percent", "warn-relative", "warnpercent",
-    "warnrelative",
-)  # fmt: skip
-"""Options of OpenImageIO's idiff that `diff` had."""
-
-TRUSTED = "Leave it out: a Mitsuba file may use any file and plugin. Open those that you trust."
-"""About `--allow`."""
-
 COMMANDS: dict[str, str] = {
-    "bench --against": "Use pytest-benchmark (pip install 'raytwin[bench]'), as docs/renderer.md shows.",
+    "bench --against --save --spheres": "Use pytest-benchmark (extra `bench`), as docs/renderer.md shows.",
     "bench --flip": "Use diff --flip on two images.",
-    "bench --save": "Use pytest-benchmark (pip install 'raytwin[bench]'), as docs/renderer.md shows.",
-    "bench --spheres": "Use pytest-benchmark (pip install 'raytwin[bench]') with scenes of so many spheres.",
+    "bench --repeats --truth-samples": "Use --budget, or repeats and truth_samples of raytwin.bench.",
     "bench calibration": "Use `python -m measure.calibration_cost`, in tests/ of the repository.",
     "bench paper": "Use `python -m measure.paper`, in tests/ of the repository.",
-    "photo board --import": "Use a board.toml: docs/photos.md writes one from a trusted pickle.",
-    "photo board --landscape": "Leave it out: the paper is turned where the board fits only so.",
-    "photo board --portrait": "Leave it out: the paper stays upright where the board fits so.",
-    "photo board --margin": "Leave it out: 5 mm at each edge stay blank.",
-    "photo board --name": "Use a board.toml: one file per board.",
-    "photo board --unit": "Use a board.toml, whose lengths are metres.",
-    "photo board --y-down": "Use a board.toml, whose Y points up.",
-    "photo calibrate --bend": "Use the number in mm that it prints; --json has each tag's offset.",
-    "photo calibrate --uncertainty": "Use -o camera.toml: the page beside it has the standard deviations.",
-    **{f"diff --{option}": f"Use OpenImageIO's idiff -{option.replace('-', '')}." for option in IDIFF},
+    "compare --must-see": "Use --detectable-bias.",
+    "diff --allow-failures --allowfailures --fail --fail-percent --fail-relative --failpercent --failrelative"
+    " --hard-fail --hard-warn --hardfail --hardwarn --warn --warn-percent --warn-relative --warnpercent"
+    " --warnrelative": "Use OpenImageIO's idiff, which has these options.",
+    "diff --must-see": "Use --detectable-bias.",
     "diff --part": "Use --layer with the part's name.",
     "grade --shard": "Use --jobs N on one machine, or --dask ADDRESS on several.",
-    "compare --allow": TRUSTED,
-    "compare --must-see": "Use --detectable-bias.",
-    "diff --must-see": "Use --detectable-bias.",
     "ladder": "Use `raytwin levels SCENE`.",
     "matrix": "Use `raytwin bench SCENE... --subject A --subject B`, or pytest as docs/renderer.md shows.",
     "needs": "Use `raytwin levels SCENE --tolerance T`.",
-    "photo draw --against": "Use `raytwin diff DRAWN TRUE` on two photos or folders.",
+    "photo board --family --first-id --import --name --unit --y-down": "Use a board.toml, as docs/photos.md shows.",
+    "photo board --landscape --margin --portrait": "Leave it out: the board fits the paper, 5 mm from each edge.",
+    "photo calibrate --bend --uncertainty": "Use -o camera.toml: the page beside it has the numbers.",
+    "photo draw --against": "Use `raytwin diff DRAWN TRUE` on two photos.",
+    "photo draw --no-shadows --shadows": "Use shadows=False of raytwin.augment_photo.",
     "photo simulate --bend": "Leave it out: a synthetic board is flat.",
-    "photo simulate --ball": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
+    "photo simulate --dist --focal": "Leave it out: the camera is that of truth.toml. --size changes its pixels.",
     "photo simulate --exposure": "Scale the sun and the sky of the scene that --scene names.",
-    "photo simulate --mirror": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
-    "photo simulate --stand": "Use scenes/desk/lit: photos of two balls and a pin under a known light.",
-    "reference check --allow": TRUSTED,
     "reference check --samples": "Use --budget.",
+    "reference diff": "Use `reference make --again`, which shows changes and asks.",
+    "reference make --dask --shard": "Use one `reference make SCENE` per machine.",
+    "reference make --jobs -j": "Leave it out: Mitsuba renders on every core.",
+    "reference make --seed": "Leave it out: one seed is as good as another.",
     "reference show --all": "Name one reference, and all that is known of it is printed.",
-    "reference diff": "Use `reference make --again`, which shows changes and asks; `diff A B` on two folders.",
-    "reference make --allow": TRUSTED,
-    "reference make --dask": "Use one `reference make SCENE` per machine.",
-    "reference make --jobs": "Leave it out: Mitsuba renders on every core.",
-    "reference make -j": "Leave it out: Mitsuba renders on every core.",
-    "reference make --shard": "Use one `reference make SCENE` per machine.",
-    "reference merge": "Use the summary.md of each machine's report, side by side.",
-    "stability sphere-picture": "Use `raytwin stability sphere-far`.",
-    "shrink --allow": "Use a scene.toml: shrink takes no Mitsuba files, which alone have plugins.",
+    "scenes export --json": "Leave it out: JSON is written unless --mitsuba-xml is given.",
+    "stability sum-samples": "Use np.cumsum of float32 values, which shows it.",
+    "walk --solved": "Leave it out: raytwin's own function stands in for each that is not yet correct.",
 }
-"""Words of the command line ("bench paper", "diff --fail") -> what to use instead, a sentence."""
+"""Words of the command line ("bench paper"), or a command with options that went -> what to use instead, a sentence."""
 
 MOVED: dict[str, str] = {
     "augment": "photo draw",
@@ -71,6 +51,8 @@ MOVED: dict[str, str] = {
 """Old name of a command -> its name today. The old name does the same, and `--help` does not list it."""
 
 NAMES: dict[str, str] = {
+    "camera_rays": "Use back_project and to_board of raytwin.tracer.pixel_to_ray, as docs/python.md shows.",
+    "Lambert": "Write the albedo itself: raytwin.Sphere(center, radius, (0.8, 0.2, 0.2)).",
     "ladder": "Use raytwin.levels(scene).",
     "needs": "Use raytwin.levels(scene, tolerance).",
     "SceneFile": "Use raytwin.Scene, which read_scene returns.",
@@ -83,6 +65,15 @@ BOARD_KEYS = {
     "border_bits": "tags with a border of one bit",
 }
 """Keys of a board's file, and of its shape in a camera.toml -> what is expected instead."""
+
+RUBRIC_KEYS = {
+    "feedback": "Leave it out: causes and lines are named by the grader alone.",
+    "inside": "Leave the exercise out: `render` is seen from outside spheres.",
+    "measure": "Leave it out: `credit` counts the error.",
+    "output_mb": "Leave it out: what a submission prints may be as long as a file, `file_mb`.",
+    "speed": "Leave it out: pages and results.csv show seconds, which earn no points.",
+}
+"""Keys of a rubric and of its exercises -> what to do instead, a sentence."""
 
 SCALAR = "removed in 0.2.0. Use llvm_ad_rgb: pip install 'raytwin[llvm]' brings what it needs."
 """About Mitsuba's scalar variants, forced by name."""
@@ -131,11 +122,8 @@ def removed_command(words: Sequence[str]) -> str | None:
     given = list(words[: words.index("--")] if "--" in words else words)
     options = {word.partition("=")[0] for word in given if word.startswith("-")}
     for name, instead in COMMANDS.items():
-        *command, last = name.split()
-        if last.startswith("-"):
-            found = given[: len(command)] == command and last in options
-        else:
-            found = given[: len(command) + 1] == [*command, last]
-        if found:
-            return f"`{name}` was removed in 0.2.0. {instead}"
+        command, *gone = name.split(" -")
+        found = options & {f"-{option}" for option in gone}
+        if given[: len(command.split())] == command.split() and (found or not gone):
+            return f"`{' '.join((command, *sorted(found)[:1]))}` was removed in 0.2.0. {instead}"
     return None

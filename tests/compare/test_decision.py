@@ -7,8 +7,7 @@ from measure.noise_models import picture
 
 from raytwin.compare import compare, decision
 from raytwin.compare.decision import Deviations, decide, excluded_bias
-from raytwin.compare.exact import count_noise_free
-from raytwin.compare.scale import Bound
+from raytwin.compare.exact import Bound, count_noise_free
 from raytwin.images.image import Image
 from raytwin.scene import Tolerance
 
@@ -179,7 +178,7 @@ def test_every_tile_that_fails_is_told_and_none_that_does_not():
     assert compare(Image(truth), Image(truth)).failing == ()
 
 
-def test_the_worst_value_is_found_in_any_strip_and_its_share_is_counted():
+def test_the_worst_value_is_found_wherever_it_is_and_its_share_is_counted():
     reference = np.ones((160, 1024, 3), np.float32)
     test = reference.copy()
     test[131, 700, 2] += 0.25
@@ -208,9 +207,9 @@ def test_a_value_is_forgiven_the_light_of_events_that_its_block_may_have_missed(
     for error, z in ((-0.2, 0), (-0.28, 3), (0.4, 0), (0.53, 3)):
         test = Image(reference.mean + np.float32(error), np.full((8, 8, 3), 1e-4, np.float32), 64, None, 16)
         known = decision._known(test, reference, Bound(1e-5, 1.0), 1e-3, None, 1.0)
-        (part,) = decision._strips(known)
+        each = decision._each(known)
         missed = 64 * np.array([0.25, 0.5]).reshape(2, 1, 1, 1) * np.ones(3)
-        sums = decision._sums(known, [part])._replace(missed_light=missed)
+        sums = decision._sums(known, each)._replace(missed_light=missed)
         family = decision.Family(decision.Worst(), 1e-3, 0, 192)
-        found, _ = decision._values(family, part, sums, np.full((2, 1, 1, 3), 1e-4), known)
+        found, _ = decision._values(family, each, sums, np.full((2, 1, 1, 3), 1e-4), known)
         assert found.worst.z == pytest.approx(z, abs=0.01)

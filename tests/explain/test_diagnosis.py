@@ -8,7 +8,6 @@ from raytwin.explain import draw_scene
 from raytwin.explain.catalogue import ACNE, AVERAGED, FAULTS
 from raytwin.explain.changes import FAULT_STAGES
 from raytwin.explain.diagnosis import SPECKLED_FROM, Cause, diagnose, explain
-from raytwin.explain.light_decomposition import split
 from raytwin.explain.localize import whereabouts
 from raytwin.explain.pixel_sample import SubmittedImage, mixed, sample_pixels
 from raytwin.explain.predict import NO_MISTAKE, predictor
@@ -224,35 +223,6 @@ def test_of_an_unknown_scene_an_error_without_such_a_cause_gets_no_words():
     assert explain(Image(t), Image(P)) == ()
     assert explain(Image(P + 0.1 * np.random.default_rng(3).random(P.shape)), Image(P)) == ()
     assert explain(Image(P[:, :20]), Image(P)) == ()
-
-
-def test_parts_of_the_light_are_fitted_in_the_whole_or_by_object():
-    scene = SCENES[1]
-    found = split(sample_pixels(SubmittedImage(scene, planted(fault("pi-missing").ways[0], scene))))
-    assert found.words == "the sun's part is 3.142 = π times too bright"
-    right = planted(NO_MISTAKE, scene)
-    one = predictor(scene).seen().ids.reshape(right.shape[:2]) == 1
-    right[one] *= 0.5
-    found = split(sample_pixels(SubmittedImage(scene, right)))
-    assert found.explained > 0.999
-    assert f"the sun's part is too dark by a factor of 2 on {scene.names[1]}" in found.words
-    assert f"the sky's part is too dark by a factor of 2 on {scene.names[1]}" in found.words
-    assert "sphere 0" not in found.words
-
-
-def test_sampled_parts_are_fitted_without_their_noise():
-    """Noise of the parts' own size would pull a plain fit's factor to 1/2; seeded, within 4 standard errors."""
-    scene = SCENES[1]
-    sample = sample_pixels(SubmittedImage(scene, planted(NO_MISTAKE, scene)))
-    rng = np.random.default_rng(4)
-    bounce = rng.uniform(0, 0.2, sample.view.shown.shape)
-    seen = predictor(scene).seen().ids.reshape(bounce.shape[:2]) >= 0
-    shown = sample.view.shown + np.where(seen[..., None], 0.3 * bounce, 0)
-    halves = tuple(bounce + rng.normal(0, 0.06, bounce.shape) for _ in range(2))
-    found = split(sample_pixels(SubmittedImage(scene, shown, sample.view.correct)), {"bounce 1": halves})
-    shares = [share for share in found.shares if share.part == "bounce 1"]
-    assert shares
-    assert all(abs(share.factor - 0.3) < 4 * share.error < 0.15 for share in shares)
 
 
 def test_pixels_that_are_wrong_by_chance_are_speckled_and_regions_are_not():

@@ -4,14 +4,14 @@ import numpy as np
 
 from raytwin.explain.changes import offset_by
 from raytwin.explain.draw_scene import draw_scene
-from raytwin.explain.predict import NO_MISTAKE, planted, slip
+from raytwin.explain.predict import NO_MISTAKE, predictor, slip
 from raytwin.explain.tolerance_mask import forgiven
 
 SCENE = draw_scene(3)
 
 
 def shown(way=NO_MISTAKE):
-    return planted(SCENE, way)
+    return predictor(SCENE).picture(way).reshape(SCENE.camera.height, SCENE.camera.width, 3)
 
 
 def test_another_start_of_shadow_rays_is_forgiven_wholly():

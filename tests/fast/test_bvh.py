@@ -7,7 +7,7 @@ from scene_of import changed
 
 from raytwin.fast import ENGINES, bvh, walk
 from raytwin.fast.frame import EyeScene
-from raytwin.scene import Lambert, Rectangle, Scene, Sphere
+from raytwin.scene import Rectangle, Scene, Sphere
 from raytwin.tracer import STAGES, intersect_sphere
 
 
@@ -18,7 +18,7 @@ def strewn(scene: Scene, rng: np.random.Generator, spheres: int = 60, sheets: in
     half = rng.normal(size=(sheets, 2, 3))
     half[:, 1] -= half[:, 0] * (half[:, :1] @ half[:, 1, :, None])[:, 0] / np.square(half[:, :1]).sum(axis=-1)
     half *= rng.uniform(0.002, 0.02, (sheets, 2, 1)) / np.linalg.norm(half, axis=2, keepdims=True)
-    colour = [Lambert(tuple(c)) for c in rng.uniform(0.3, 0.9, (spheres + sheets, 3)).tolist()]
+    colour = [tuple(c) for c in rng.uniform(0.3, 0.9, (spheres + sheets, 3)).tolist()]
     balls = [Sphere(tuple(c), r, m) for c, r, m in zip(at.tolist(), radii.tolist(), colour, strict=False)]
     flat = [Rectangle(tuple(c), tuple(u), tuple(v), m)
             for c, (u, v), m in zip(at[spheres:].tolist(), half.tolist(), colour, strict=False)]  # fmt: skip

@@ -14,7 +14,7 @@ from raytwin.errors import InputError, MachineError
 from raytwin.fast import ENGINES, trace
 from raytwin.fast.engine import pixel_grid
 from raytwin.fast.frame import EyeScene
-from raytwin.scene import Phong, Sphere, Sun
+from raytwin.scene import Sphere, Sun
 from raytwin.tracer import RADIANCE, SOLVERS, STAGES, first_hit, intersect_sphere
 from raytwin.tracer import trace as plain_trace
 
@@ -111,7 +111,7 @@ def test_numpy_stays_in_the_precision_that_was_asked_for(overlap, name):
 def test_many_objects_keep_the_highlight_of_each(overlap, engine, rng, shiny):
     """Looked up in a table: the first object's as well as another's."""
     objects = list(strewn(overlap, rng, 20, 6).objects)
-    objects[shiny] = msgspec.structs.replace(objects[shiny], albedo=Phong((0.2,) * 3, (0.5, 0.4, 0.3), 20.0))
+    objects[shiny] = msgspec.structs.replace(objects[shiny], albedo=(0.2,) * 3, specular=(0.5, 0.4, 0.3), exponent=20.0)
     scene = changed(overlap, camera=overlap.camera.resized(48, 36), objects=tuple(objects))
     found, plain = trace(scene, "shadow", engine), plain_trace(scene, "shadow")
     assert (np.abs(found.mean - plain.mean).max(axis=-1) > 1e-4 * plain.mean.max()).mean() < 0.005

@@ -26,7 +26,7 @@ from raytwin import fast as fast_package
 from raytwin.fast import ENGINES, frame
 from raytwin.fast.engine import from_numpy
 from raytwin.fast.sampling import sobol_pair
-from raytwin.scene import Phong, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene import Rectangle, Scene, Sky, Sphere, Sun
 
 MANY = {"drjit32": 1 << 20, "numpy32": 1 << 13}
 
@@ -116,6 +116,6 @@ def test_inside_a_white_sphere_light_is_followed_from_wall_to_wall(fast):
         "inside", view_of((0.9, 0, 0), (0, 0, 0), 0.2), (Sphere((0, 0, 0), 0.9, grey(0.9)),), (*WHITE, Sun((0, 0, 1)))
     )
     np.testing.assert_array_equal(fast_package.walk(scene, "path", fast, samples=16).mean, 0)
-    shiny = msgspec.structs.replace(scene.objects[0], albedo=Phong((0.5,) * 3, (0.4,) * 3, 100.0))
+    shiny = msgspec.structs.replace(scene.objects[0], albedo=(0.5,) * 3, specular=(0.4,) * 3, exponent=100.0)
     within = changed(scene, objects=(shiny,))  # a way's rounding errors must not grow by each bounce
     np.testing.assert_array_equal(fast_package.walk(within, "path", fast, samples=16, depth=100).mean, 0)

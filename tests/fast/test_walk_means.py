@@ -7,7 +7,7 @@ from scene_of import scene_of
 
 from raytwin import fast
 from raytwin.fast.sampling import BATCHES
-from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.tracer import trace_paths
 
 DOWN = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
@@ -20,7 +20,7 @@ def seen_from_above(*things, width: int = 13, height: int = 11, dist=()) -> Scen
     return scene_of("above", Camera((width, height), K, DOWN, (0.0, 0.0, 1.0), dist), things, LIGHTS)
 
 
-RED, GREEN = Lambert((0.8, 0.2, 0.1)), Lambert((0.1, 0.7, 0.3))
+RED, GREEN = (0.8, 0.2, 0.1), (0.1, 0.7, 0.3)
 TWO = seen_from_above(
     Sphere((0.02, 0.01, 0.05), 0.05, RED), Rectangle((0.0, 0.0, 0.0), (0.09, 0, 0), (0, 0.07, 0), GREEN)
 )

@@ -6,7 +6,7 @@ from counting import calls
 
 from raytwin.errors import InputError
 from raytwin.scene import mitsuba_file
-from raytwin.scene.mitsuba_file import read_mitsuba, with_film
+from raytwin.scene.mitsuba_file import read_mitsuba
 from raytwin.scene.scene_files import read_scene
 
 HEAD = """<default name="w" value="12"/><integrator type="path"/><sensor type="perspective"><film type="hdrfilm">
@@ -48,7 +48,7 @@ def test_a_scene_is_known_by_its_content_and_size_and_that_of_its_files_alone(fo
     assert read_mitsuba(written(folder, f"<!-- said -->\n{body}")).digest == scene.digest
     shutil.copytree(folder, tmp_path / "copy")
     assert read_mitsuba(tmp_path / "copy" / "scene.xml").digest == scene.digest
-    assert with_film(scene, 13, 9).digest != scene.digest
+    assert read_mitsuba(written(folder, body, HEAD.replace("12", "13"))).digest != scene.digest
     assert read_mitsuba(written(folder, body, HEAD.replace("path", "direct"))).digest != scene.digest
     written(folder, body)
     (folder / "parts" / "pot.ply").write_text("another mesh")

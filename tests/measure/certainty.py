@@ -28,7 +28,7 @@ from raytwin.photos.find_camera import find_camera
 from raytwin.renderers.subject_renderers import PathTraced, fast_engine
 from raytwin.safe_write import write_text
 from raytwin.show.charts.chart import Point, family_chart, svg_text
-from raytwin.study.bench.bench_run import sized
+from raytwin.study.bench import sized
 
 SCENES = ("overlap", "wedge", "ball")
 BLOCK = 4

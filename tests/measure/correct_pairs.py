@@ -24,7 +24,7 @@ from raytwin.photos.find_camera import find_camera
 from raytwin.renderers.subject_renderers import PathTraced
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene, Tolerance
-from raytwin.study.beside_twin import compare_with_twin
+from raytwin.study.compare_scene import compare_with_twin
 
 ROOT = Path(__file__).resolve().parents[2]
 SHIPPED = tuple(sorted(p.parent.name for p in ROOT.glob("scenes/*/scene.toml")))

@@ -14,7 +14,7 @@ from raytwin.fast import background, draw, trace
 from raytwin.fast.speculation import speculate
 from raytwin.scene.scene_files import read_scene
 from raytwin.show import compare_page
-from raytwin.study.bench.bench_run import sized
+from raytwin.study.bench import sized
 from raytwin.study.compare_scene import compare_scene
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"

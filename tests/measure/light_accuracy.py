@@ -29,14 +29,13 @@ from raytwin.photos.boards.board import draw_board
 from raytwin.photos.lighting import light_models as models
 from raytwin.photos.lighting.estimate_light import LightEstimate, estimate_light
 from raytwin.photos.synthetic_photos import sheet_of
-from raytwin.scene import Camera, Environment, Lambert, Sky, Sphere, Sun
-from raytwin.scene.scene_files import write_camera
-from raytwin.scene.toml_json import write_json
+from raytwin.scene import Camera, Environment, Sky, Sphere, Sun
+from raytwin.scene.toml_json import write_json, write_toml
 from raytwin.study.photograph import TABLE
 from raytwin.tracer.lights.envmap_tables import REC_709
 
-MIRROR = Sphere((-0.075, 0.05, 0.028), 0.03, Lambert((0.9, 0.9, 0.9)))
-ORANGE = Sphere((-0.065, 0.15, 0.018), 0.02, Lambert((0.75, 0.35, 0.08)))
+MIRROR = Sphere((-0.075, 0.05, 0.028), 0.03, (0.9, 0.9, 0.9))
+ORANGE = Sphere((-0.065, 0.15, 0.018), 0.02, (0.75, 0.35, 0.08))
 STAND = (0.095, 0.095, 0.03)
 PAPER = 0.85
 
@@ -84,7 +83,7 @@ def judge(folder: Path, seed: int) -> list[dict]:
     """Return a row per thing that shows the light: errors and z of the light that is found in `folder`."""
     truth = synthetic_photos.read_truth(folder / "photos" / "truth.toml")
     R, t = truth.photos["photo_00.jpg"]
-    write_camera(folder / "camera.toml", Camera(truth.image_size, truth.K, R, t, truth.dist))
+    write_toml(folder / "camera.toml", Camera(truth.image_size, truth.K, R, t, truth.dist).to_dict())
     to_light, E, Ls, around = random_light(seed)
     white = PAPER * (E * to_light[2] / np.pi + Ls) @ REC_709
     sky = around / white if around is not None else np.broadcast_to(np.float32(Ls / white), (16, 32, 3))

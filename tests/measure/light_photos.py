@@ -16,9 +16,9 @@ from raytwin.images.photo_files import write_picture
 from raytwin.photos.boards.board import Board, BoardTag, draw_board, write_board
 from raytwin.photos.camera import lens_model
 from raytwin.photos.synthetic_photos import QUALITY, Truth, expose, poses, sheet_of, write_truth
-from raytwin.scene import Camera, Environment, Lambert, Matrix, Rectangle, Scene, Sky, Sphere, Sun, Vector
+from raytwin.scene import Camera, Environment, Matrix, Rectangle, Scene, Sky, Sphere, Sun, Vector
 from raytwin.study.photograph import TABLE
-from raytwin.twin.opencv_sensor import sensor_at
+from raytwin.twin.opencv_sensor import lens_at, mitsuba_sensor
 from raytwin.twin.twin_scene import load, place_of, translate
 
 TEXELS_PER_METRE = 4500.0
@@ -79,7 +79,7 @@ def pose_of(
 
 def post(x: float, y: float, height: float) -> tuple[Rectangle, ...]:
     """A square post: four sides and a top."""
-    a, grey = POST_SHARE * height / 2, Lambert((0.3, 0.3, 0.3))
+    a, grey = POST_SHARE * height / 2, (0.3, 0.3, 0.3)
     up = (0.0, 0.0, height / 2)
     sides = [((x + a * i, y + a * j, height / 2), (a * j, -a * i, 0.0)) for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1))]
     top = Rectangle((x, y, height), (a, 0.0, 0.0), (0.0, a, 0.0), grey)
@@ -91,9 +91,9 @@ def rendered(scene: Scene, textures: dict[int, np.ndarray], samples: int, seed: 
     import mitsuba as mi
 
     world = translate(scene, place := place_of(scene), textures)
-    reflectance = {"type": "rgb", "value": list(scene.objects[0].material.albedo)}
+    reflectance = {"type": "rgb", "value": list(scene.objects[0].albedo)}
     world["object-0"]["bsdf"] = {"type": "conductor", "material": "none", "specular_reflectance": reflectance}
-    world["sensor"] = sensor_at(scene.camera, place.eye, place.unit)
+    world["sensor"] = mitsuba_sensor(scene.camera) | lens_at(scene.camera, place.eye)
     world["integrator"] = {"type": "path", "max_depth": 8}
     loaded, passes = load(world), math.ceil(samples / SAMPLES_PER_PASS)
     total = np.zeros((scene.camera.height, scene.camera.width, 3))
@@ -122,4 +122,4 @@ def sun_glint(camera: Camera, ball: Sphere, sun: Sun) -> np.ndarray:
     area = abs(np.linalg.det((at[1:] - at[0]) / step))
     x, y = np.arange(camera.width) - at[0, 0], np.arange(camera.height) - at[0, 1]
     spot = np.exp(-(y[:, None] ** 2 + x**2) / (2 * GLINT_BLUR**2)) / (2 * np.pi * GLINT_BLUR**2)
-    return spot[..., None] * (area * np.array(sun.irradiance) * np.array(ball.material.albedo))
+    return spot[..., None] * (area * np.array(sun.irradiance) * np.array(ball.albedo))

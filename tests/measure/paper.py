@@ -29,7 +29,7 @@ from raytwin.images.image import BACKGROUND, Image
 from raytwin.renderers.renderer import Call, Renderer
 from raytwin.renderers.renderer_table import renderers_of
 from raytwin.renderers.subject_renderers import Speculated
-from raytwin.scene import Camera, Lambert, Scene, Sky, Sphere, Sun, to_camera_frame
+from raytwin.scene import Camera, Scene, Sky, Sphere, Sun, to_camera_frame
 from raytwin.show.numbers import shown
 from raytwin.tracer import STAGES, PlainWorld
 from raytwin.tracer.lights import lighting
@@ -93,7 +93,7 @@ def two_spheres(width: int, height: int) -> Scene:
     f = 0.7234 * width
     K = ((f, 0.0, 0.5 * width), (0.0, 0.9965 * f, 0.496 * height), (0.0, 0.0, 1.0))
     camera = Camera((width, height), K, DOWN, (0.0, 0.0, 0.5), (0.1, -0.2, 0.001, -0.0005, 0.05))
-    red, blue = Lambert((0.8, 0.3, 0.2)), Lambert((0.2, 0.3, 0.8))
+    red, blue = (0.8, 0.3, 0.2), (0.2, 0.3, 0.8)
     spheres = Sphere((-0.05, 0.02, 0.05), 0.0455, red), Sphere((0.06, -0.03, 0.06), 0.047, blue)
     return scene_of("two spheres", camera, spheres, (Sun((0.3, 0.4, 1.0)), Sky((0.1, 0.1, 0.1))))
 

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 from scene_of import changed, scene_of
 
-from raytwin.scene import Camera, Environment, Lambert, Phong, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Environment, Rectangle, Scene, Sky, Sphere, Sun
 
 Rng = np.random.Generator
 SIZE = (96, 72)
@@ -50,13 +50,13 @@ def _balls(rng: Rng, count: int, wide: float = 1.5, size: tuple[float, float] = 
         radius = rng.uniform(*size)
         centre = np.array([*rng.uniform(-wide, wide, 2), radius + rng.choice([1e-3, 0.1, 0.5])])
         if all(np.linalg.norm(centre - s.center) > radius + s.radius + 0.02 for s in made):
-            made.append(Sphere(_tuple(centre), radius, Lambert(_colour(rng))))
+            made.append(Sphere(_tuple(centre), radius, _colour(rng)))
         size = (size[0] * 0.98, size[1] * 0.98)
     return made
 
 
 def _floor(rng: Rng, half: float = 4.0) -> Rectangle:
-    return Rectangle((0.0, 0.0, 0.0), (half, 0.0, 0.0), (0.0, half, 0.0), Lambert(_colour(rng)))
+    return Rectangle((0.0, 0.0, 0.0), (half, 0.0, 0.0), (0.0, half, 0.0), _colour(rng))
 
 
 def _eye(rng: Rng, away: float = 5.0) -> np.ndarray:
@@ -120,20 +120,21 @@ def lens(rng: Rng) -> Scene:
 def inside(rng: Rng) -> Scene:
     """The eye within a box of walls, open to the sky on some sides."""
     walls = [
-        Rectangle((0.0, 0.0, -1.0), (3.0, 0.0, 0.0), (0.0, 3.0, 0.0), Lambert(_colour(rng))),
-        Rectangle((0.0, 3.0, 1.0), (3.0, 0.0, 0.0), (0.0, 0.0, 2.0), Lambert(_colour(rng))),
-        Rectangle((3.0, 0.0, 1.0), (0.0, 3.0, 0.0), (0.0, 0.0, 2.0), Lambert(_colour(rng))),
+        Rectangle((0.0, 0.0, -1.0), (3.0, 0.0, 0.0), (0.0, 3.0, 0.0), _colour(rng)),
+        Rectangle((0.0, 3.0, 1.0), (3.0, 0.0, 0.0), (0.0, 0.0, 2.0), _colour(rng)),
+        Rectangle((3.0, 0.0, 1.0), (0.0, 3.0, 0.0), (0.0, 0.0, 2.0), _colour(rng)),
     ]
     seen = camera(np.array([-1.5, -1.5, 0.5]) + rng.uniform(-0.3, 0.3, 3), np.array([1.0, 1.0, 0.0]), focal=0.8)
     return _scene(rng, [*walls, *_balls(rng, 2)], seen=seen)
 
 
 def highlights(rng: Rng) -> Scene:
-    def shiny() -> Phong:
-        specular = rng.uniform(0.05, 0.4)
-        return Phong(_tuple(rng.uniform(0.1, 0.5, 3)), (specular,) * 3, float(rng.choice([3.0, 20.0, 80.0])))
+    def shiny(ball: Sphere) -> Sphere:
+        specular, albedo = rng.uniform(0.05, 0.4), _tuple(rng.uniform(0.1, 0.5, 3))
+        exponent = float(rng.choice([3.0, 20.0, 80.0]))
+        return msgspec.structs.replace(ball, albedo=albedo, specular=(specular,) * 3, exponent=exponent)
 
-    balls = [msgspec.structs.replace(s, albedo=shiny()) for s in _balls(rng, 3)]
+    balls = [shiny(ball) for ball in _balls(rng, 3)]
     return _scene(rng, [*balls, _floor(rng)])
 
 
@@ -150,7 +151,7 @@ def planes(rng: Rng) -> Scene:
         u = 0.5 * np.array([np.cos(turn), np.sin(turn), 0])
         v = 0.6 * np.array([-np.sin(turn) * np.sin(lean), np.cos(turn) * np.sin(lean), np.cos(lean)])
         centre = np.array([x, rng.uniform(-1, 1), 0.7])
-        made.append(Rectangle(_tuple(centre), _tuple(u), _tuple(v), Lambert(_colour(rng))))
+        made.append(Rectangle(_tuple(centre), _tuple(u), _tuple(v), _colour(rng)))
     return _scene(rng, made)
 
 
@@ -159,8 +160,7 @@ def touching(rng: Rng) -> Scene:
     r = rng.uniform(0.3, 0.6)
     first = np.array([-r, 0.0, r])
     spheres = [
-        Sphere(_tuple(first + 2 * r * np.array(step)), r, Lambert(_colour(rng)))
-        for step in ((0, 0, 0), (1, 0, 0), (0, 1, 0))
+        Sphere(_tuple(first + 2 * r * np.array(step)), r, _colour(rng)) for step in ((0, 0, 0), (1, 0, 0), (0, 1, 0))
     ]
     return _scene(rng, [*spheres, _floor(rng)])
 
@@ -169,9 +169,9 @@ def edges(rng: Rng) -> Scene:
     """Walls that share their edges: where they meet, rounding decides."""
     a, b = rng.uniform(0.8, 1.5, 2)
     walls = [
-        Rectangle((0.0, 0.0, 0.0), (a, 0.0, 0.0), (0.0, b, 0.0), Lambert(_colour(rng))),
-        Rectangle((0.0, b, 1.0), (a, 0.0, 0.0), (0.0, 0.0, 1.0), Lambert(_colour(rng))),
-        Rectangle((-a, 0.0, 1.0), (0.0, b, 0.0), (0.0, 0.0, 1.0), Lambert(_colour(rng))),
+        Rectangle((0.0, 0.0, 0.0), (a, 0.0, 0.0), (0.0, b, 0.0), _colour(rng)),
+        Rectangle((0.0, b, 1.0), (a, 0.0, 0.0), (0.0, 0.0, 1.0), _colour(rng)),
+        Rectangle((-a, 0.0, 1.0), (0.0, b, 0.0), (0.0, 0.0, 1.0), _colour(rng)),
     ]
     eye = np.array([rng.uniform(3, 5), rng.uniform(-5, -3), rng.uniform(2, 4)])
     return _scene(rng, walls, seen=camera(eye, np.array([0.0, 0.0, 0.7])))
@@ -184,7 +184,7 @@ def many(rng: Rng) -> Scene:
 def thin(rng: Rng) -> Scene:
     """Slivers: narrow panels and small spheres that hide little of the sky."""
     strips = [
-        Rectangle((float(x), 0.1 * k, 0.8), (0.01, 0.0, 0.0), (0.0, 0.0, 0.5), Lambert(_colour(rng)))
+        Rectangle((float(x), 0.1 * k, 0.8), (0.01, 0.0, 0.0), (0.0, 0.0, 0.5), _colour(rng))
         for k, x in enumerate(rng.uniform(-1.5, 1.5, 4))
     ]
     return _scene(rng, [*strips, *_balls(rng, 3, 1.5, (0.06, 0.1)), _floor(rng)])
@@ -212,7 +212,7 @@ def lone(rng: Rng) -> Scene:
 
 def distant_occluder(rng: Rng) -> Scene:
     """A floor and a ball high above it, which hides a thousandth of the sky."""
-    ball = Sphere((rng.uniform(-2, 2), rng.uniform(-2, 2), rng.uniform(6, 15)), 0.4, Lambert(_colour(rng)))
+    ball = Sphere((rng.uniform(-2, 2), rng.uniform(-2, 2), rng.uniform(6, 15)), 0.4, _colour(rng))
     return _scene(rng, [ball, _floor(rng)], seen=camera(_eye(rng), np.zeros(3)))
 
 

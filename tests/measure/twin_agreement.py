@@ -21,10 +21,10 @@ from scene_of import scene_of
 from raytwin import fast, twin
 from raytwin.compare import Comparison, compare
 from raytwin.rungs import RUNGS
-from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
-from raytwin.scene.mitsuba_file import read_mitsuba, with_film
+from raytwin.scene import Camera, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene.mitsuba_file import read_mitsuba
 from raytwin.scene.scene_files import read_scene
-from raytwin.study.beside_twin import compare_with_twin
+from raytwin.study.compare_scene import compare_with_twin
 from raytwin.tracer import trace
 
 SHIPPED = "ball", "distorted", "eclipse", "gloss", "grazing", "overlap", "single", "studio", "wedge", "weekend"
@@ -57,11 +57,11 @@ def far(seeds: int) -> Iterator[tuple[str, Scene, int]]:
         f = 60 / (4 * r / np.linalg.norm(eye))
         K = ((f, 0.0, 79.5), (0.0, f, 59.5), (0.0, 0.0, 1.0))
         camera = Camera((160, 120), K, tuple(map(tuple, R.tolist())), tuple((-R @ eye).tolist()), ())
-        balls = [Sphere((*rng.uniform(-0.125, 0.125, 2).tolist(), s), s, Lambert(tuple(rng.uniform(0.2, 0.9, 3))))
+        balls = [Sphere((*rng.uniform(-0.125, 0.125, 2).tolist(), s), s, tuple(rng.uniform(0.2, 0.9, 3)))
                  for s in r * rng.uniform(0.9, 1, 3)]  # fmt: skip
         floor = Rectangle((0, 0, 0), (0.25, 0, 0), (0, 0.25, 0))
         beside = eye + 4 * r * z + 1.5 * r * x * 60 / f
-        close = [Sphere(tuple(beside.tolist()), 1.5 * r * 60 / f, Lambert((0.5, 0.5, 0.5)))] if near else []
+        close = [Sphere(tuple(beside.tolist()), 1.5 * r * 60 / f, (0.5, 0.5, 0.5))] if near else []
         lights = Sun((*rng.normal(0, 0.4, 2).tolist(), 0.8)), Sky((0.5, 0.7, 1.0))
         yield f"{radii} radii{', another near' * near}", scene_of("far", camera, (*balls, floor, *close), lights), 1
 
@@ -91,9 +91,8 @@ def alarms(seeds: int) -> Iterator[tuple[str, int, int]]:
     box = mi.parser.parse_dict(mi.parser.ParserConfig(mi.variant()), mi.cornell_box())
     (folder / "box.xml").write_text(mi.parser.write_string(box))
     for scene in (glass, read_mitsuba(folder / "box.xml")):
-        small = with_film(scene, 96, 96 * scene.image_size[1] // scene.image_size[0])
-        right = twin.render_mitsuba(small, 1024, 1_000_000, cache=False)
-        tested = [twin.render_mitsuba(small, 64, seed, cache=False) for seed in range(seeds)]
+        right = twin.render_mitsuba(scene, 1024, 1_000_000, cache=False)
+        tested = [twin.render_mitsuba(scene, 64, seed, cache=False) for seed in range(seeds)]
         yield scene.name, seeds, sum(compare(image, right).verdict == "fail" for image in tested)
 
 

@@ -14,8 +14,6 @@ from raytwin.renderers.references import scene_hash
 from raytwin.scene import (
     NOWHERE,
     Camera,
-    Lambert,
-    Phong,
     Rectangle,
     Scene,
     Sky,
@@ -63,13 +61,11 @@ def test_a_scene_without_lights_is_dark():
     assert scene.with_(sun=Sun((0.0, 0.0, 1.0)), sky=Sky((0.1, 0.2, 0.3))).with_(sun=None, sky=None) == scene
 
 
-def test_a_material_given_whole_is_the_same_as_its_numbers():
-    flat = Rectangle((0.0,) * 3, (2.0, 0.0, 0.0), (0.0, 1.0, 0.0), Lambert((0.4, 0.5, 0.6)), in_photo=True)
-    assert (flat.albedo, flat.material, flat.in_photo) == ((0.4, 0.5, 0.6), Lambert((0.4, 0.5, 0.6)), True)
-    gloss = Phong((0.4, 0.5, 0.2), (0.1, 0.2, 0.3), 5.0)
-    shiny = Sphere((0.0,) * 3, 1.0, gloss)
-    assert shiny == Sphere((0.0,) * 3, 1.0, (0.4, 0.5, 0.2), (0.1, 0.2, 0.3), 5.0)
-    assert shiny.material == gloss
+def test_a_highlight_has_both_numbers_and_sends_back_no_more_than_comes():
+    assert Sphere((0.0,) * 3, 1.0, (0.4, 0.5, 0.2), (0.1, 0.2, 0.8), 5.0).highlight
+    for wrong, said in (({"exponent": 5.0}, "both"), ({"specular": (0.3, 0.1, 0.1), "exponent": 5.0}, "got 1.1")):
+        with pytest.raises(InputError, match=f"specular: expected .*{said}"):
+            Sphere((0.0,) * 3, 1.0, (0.8, 0.5, 0.2), **wrong)
 
 
 def test_a_camera_yet_to_be_calibrated_is_refused_until_it_is_found(scenes):
@@ -129,15 +125,15 @@ def test_surfaces_in_one_place_and_an_eye_within_one_are_refused_and_neighbours_
         to_camera_frame(upright(*things, eye=eye), "float32")
 
 
-def test_objects_go_by_their_names_else_by_kind_number_and_colour_and_a_name_decides_nothing(tmp_path, scenes):
+def test_objects_go_by_their_names_else_by_kind_and_number_and_a_name_decides_nothing(tmp_path, scenes):
     text = (scenes / "overlap" / "scene.toml").read_text(encoding="utf-8")
     for folder, written in (("named", text), ("plain", text.replace('name = "floor"\n', ""))):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "scene.toml").write_text(written, encoding="utf-8")
     named, plain = (read_scene(tmp_path / folder) for folder in ("named", "plain"))
-    balls = ("sphere 0 (red)", "sphere 1 (green)", "sphere 2 (blue)")
+    balls = ("sphere 0", "sphere 1", "sphere 2")
     assert named.names == (*balls, "floor")
-    assert plain.names == (*balls, "plane 0 (grey)")
+    assert plain.names == (*balls, "plane 0")
     assert named.numbers == plain.numbers == ("sphere 0", "sphere 1", "sphere 2", "plane 0")
     assert scene_hash(tmp_path / "named") == scene_hash(tmp_path / "plain")
     assert named.differences(plain) == ["name", "planes"]

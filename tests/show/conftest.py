@@ -11,7 +11,7 @@ from browser import opened
 from scene_of import changed
 
 from raytwin.compare import Report, compare
-from raytwin.compare.report import Part
+from raytwin.compare.comparison import Part
 from raytwin.explain.ledger import Ledger
 from raytwin.fast import trace
 from raytwin.images.image import Image, Surface

@@ -11,11 +11,14 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as replace_row
 
+from raytwin.images.image import Image
 from raytwin.show.bench_page import (
+    MOST_PICTURES,
     bench_summary,
     error_chart,
     error_charts,
     frontier_rows,
+    pictures_of,
     write_bench_all,
     write_bench_page,
 )
@@ -213,6 +216,24 @@ def test_the_folder_has_every_number_and_each_chart_of_every_scene(made, judged,
     page = (two / "bench.html").read_text(encoding="utf-8")
     for said in ("wild: error against seconds", "✓ pass", "✗ fail", "too &lt;dark&gt;", "IndexError: seven"):
         assert said in page
+
+
+def test_the_bench_shows_the_subjects_the_reference_and_what_is_on_a_frontier(tmp_path):
+    bench = every_method(((400, 300),))
+    wide = Image(np.full((30, 600, 3), 0.5, np.float32))
+    methods = list(dict.fromkeys(row.method for row in bench.rows))
+    images = dict.fromkeys([*methods, "reference path-area", "reference sky-area"], wide)
+    chosen = pictures_of(bench, images)
+    on = {row.method for row in (*bench.rows, *bench.errors) if row.on_frontier}
+    assert next(iter(chosen)) == "reference path-area"
+    assert set(chosen) - {"reference path-area"} <= on
+    assert 2 <= len(chosen) <= MOST_PICTURES
+    assert {image.shape for image in chosen.values()} == {(10, 200, 3)}
+    assert pictures_of(bench, {}) == {}
+    write_bench_all([bench], tmp_path / "with", images)
+    write_bench_all([bench], tmp_path / "without")
+    shown = ['id="pictures"' in (tmp_path / name / "bench.html").read_text() for name in ("with", "without")]
+    assert shown == [True, False]
 
 
 def test_an_axis_has_three_to_nine_ticks_wherever_its_points_lie():

@@ -20,7 +20,7 @@ from browser import barriers_of
 from test_bench_page import every_method
 
 from raytwin.compare import Report, compare
-from raytwin.compare.report import Part
+from raytwin.compare.comparison import Part
 from raytwin.explain.ledger import Ledger
 from raytwin.images.exr import write_exr
 from raytwin.images.image import Image
@@ -31,7 +31,7 @@ from raytwin.photos.lighting import light_models
 from raytwin.photos.lighting.estimate_light import LightEstimate
 from raytwin.photos.lighting.linear_photo import LinearPhoto
 from raytwin.scene import Camera
-from raytwin.show import atlas_page, check_page, class_page, laws_page, light_page, sampler_page, viewer
+from raytwin.show import atlas_page, check_page, class_page, laws_page, light_page, merged_page, sampler_page, viewer
 from raytwin.show.bench_page import write_bench_page
 from raytwin.show.calibration_page import write_calibration
 from raytwin.show.compare_page import write_report
@@ -46,7 +46,7 @@ from raytwin.study.levels import Levels, Row, Table
 from raytwin.study.levels import Part as LightPart
 from raytwin.teach.contract.stage_table import LESSONS
 from raytwin.teach.grade.result import CodeLine, Marked, MarkedPart, Picture, Result
-from raytwin.teach.grade.rubric import Exercise, Feedback, Rubric, Speed
+from raytwin.teach.grade.rubric import Exercise, Rubric
 
 pytestmark = pytest.mark.nightly
 
@@ -98,6 +98,15 @@ def test_run(folder: Path, make_result, scenes) -> list[Path]:
     return sorted(folder.glob("*.html"))
 
 
+def merged(folder: Path, make_result, scenes) -> list[Path]:
+    machines = [folder / name for name in ("linux", "mac", "windows")]
+    for machine in machines:
+        test_run(machine, make_result, scenes)
+    next(machines[1].glob("check-*[0-9a-f].json")).unlink()
+    merged_page.write_merged(merged_page.merge(machines), machines, folder / "all")
+    return [folder / "all" / "index.html"]
+
+
 def laws(folder: Path, make_result, scenes) -> list[Path]:
     rows = tuple(LawRow(f"{verdict} {EVIL}", EVIL, verdict, (EVIL,), EVIL) for verdict in laws_page.SIGN)
     pictures = {rows[0].law: (Image(noise()), Image(noise(seed=2)))}
@@ -110,7 +119,8 @@ def bench(folder: Path, make_result, scenes) -> list[Path]:
     subjects = "numpy32-shadow-conic", EVIL
     rows = tuple(msgspec.structs.replace(r, verdict="fail", reason=EVIL) for r in found.rows)
     wrong = msgspec.structs.replace(found, scene=f"{EVIL}2", rows=rows, subjects=subjects)
-    write_bench_page([msgspec.structs.replace(found, subjects=subjects), wrong], folder / "bench.html")
+    images = {name: Image(noise(seed=i)) for i, name in enumerate((*subjects, "reference path-area"))}
+    write_bench_page([msgspec.structs.replace(found, subjects=subjects), wrong], folder / "bench.html", images)
     return [folder / "bench.html"]
 
 
@@ -164,11 +174,9 @@ def light(folder: Path, make_result, scenes) -> list[Path]:
 def graded_class(folder: Path, make_result, scenes) -> list[Path]:
     """Two students with the same wrong numbers and one who handed in nothing that runs; pages of all, a handout."""
     exercises = (Exercise("shade", 10, name=EVIL), Exercise("render", 20, name="image", drawn=1))
-    rubric = Rubric(EVIL, exercises, speed=Speed("image", bonus=2), feedback=(Feedback("shade", "0", EVIL, EVIL),))
+    rubric = Rubric(EVIL, exercises)
     parts = (MarkedPart(EVIL, False, 0.25, 0.1, 0.5, problem=EVIL),)
-    image = Marked(
-        "image", "render", "fail", 0, 20, "hidden", EVIL, 1e-5, sentences=(EVIL,), fingerprint="1 2 " * 8, parts=parts
-    )
+    image = Marked("image", "render", "fail", 0, 20, "hidden", EVIL, 1e-5, sentences=(EVIL,), parts=parts)
     shade = msgspec.structs.replace(
         image, name=EVIL, stage="shade", of=10, visibility="visible", causes=("pi",), sureness="proved",
         faults=((EVIL, EVIL),), inputs=EVIL, expected=EVIL, got=EVIL,
@@ -178,10 +186,10 @@ def graded_class(folder: Path, make_result, scenes) -> list[Path]:
     thumb = png_url(to_bytes(noise()))
     pictures = (Picture("image", EVIL, thumb, msgspec.json.encode(packed).decode()), Picture("image", EVIL, thumb))
     wrong = Result(f"a {EVIL}", "a", EVIL, (shade, image), printed=EVIL, notes=(EVIL,), open_locks=(EVIL,),
-                   pictures=pictures, speed=(("image", 0.1, 1e-7),), graded="2026-01-01 00:00")  # fmt: skip
+                   pictures=pictures, graded="2026-01-01 00:00")  # fmt: skip
     same, none = msgspec.structs.replace(wrong, student="b", key="b"), Result(f"c {EVIL}", "c", EVIL, (), problem=EVIL)
-    done = tuple(msgspec.structs.replace(e, status="pass", fingerprint="") for e in (shade, image))
-    right = msgspec.structs.replace(wrong, student="d", key="d", exercises=done, bonus=2.0)
+    done = tuple(msgspec.structs.replace(e, status="pass") for e in (shade, image))
+    right = msgspec.structs.replace(wrong, student="d", key="d", exercises=done)
     kept = msgspec.structs.replace(same, exercises=(shade, msgspec.structs.replace(image, same_as=EVIL, followed=2.0)))
     assert class_page.write_class((wrong, kept, none, right), rubric, folder, for_students=True) == []
     handed_out = min((folder / "for-students").iterdir())
@@ -193,6 +201,7 @@ KINDS: dict[str, Write] = {
     "compare, fail": partial(comparison, spoiled=True),
     "diff of two sizes": two_sizes,
     "pytest": test_run,
+    "merged": merged,
     "laws": laws,
     "bench": bench,
     "stability": atlas,

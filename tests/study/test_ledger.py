@@ -11,11 +11,8 @@ from truths import corner, in_wedge
 
 from raytwin import fast as fast_package
 from raytwin import twin
-from raytwin.explain import ledger, light_parts
-from raytwin.explain.ledger import make_ledger
-from raytwin.explain.light_decomposition import split
-from raytwin.explain.light_parts import WholeLight, sampled_parts
-from raytwin.explain.pixel_sample import SubmittedImage, sample_pixels
+from raytwin.explain import ledger
+from raytwin.explain.ledger import WholeLight, make_ledger
 from raytwin.images.image import Image
 from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
@@ -65,8 +62,8 @@ def test_on_every_scene_the_parts_are_the_whole_error_pixel_by_pixel(scenes, fas
     small = scene.with_camera(scene.camera.resized(64, 48))
     shown = fast_package.trace(small, "lambert", fast)
     halves = [
-        fast_package.walk(small, "path", fast, samples=light_parts.SAMPLES, seed=seed, surface=False).mean
-        for seed in light_parts.SEEDS
+        fast_package.walk(small, "path", fast, samples=ledger.SAMPLES, seed=seed, surface=False).mean
+        for seed in ledger.SEEDS
     ]
     found = make_ledger(small, shown, "lambert", fast)
     total = sum(picture.astype(float) for picture in found.pictures.values())
@@ -130,22 +127,23 @@ def test_of_a_sampled_level_the_subjects_error_and_its_samples_are_one_part(smal
     assert both.share_of_error == pytest.approx(1, abs=1e-6)
 
 
-def test_a_faint_error_has_a_share_and_none_has_none(overlap, fast):
-    light = ledger.WholeLight(overlap.with_camera(overlap.camera.resized(8, 6)), fast)
+def test_a_faint_error_has_a_share_and_none_has_none(overlap, fast, monkeypatch):
+    light = WholeLight(overlap.with_camera(overlap.camera.resized(8, 6)), fast)
     light.halves = light.halves[:1] * 2
+    monkeypatch.setattr(ledger, "WholeLight", lambda *_: light)
     whole = np.sum([*light.halves[0].values()], axis=0, dtype=np.float32)
     for error, share in ((0, None), (1e-3, pytest.approx(1))):
-        found = ledger.split_error(light, Image(whole + np.float32(error)), "path")
+        found = make_ledger(light.scene, Image(whole + np.float32(error)), "path", fast)
         assert rows(found)["its own samples"].share_of_error == share
 
 
 def test_a_large_frame_is_judged_by_every_kth_pixel_with_that_pixels_own_area(overlap, fast, monkeypatch):
     small = overlap.with_camera(overlap.camera.resized(160, 120))
     shown = fast_package.trace(small, "shadow", fast)
-    monkeypatch.setattr(light_parts, "PIXELS_NUMPY", 160 * 120)
+    monkeypatch.setattr(ledger, "PIXELS_NUMPY", 160 * 120)
     whole = make_ledger(small, shown, "shadow", fast)
-    monkeypatch.setattr(light_parts, "PIXELS", 160 * 120 // 4)
-    monkeypatch.setattr(light_parts, "PIXELS_NUMPY", 160 * 120 // 4)
+    monkeypatch.setattr(ledger, "PIXELS", 160 * 120 // 4)
+    monkeypatch.setattr(ledger, "PIXELS_NUMPY", 160 * 120 // 4)
     thin = make_ledger(small, shown, "shadow", fast)
     assert (whole.step, thin.step) == (1, 2)
     assert thin.error.shape == (60, 80, 3)
@@ -157,46 +155,22 @@ def test_a_large_frame_is_judged_by_every_kth_pixel_with_that_pixels_own_area(ov
 
 @pytest.mark.parametrize(("count", "most"), [(60, 1 << 16), (640, 1 << 13), (100_000, 1 << 12)])
 def test_the_more_objects_a_scene_has_the_fewer_pixels_the_ledger_takes(single, monkeypatch, count, most):
-    monkeypatch.setattr(light_parts, "light_parts", lambda *_, **__: {})
+    monkeypatch.setattr(ledger, "light_parts", lambda *_, **__: {})
     crowd = changed(single, objects=(single.spheres[0],) * count)
     pixels = math.prod(WholeLight(crowd, "drjit32").shape[:2])
     assert most / 4 < pixels <= most
 
 
-# ------------------------------------------------------------------------------------------------ factors of the light
+MISSING = {
+    "sky's occlusion": ["occlusion"], "bounce 1": ["bounce 1"], "bounce 2 and more": ["bounce 2", "bounce 3+"],
+    "bounce 1 and more": ["bounce 1", "bounce 2", "bounce 3+"], "": [],
+}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("factors", "words"),
-    [
-        ({"bounce 1": 0.5}, "the first bounce is too dark by a factor of 2."),
-        ({"bounce 2": 0, "bounce 3+": 0}, "what all bounces but the first bring is missing"),
-        ({"occlusion": 0.5}, "what hides the sky is 0."),
-        ({"sun": pi}, "the sun's part is 3.1"),
-        ({}, ""),
-    ],
-)
-def test_of_light_that_chance_finds_the_fewest_factors_are_told(overlap, fast, factors, words):
-    """64 samples a pixel; a part's factor may err by 4 of its standard errors, some per cent."""
-    scene = overlap.with_camera(overlap.camera.resized(120, 90))
-    dark = changed(scene, lights=(scene.sun,))
-    parts = fast_package.light_parts(scene, fast, samples=64, seed=5)
-    sun = fast_package.light_parts(dark, fast, samples=64, seed=5)
-    shown = sum(np.float32(factors.get(name, 1)) * image.mean for name, image in parts.items())
-    shown = shown + np.float32(factors.get("sun", 1) - 1) * (sun["open"].mean + sun["shadow"].mean)
-    right = fast_package.walk(scene, "path", fast, samples=64, seed=7)
-    half = 3 * np.sqrt(2 * right.variance)
-    found = split(
-        sample_pixels(
-            SubmittedImage(
-                scene, shown, right.mean, "path", half=half, sampled=sampled_parts(scene, "path", fast, "area")
-            )
-        )
-    )
-    assert found.words.startswith(words) if words else found.words == ""
-    assert found.explained > 0.9 or not words
-    told = {part: f for part, f in factors.items() if part != "bounce 3+"}
-    assert len(found.shares) == len(told)
-    for share in found.shares:
-        assert share.factor == pytest.approx(next(iter(told.values())), abs=4 * share.error)
-        assert share.error < 0.05
+@pytest.mark.parametrize("name", MISSING)
+def test_light_whose_lack_is_the_subjects_own_error_is_called_missing(small, fast, name):
+    parts = fast_package.light_parts(small, fast, samples=64, seed=5)
+    kept = [image.mean for part, image in parts.items() if part not in MISSING[name]]
+    shown = Image(sum(kept), variance=fast_package.walk(small, "path", fast, samples=64).variance)
+    assert make_ledger(small, shown, "path", fast, faulty=True).missing == name
+    assert make_ledger(small, Image(0.8 * shown.mean), "path", fast, faulty=True).missing == ""

@@ -18,7 +18,6 @@ from raytwin.fast import trace
 from raytwin.renderers import references
 from raytwin.scene import Tolerance
 from raytwin.scene.scene_files import read_scene, scene_and_photos
-from raytwin.scene_folders import REFERENCES
 from raytwin.study import make_reference
 
 SIZE = (48, 36)
@@ -361,26 +360,3 @@ def test_in_the_scene_single_the_sky_and_the_bounces_add_what_the_closed_form_sa
     """
     images = [references.load(references.path_of(references.SHIPPED, "single", r)).image for r in ("lambert", "path")]
     np.testing.assert_allclose(images[1].mean, images[0].mean, atol=1e-4)
-
-
-def test_in_the_scene_weekend_the_ground_ends_where_the_cone_that_grazes_it_does():
-    """Every ray within asin(R / D) of the direction to the ground's centre meets something, and no ray outside that
-    misses the balls does: none of 84 000 pixels is on the wrong side.
-    """
-    found = references.load(references.path_of(REFERENCES, "weekend", "surface"))
-    surface, d, eye = found.image.surface, board_rays(found.scene.camera), np.array(found.scene.camera.eye)
-    inside = np.zeros(surface.ids.shape, bool)
-    for ball in found.scene.objects:
-        away = np.array(ball.center) - eye
-        far = np.linalg.norm(away)
-        # 1 - cos of a small angle has half of its digits only: the sines are compared.
-        inside |= (np.linalg.norm(np.cross(d, away / far), axis=-1) < ball.radius / far) & (d @ away > 0)
-    assert (surface.mask == inside).all()
-    assert 0.5 < inside.mean() < 0.9
-
-
-def board_rays(camera) -> np.ndarray:
-    """Unit directions (H, W, 3) through the pixels of a camera without distortion, in the board frame."""
-    v, u = np.indices((camera.height, camera.width), float)
-    d = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(u)], axis=-1)
-    return d / np.linalg.norm(d, axis=-1, keepdims=True) @ np.asarray(camera.R_cam_board)

@@ -12,7 +12,6 @@ from raytwin.images.image import Image
 from raytwin.progress import Stages
 from raytwin.study.compare_scene import compare_scene
 from raytwin.study.rounds import Budget, Rounds, parse_budget, round_seed
-from raytwin.study.settings import CompareSettings
 
 SMALL = {"rung": "path", "tracer_rung": "path", "engine": "numpy32", "size": (48, 36), "cache": False}
 
@@ -101,10 +100,3 @@ def test_a_users_function_is_asked_for_no_more_than_it_needs_and_may_repeat_itse
     else:
         assert result.subject.samples == 64  # a cause is hard to find in noise
         assert certain <= 8
-
-
-def test_settings_that_contradict_each_other_are_refused():
-    with pytest.raises(InputError, match=r"--budget: expected no --samples beside it"):
-        CompareSettings(samples=4, budget="30s")
-    with pytest.raises(InputError, match=r"--detectable-tile-bias: expected a number > 0, got 0"):
-        CompareSettings(detectable_tile_bias=0.0)

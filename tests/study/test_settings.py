@@ -5,11 +5,10 @@ import inspect
 
 import pytest
 
-import raytwin
 from raytwin.cli import compare_commands, photo_commands
 from raytwin.cli.options import with_options
 from raytwin.errors import InputError
-from raytwin.study.diff_settings import DiffSettings
+from raytwin.judging import DiffSettings
 from raytwin.study.settings import AugmentSettings, CompareSettings
 
 WRONG = [
@@ -20,6 +19,8 @@ WRONG = [
     (CompareSettings, {"engine": "abacus"}, "engine: expected one of"),
     (CompareSettings, {"solver": "abacus"}, "solver: expected one of"),
     (CompareSettings, {"trim": "abacus"}, "trim: expected one of"),
+    (CompareSettings, {"samples": 4, "budget": "30s"}, "--budget: expected no --samples beside it"),
+    (CompareSettings, {"detectable_tile_bias": 0.0}, "--detectable-tile-bias: expected a number > 0, got 0"),
     (AugmentSettings, {"exposure": -1.0}, "--exposure: expected a number >= 0"),
     (AugmentSettings, {"exposure": float("nan")}, "--exposure: expected a number >= 0"),
     (DiffSettings, {"tolerance": 0.0}, "tolerance: expected a finite number > 0"),
@@ -60,7 +61,7 @@ def test_each_field_is_an_option_with_the_records_default_and_reaches_the_comman
     fields = {f.name: f.default for f in dataclasses.fields(record) if f.name in options}
     assert len(fields) >= 5
     assert {field: options[field].default for field in fields} == fields
-    changed = {"flip": True} if "flip" in fields else {"shadows": False}
+    changed = {"flip": True} if "flip" in fields else {"boxes": True}
 
     def keep(settings):
         got.append(settings)
@@ -68,8 +69,3 @@ def test_each_field_is_an_option_with_the_records_default_and_reaches_the_comman
     keep.__annotations__["settings"] = record
     with_options(keep, name)(**fields | changed)
     assert got == [record(**changed)]
-
-
-def test_an_unknown_setting_is_a_type_error():
-    with pytest.raises(TypeError, match="colour"):
-        raytwin.compare_scene("single", colour="red")

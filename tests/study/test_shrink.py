@@ -41,12 +41,6 @@ def test_what_is_left_fails_and_no_part_of_it_can_be_left_out(n, causes):
     assert len(asked) <= n * n + 4 * n + 8
 
 
-def test_of_many_parts_one_is_found_in_few_questions():
-    asked = []
-    assert minimized(range(484), lambda kept: asked.append(1) or 300 in kept) == [300]
-    assert len(asked) < 25
-
-
 @pytest.mark.parametrize(
     ("fault", "kind", "left"),
     [("no shadows", "radiance", {"the sun"}), ("red and blue exchanged", "radiance", set()),
@@ -90,7 +84,7 @@ def test_a_bug_that_one_sphere_shows_ends_with_that_sphere(scenes):
 
     def render(told):
         scene = as_scene(told)
-        green = next((s for s in scene.spheres if s.material.albedo[1] > 0.4), None)
+        green = next((s for s in scene.spheres if s.albedo[1] > 0.4), None)
         if green is None:
             return trace(scene).mean
         larger = msgspec.structs.replace(green, radius=1.2 * green.radius)
@@ -142,15 +136,3 @@ def test_the_command_writes_a_scene_its_story_and_the_numbers(tmp_path):
     assert read_scene(file).camera.image_size == tuple(told["image_size"]["after"])
     image = raytwin("shrink", "overlap", "--subject", Path("out/shrink-overlap"), cwd=tmp_path)
     refused(image, "an image shows one scene alone")
-
-
-def test_addresses_times_and_paths_in_a_message_are_no_other_failure(scenes):
-    kept = []
-
-    def broken(told):
-        kept.append(object())  # or the next one would get the same address
-        raise ValueError(f"{kept[-1]} at 12:{len(kept):02}.5 in /tmp/run{len(kept)}x/scene.json")
-
-    found = shrink(scenes / "overlap", subject=UserRenderer("shadow", "verbose", broken), size=(48, 36))
-    assert not found.after.objects
-    assert not found.kept

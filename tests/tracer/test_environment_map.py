@@ -11,7 +11,7 @@ from truths import camera_above
 from raytwin import fast
 from raytwin.fast import ENGINES
 from raytwin.fast.engine import from_numpy, to_engine
-from raytwin.scene import Environment, Lambert, Rectangle, Scene
+from raytwin.scene import Environment, Rectangle, Scene
 from raytwin.tracer.lights.environment_map import environment_map
 
 TURNED = ((0.6, 0.8, 0.0), (-0.8, 0.6, 0.0), (0.0, 0.0, 1.0))
@@ -110,7 +110,7 @@ def lit_by(scene: Scene, sky) -> Scene:
 
 def test_the_light_of_a_map_on_an_open_sheet_is_its_irradiance_by_quadrature(spotted):
     """One sheet, no noise but the walks': 4.5 standard errors; and the same numbers in the plain tracer."""
-    sheet = Rectangle((0.0, 0.0, 0.0), (9.0, 0.0, 0.0), (0.0, 9.0, 0.0), Lambert((0.5, 0.6, 0.7)))
+    sheet = Rectangle((0.0, 0.0, 0.0), (9.0, 0.0, 0.0), (0.0, 9.0, 0.0), (0.5, 0.6, 0.7))
     scene = scene_of("sheet", camera_above(1.0, 8, 10.0), (sheet,), (spotted,))
     image = fast.walk(scene, "sky", "numpy64", samples=256)
     d, share = about(np.array((0.0, 0.0, 1.0)), 128)

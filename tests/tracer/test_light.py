@@ -8,7 +8,7 @@ from scene_of import changed, scene_of
 from truths import camera_above
 
 from raytwin.fast import trace
-from raytwin.scene import Lambert, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene import Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.tracer import STAGES, Hit, PlainWorld, back_project, first_hit, intersect_rectangle, lambert, sun_visible
 from raytwin.tracer.arrays import cross
 from raytwin.tracer.lights import lighting
@@ -73,7 +73,7 @@ def test_sun_visible_agrees_with_geometry_on_every_shipped_scene(shipped):
 
 def test_under_a_sun_at_the_zenith_a_spheres_shadow_is_a_disc_of_its_radius(engine):
     # The camera looks at the floor from below the sphere: nothing hides the shadow.
-    floor = Rectangle((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), Lambert((1.0, 1.0, 1.0)))
+    floor = Rectangle((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), (1.0, 1.0, 1.0))
     ball = Sphere((0.1, -0.05, 2.0), 0.3)
     scene = scene_of("disc", camera_above(1.0), (ball, floor), (Sun((0.0, 0.0, 2.0), (math.pi,) * 3), Sky((0.25,) * 3)))
     image = trace(scene, "shadow", engine)
@@ -89,9 +89,9 @@ def test_under_a_sun_at_the_zenith_a_spheres_shadow_is_a_disc_of_its_radius(engi
 @pytest.mark.parametrize("sun_above", [True, False])
 def test_a_rectangle_is_lit_and_seen_from_both_sides(engine, sun_above):
     # Seen from above, its half-edges wind so that half_u × half_v points away from the eye.
-    away = Rectangle((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), (2.0, 0.0, 0.0), Lambert((0.5, 0.5, 0.5)))
+    away = Rectangle((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), (2.0, 0.0, 0.0), (0.5, 0.5, 0.5))
     assert away.normal == (0.0, 0.0, -1.0)
-    towards = Rectangle((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), Lambert((0.5, 0.5, 0.5)))
+    towards = Rectangle((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), (0.5, 0.5, 0.5))
     sun = Sun((0.0, 0.0, 1.0 if sun_above else -1.0), (math.pi,) * 3)
     for plane in (away, towards):
         scene = scene_of("leaf", camera_above(1.0, 11), (plane,), (sun, Sky((0.2,) * 3)))
@@ -103,7 +103,7 @@ def test_a_rectangle_is_lit_and_seen_from_both_sides(engine, sun_above):
 
 @pytest.mark.parametrize("radius", [0.5, 4.0])
 def test_inside_a_sphere_it_is_dark_but_for_the_sky(engine, radius):
-    scene = scene_of("cave", camera_above(0.1, 21, 10.0), (Sphere((0.0, 0.0, 0.0), radius, Lambert((0.5, 0.6, 0.7))),))
+    scene = scene_of("cave", camera_above(0.1, 21, 10.0), (Sphere((0.0, 0.0, 0.0), radius, (0.5, 0.6, 0.7)),))
     scene = changed(scene, lights=(Sun((0.0, 0.0, 1.0), (3.0,) * 3), Sky((0.1, 0.2, 0.3))))
     image = trace(scene, "shadow", engine)
     assert (image.surface.ids == 0).all()

@@ -14,7 +14,7 @@ from scene_of import changed, scene_of
 from truths import in_wedge, view_of, wedge
 
 from raytwin import fast
-from raytwin.scene import Lambert, Scene, Sky, Sun
+from raytwin.scene import Scene, Sky, Sun
 from raytwin.tracer import sample_cosine_hemisphere
 
 SKY = (1.0, 0.5, 0.25)
@@ -57,7 +57,7 @@ def test_each_surface_takes_its_own_colour_of_the_light():
     """Red floor, green wall: no light of a channel that either takes whole comes by way of both."""
     scene = corner()
     floor, wall = (
-        msgspec.structs.replace(sheet, albedo=Lambert(albedo))
+        msgspec.structs.replace(sheet, albedo=albedo)
         for sheet, albedo in zip(scene.objects, ((0.8, 0.4, 0.0), (0.0, 0.4, 0.8)), strict=True)
     )
     found = plain_paths(changed(scene, objects=(floor, wall)), 12, samples=16, seed=5)

@@ -11,8 +11,8 @@ from truths import camera_above, view_of
 
 from raytwin import fast
 from raytwin.images.image import Image
-from raytwin.scene import Lambert, Rectangle, Scene, Sky, Sphere, Sun
-from raytwin.study.beside_twin import compare_with_twin
+from raytwin.scene import Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.study.compare_scene import compare_with_twin
 from raytwin.twin import render, settle
 
 LIGHTS = Sun((0.4, 0.5, 0.8)), Sky((0.5, 0.7, 1.0))
@@ -20,16 +20,16 @@ LIGHTS = Sun((0.4, 0.5, 0.8)), Sky((0.5, 0.7, 1.0))
 
 def ground(thing: Sphere | Rectangle) -> Scene:
     """*Ray Tracing in One Weekend*'s last scene, the three large balls on this ground, under a sun."""
-    balls = (Sphere((x, 0, 1), 1.0, Lambert((0.4, 0.2, 0.1))) for x in (0, -4, 4))
+    balls = (Sphere((x, 0, 1), 1.0, (0.4, 0.2, 0.1)) for x in (0, -4, 4))
     return scene_of("weekend", view_of((0, 0, 0), (13, 3, 2), 5.0, 120), (thing, *balls), LIGHTS)
 
 
 def large_ball(radius: float) -> Sphere:
-    return Sphere((0, 0, -radius), radius, Lambert((0.5, 0.5, 0.5)))
+    return Sphere((0, 0, -radius), radius, (0.5, 0.5, 0.5))
 
 
 def sheet(half: float) -> Rectangle:
-    return Rectangle((0.3, 0.2, 0), (half, 0, 0), (0, half, 0), Lambert((0.5, 0.5, 0.5)))
+    return Rectangle((0.3, 0.2, 0), (half, 0, 0), (0, half, 0), (0.5, 0.5, 0.5))
 
 
 def errors(scene: Scene) -> tuple[int, int, Image, Image]:
@@ -95,7 +95,7 @@ def test_light_is_followed_from_far_spheres_as_from_near_ones():
 def test_only_what_is_extreme_is_said_to_be_in_single_precision():
     """A ball 1 m ahead, and a tiny one 2 m ahead beside it: 80 and 160 of its radii away."""
     for radius, said in ((1 / 40, False), (1 / 80, True)):
-        balls = Sphere((0.0, 0.0, 0.0), 0.2), Sphere((0.3, 1.0, 0.0), radius, Lambert((0.6, 0.6, 0.6)))
+        balls = Sphere((0.0, 0.0, 0.0), 0.2), Sphere((0.3, 1.0, 0.0), radius, (0.6, 0.6, 0.6))
         scene = scene_of("both", view_of((0.15, 0.5, 0.0), (0.15, -1.0, 0.0), 0.6, 120), balls, LIGHTS)
         image = render(scene, "shadow", cache=False)
         tiny = image.surface.ids == 1
@@ -113,7 +113,7 @@ def test_only_what_is_extreme_is_said_to_be_in_single_precision():
 
 def flipped(image: Image, places: list[tuple[int, int]], scene: Scene) -> Image:
     """The image with these pixels (row, column) of the floor lit where they are in shadow, and in shadow where lit."""
-    mean, albedo = image.mean.copy(), np.asarray(scene.objects[1].material.albedo)
+    mean, albedo = image.mean.copy(), np.asarray(scene.objects[1].albedo)
     dark = albedo * scene.sky.radiance
     lit = dark + albedo / np.pi * scene.sun.irradiance * scene.sun.to_light[2]
     for place in places:
@@ -123,7 +123,7 @@ def flipped(image: Image, places: list[tuple[int, int]], scene: Scene) -> Image:
 
 def test_a_shadow_and_an_object_are_forgiven_at_their_edge_alone():
     """The sun's ray from one pixel passes the ball's outline exactly; every other change is reported."""
-    floor = Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), Lambert((0.5, 0.5, 0.5)))
+    floor = Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), (0.5, 0.5, 0.5))
     sun = Sun((0.6, 0.0, 0.8), (3.0, 3.0, 3.0))
     # At a floor point x, the distance of the centre (c, 0, h) from the sun's ray is |0.8 (c - x) - 0.6 h|.
     center, height = 0.45, 0.4

@@ -14,7 +14,7 @@ from truths import glare
 
 from raytwin import fast
 from raytwin.compare import compare
-from raytwin.scene import Environment, Phong, Scene, Sphere
+from raytwin.scene import Environment, Scene, Sphere
 from raytwin.scene.scene_files import read_scene
 from raytwin.tracer.lights.environment_map import environment_map
 from raytwin.twin import phong, render, settle
@@ -71,9 +71,8 @@ def test_mitsubas_phong_is_the_formula_and_its_samples_weigh_pi_f(exponent, cosi
     import mitsuba as mi
 
     phong.register()
-    material = Phong((0.3, 0.2, 0.1), (0.4, 0.3, 0.2), exponent)
-    rgb = {"type": "rgb", "value": list(material.albedo)}
-    bsdf = mi.load_dict(phong.bsdf(Sphere((0.0, 0.0, 0.0), 1.0, material), rgb))
+    rgb = {"type": "rgb", "value": [0.3, 0.2, 0.1]}
+    bsdf = mi.load_dict(phong.bsdf(Sphere((0.0, 0.0, 0.0), 1.0, (0.3, 0.2, 0.1), (0.4, 0.3, 0.2), exponent), rgb))
     v = (float(np.sqrt(1 - cosine**2)), 0.0, cosine)
     si = dr.zeros(mi.SurfaceInteraction3f)
     si.wi = mi.Vector3f(v)
@@ -96,9 +95,8 @@ def test_a_sharp_highlight_is_its_formula_in_the_twin_and_passes_beside_it(expon
     found = render(scene, "lambert", cache=False)
     atol = max(1e-5, 1e-8 * exponent)
     np.testing.assert_allclose(found.mean[..., 0] / expected.max(), expected / expected.max(), rtol=0, atol=atol)
-    material = scene.objects[0].material
     for power, verdict in ((exponent, "pass"), (0.98 * exponent, "fail")):
-        thing = msgspec.structs.replace(scene.objects[0], albedo=msgspec.structs.replace(material, exponent=power))
+        thing = msgspec.structs.replace(scene.objects[0], exponent=power)
         mine, _ = settle(fast.trace(changed(scene, objects=(thing,)), "lambert", "numpy64"), found, scene)
         assert compare(mine, found).verdict == verdict
 
@@ -107,7 +105,7 @@ def both(scenes, lit: Environment) -> Scene:
     """Balls that shine on a ground too large for Mitsuba, under a map."""
     scene = read_scene(scenes / "weekend")
     objects = tuple(
-        msgspec.structs.replace(thing, albedo=Phong((0.4, 0.3, 0.2), (0.3, 0.4, 0.2), 5.0 + 3 * i))
+        msgspec.structs.replace(thing, albedo=(0.4, 0.3, 0.2), specular=(0.3, 0.4, 0.2), exponent=5.0 + 3 * i)
         for i, thing in enumerate(scene.objects)
     )
     return changed(scene, objects=objects, lights=(scene.sun, lit))

@@ -36,11 +36,12 @@ COMMANDS: dict[str, tuple[Any, str]] = {
     "laws": (method_commands.laws_command, "'./mytracer {scene} {out}'"),
     "explore": (method_commands.explore_command, "overlap"),
     "shrink": (method_commands.shrink_command, "overlap --subject mine.py:render"),
-    "reference": ("Make, accept, check and show reference images.", "make overlap --rung shadow"),
+    "reference": ("Make, accept, check, show reference images, merge reports.", "make overlap --rung shadow"),
     "reference make": (reference_commands.make_command, "overlap --rung shadow"),
     "reference accept": (reference_commands.accept_command, "pages/new/logo/lambert.exr --because 'new logo'"),
     "reference check": (reference_commands.check_command, "overlap"),
     "reference show": (reference_commands.show_command, "overlap"),
+    "reference merge": (reference_commands.merge_command, "linux mac windows"),
     "bench": (bench_commands.scene_command, "overlap wedge --subject mine.py:render --methods 'drjit32-*'"),
     "bench list": (bench_commands.list_command, "--methods 'numpy*'"),
     "levels": (method_commands.levels_command, "overlap --tolerance 0.03 --size 160x120"),
@@ -58,7 +59,7 @@ COMMANDS: dict[str, tuple[Any, str]] = {
     "scenes": (scenes_commands.list_command, ""),
     "scenes list": (scenes_commands.list_command, ""),
     "scenes copy": (scenes_commands.copy_command, "desk my-desk"),
-    "scenes export": (scenes_commands.export_command, "overlap --mitsuba-xml -o overlap.xml"),
+    "scenes export": (scenes_commands.export_command, "overlap -o overlap.json"),
     "doctor": (doctor_command.doctor_command, ""),
 }
 """Command -> what runs, or the help of a group that does nothing by itself; and words for it, as an example."""

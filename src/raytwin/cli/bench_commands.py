@@ -1,6 +1,7 @@
 """raytwin bench and `bench list`: speed against accuracy; raytwin stability."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -10,11 +11,13 @@ from raytwin.cli.terminal import say, worst_code
 from raytwin.errors import check_one_of
 from raytwin.rungs import RUNGS
 
+if TYPE_CHECKING:
+    from raytwin.images.image import Image
+
 
 def scene_command(
     scenes: list[Path], methods: str = "*", subject: list[str] | None = None, rung: str = "shadow",
-    sizes: str = "0.2", budget: float = 300, repeats: int = 15, truth_samples: int = 4096,
-    json: Path | None = None, out: Path | None = None,
+    sizes: str = "0.2", budget: float = 300, json: Path | None = None, out: Path | None = None,
 ) -> None:  # fmt: skip
     """Measure time and error of each method, and judge each picture.
 
@@ -28,19 +31,19 @@ def scene_command(
     check_one_of("--rung", rung, RUNGS)
     check_outputs(folders=(out or Path("out"),), files=(json,))
     megapixels = parse_numbers(sizes, "--sizes")
+    images: dict[str, Image] = {}
     with show_progress() as progress:
         found = bench_scenes(
             scenes,
             methods=[*split(methods), *(find_subject(what, rung) for what in subject or ())],
             sizes=megapixels,
             budget=budget,
-            repeats=repeats,
-            truth_samples=truth_samples,
             progress=progress,
+            picture=images.__setitem__,
         )
         folder = out or Path("out") / (f"bench-{found[0].scene}" if len(found) == 1 else "bench")
         with progress.stage("page"):
-            bench_page.write_bench_all(found, folder)
+            bench_page.write_bench_all(found, folder, images)
     if json:
         write_bench(found, json)
     for of_scene in found:

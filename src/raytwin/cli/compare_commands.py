@@ -10,7 +10,7 @@ from raytwin.cli.option_values import check_outputs
 from raytwin.cli.progress_bar import print_seconds, show_progress
 from raytwin.cli.terminal import say, worst_code
 from raytwin.errors import InputError
-from raytwin.study.diff_settings import DiffSettings
+from raytwin.judging import DiffSettings
 from raytwin.study.settings import CompareSettings
 
 

@@ -40,8 +40,8 @@ def class_command(
     found = jobs_of(submissions, rubric, whole)
     if len(found) > 1 and gradescope:
         raise InputError("--gradescope", "one submission", len(found))
-    if lacking := sandbox.lacking(sandbox.probe()):
-        say(f"sandbox: {'; '.join(lacking)} (raytwin doctor says why)")
+    if lacking := [name for name, state in sandbox.probe().items() if state != sandbox.HOLDS]:
+        say(f"sandbox without {', '.join(lacking)} on this machine (raytwin doctor says why, and what for)")
     with show_progress() as progress:
         results = run(found, out, workers, again, progress)
     for result in results:
@@ -103,14 +103,14 @@ def zip_command(rubric: Path, out: Path = Path("autograder.zip"), wheel: Path | 
     say(f"{out}: {len(names)} files, {out.stat().st_size / 1e6:.1f} MB")
 
 
-def walk_command(notebook: bool = False, out: Path = Path(), solved: bool = False) -> None:
+def walk_command(notebook: bool = False, out: Path = Path()) -> None:
     """Write eight lessons, from photos to path tracing.
 
     Each has a function to fill in, a check in words, and the picture so far.
     """
-    from raytwin.teach.walk.written import write_walk
+    from raytwin.teach.walk import write_walk
 
     check_outputs(folders=(out,))
-    path = write_walk(out, notebook, solved)
+    path = write_walk(out, notebook)
     say(f"wrote {path}")
     say(f"jupyter lab {path}" if notebook else f"python {path}    # its pictures go to walk/; edit it, run it again")

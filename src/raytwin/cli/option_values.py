@@ -32,8 +32,8 @@ def parse_size(text: str, option: str) -> tuple[int, int]:
 def parse_numbers(text: str, option: str) -> tuple[float, ...]:
     """Finite numbers, as many as there are.
 
-    >>> parse_numbers("0.1,-0.2", "--dist"), parse_numbers("", "--dist")
-    ((0.1, -0.2), ())
+    >>> parse_numbers("0.1,0.2", "--sizes"), parse_numbers("", "--sizes")
+    ((0.1, 0.2), ())
     """
     try:
         numbers = tuple(float(part) for part in text.split(",")) if text.strip() else ()

@@ -158,10 +158,8 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
     },
     "walk": {
         "notebook": _opt("Write a Jupyter notebook instead of a script.", None, "--notebook"),
-        "solved": _opt("Fill in every function.", None, "--solved"),
     },
     "scenes export": {
-        "json": _opt("Write JSON, as programs of --subject read it.", None, "--json"),
         "mitsuba_xml": _opt("Write a Mitsuba 3 scene.", None, "--mitsuba-xml"),
         "rung": _opt("Light level: in JSON (shadow) or of the XML, sky or path (path)."),
         "out": _opt("File to write (standard output).", "FILE", *OUT),
@@ -189,7 +187,6 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
     "photo draw": {
         "scene": _opt("Scene whose objects are drawn.", "SCENE", **SCENE),
         "camera": _opt("camera.toml (default: calibrate the scene's own photos).", "FILE", kind=Path | None),
-        "shadows": _opt("Cast shadows on what the photo shows."),
         "boxes": _opt("Outline each sphere's trim box.", None, "--boxes"),
         "exposure": _opt("The photo's linear value of radiance 1 (1; with --light, from its paper).", min=0.0),
     },
@@ -198,8 +195,6 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
         "board": _opt("TOML file of the board.", "BOARD"),
         "count": _opt("Number of photos.", min=1, max=1000),
         "size": _opt("Size of a photo in pixels (2016x1512).", **SIZE),
-        "focal": _opt("Focal length in pixels of a photo 2016 wide."),
-        "dist": _opt("Distortion: k1,k2,p1,p2,k3 or a prefix."),
         "samples": _opt("Light paths per pixel.", min=1),
         "with_objects": _opt("Put the scene's objects there, too.", None, "--with-objects"),
     },
@@ -210,8 +205,6 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
         "rows": _opt("Rows of tags.", "N"),
         "pitch": _opt("Distance between tag centres.", "LENGTH"),
         "paper": _opt("a4 or letter.", "NAME"),
-        "first_id": _opt("Id of the lower left tag.", "N"),
-        "family": _opt("tag36h11, tag25h9 or tag16h5."),
     },
     "reference": {
         "scenes": _arg("Scenes: folders, names, Mitsuba files (XML). Default: all."),
@@ -227,6 +220,9 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
         "new": _arg("Image that a test run kept, or SCENE/RUNG.", "NAME"),
         "because": _opt("Why, for the file's header.", "REASON"),
     },
+    "reference merge": {
+        "folders": _arg("Reports, one per machine.", "FOLDER..."),
+    },
     "grade": {
         "submissions": _arg("Folder with a file or folder per student; or a single submission."),
         "rubric": _opt("TOML file with exercises and points.", "FILE", "--rubric", "-r"),
@@ -236,7 +232,7 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
         "for_students": _opt("Also write a page per student to hand out, to for-students/.", None, "--for-students"),
         "force": _opt("Overwrite an existing file.", None, "--force"),
         "stage": _opt("Functions to include: names with commas between, or repeat it (default: the six)."),
-        "wheel": _opt("Install this wheel of raytwin instead of the released version.", "FILE"),
+        "wheel": _opt("Install this wheel of raytwin; a development version needs one.", "FILE"),
     },
     "grade starter": {
         "out": _opt("File to write (tracer.py or rubric.toml).", "FILE", *OUT),
@@ -249,8 +245,6 @@ OPTIONS: dict[str, dict[str, Row | None]] = {
         "subject": _opt("Renderer to judge and measure, as in compare; repeatable. Decides the exit code.", "WHAT"),
         "sizes": _opt("Picture sizes in megapixels.", "MP,..."),
         "budget": _opt("Time for all scenes; methods that do not fit are listed.", "SECONDS"),
-        "repeats": _opt("At most this many timed calls per method."),
-        "truth_samples": _opt("At most this many samples per pixel of the reference."),
     },
     "stability": {
         "experiments": _arg("Names from --list; all by default.", "[EXPERIMENT]..."),

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from raytwin.cli.option_values import check_outputs, parse_numbers, parse_placed
+from raytwin.cli.option_values import check_outputs, parse_placed
 from raytwin.cli.options import Size
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
@@ -12,7 +12,7 @@ from raytwin.study.settings import AugmentSettings
 
 def board_command(
     out: Path = Path("board.pdf"), tag: str = "30mm", columns: int = 5, rows: int = 7, pitch: str = "38mm",
-    paper: str = "a4", first_id: int = 0, family: str = "tag36h11",
+    paper: str = "a4",
 ) -> None:  # fmt: skip
     """Make a board to print, as PDF and TOML.
 
@@ -22,13 +22,12 @@ def board_command(
     from raytwin.photos.boards import sheet
     from raytwin.photos.boards.lengths import parse_length
 
-    for option, count, least in (("--columns", columns, 1), ("--rows", rows, 1), ("--first-id", first_id, 0)):
-        if count < least:
-            raise InputError(option, f"a whole number from {least}", count)
-    grid = boards.Grid(columns, rows, parse_length(pitch, "--pitch"), first_id)
-    check_one_of("--family", family, boards.FAMILIES)
+    for option, count in (("--columns", columns), ("--rows", rows)):
+        if count < 1:
+            raise InputError(option, "a whole number from 1", count)
     check_one_of("--paper", paper.lower(), sheet.PAPERS)
-    board = boards.Board(family, parse_length(tag, "--tag"), grid)
+    grid = boards.Grid(columns, rows, parse_length(pitch, "--pitch"))
+    board = boards.Board("tag36h11", parse_length(tag, "--tag"), grid)
     boards.check_board(board)
     toml = sheet.write_sheet(out, board, paper.lower())
     say(f"{columns * rows} tags on {paper.lower()}, print at 100 %: {out}, {toml}")
@@ -127,9 +126,8 @@ def light_command(
 
 
 def simulate_command(
-    out: Path, board: Path, scene: Path | None = None, count: int = 14, size: Size = None,
-    focal: float = 1560.0, dist: str = "0.08,-0.16", samples: int = 32, seed: int = 1,
-    with_objects: bool = False,
+    out: Path, board: Path, scene: Path | None = None, count: int = 14, size: Size = None, samples: int = 32,
+    seed: int = 1, with_objects: bool = False,
 ) -> None:  # fmt: skip
     """Render photos of a board with Mitsuba, and the true camera."""
     from raytwin.study.photograph import photograph_board
@@ -142,8 +140,6 @@ def simulate_command(
             scene=scene,
             count=count,
             size=size or (2016, 1512),
-            focal=focal,
-            dist=parse_numbers(dist, "--dist"),
             samples=samples,
             seed=seed,
             with_objects=with_objects,

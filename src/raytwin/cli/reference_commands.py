@@ -1,4 +1,4 @@
-"""raytwin reference make | accept | check | show: references that renders are compared with."""
+"""raytwin reference make | accept | check | show | merge: references that renders are compared with."""
 
 import sys
 from collections.abc import Iterator, Sequence
@@ -81,6 +81,23 @@ def accept_command(new: Path, because: str = "", folder: Path = REFERENCES) -> N
     change = make_reference.accept(found, folder.absolute(), because)
     references.save(change.new)
     say("\n".join((*change.lines(), f"  written: {change.new.path}")))
+
+
+def merge_command(folders: list[Path], out: Path = Path("out/merged")) -> None:
+    """Merge the reports of several machines.
+
+    Each folder is what `pytest --raytwin-report` wrote on one. The page has a row per test and a column per machine,
+    and says which machine is the odd one. Exit code 1: a comparison failed, or is missing, on any of them.
+    """
+    from raytwin.show import merged_page
+
+    check_outputs(folders=(out,))
+    rows = merged_page.merge(folders)
+    merged_page.write_merged(rows, folders, out)
+    for sentence in merged_page.sentences(rows, merged_page.machines(folders)):
+        say(sentence)
+    say(f"report: {out / 'index.html'}")
+    raise typer.Exit(0 if all(row.good for row in rows) else 1)
 
 
 def check_command(

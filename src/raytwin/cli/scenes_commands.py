@@ -8,7 +8,6 @@ from raytwin.cli.option_values import check_outputs
 from raytwin.cli.options import Size
 from raytwin.cli.progress_bar import show_progress
 from raytwin.cli.terminal import say
-from raytwin.errors import InputError
 
 
 def list_command() -> None:
@@ -27,10 +26,10 @@ def copy_command(scene: Path, out: Path | None = None) -> None:
 
 
 def export_command(
-    scene: Path, json: bool = False, mitsuba_xml: bool = False, rung: str | None = None, photo: str | None = None,
-    size: Size = None, out: Path | None = None,
+    scene: Path, mitsuba_xml: bool = False, rung: str | None = None, photo: str | None = None, size: Size = None,
+    out: Path | None = None,
 ) -> None:  # fmt: skip
-    """Write a scene for other renderers, as JSON or Mitsuba XML.
+    """Write a scene for other renderers: as JSON, which programs of --subject read, or as Mitsuba XML.
 
     Camera, lens, objects and lights are resolved; lengths are metres.
     """
@@ -40,11 +39,9 @@ def export_command(
     from raytwin.safe_write import write_text
     from raytwin.scene.scene_files import scene_and_photos
     from raytwin.scene.toml_json import json_text
-    from raytwin.twin.mitsuba_xml import mitsuba_xml as as_xml
-    from raytwin.twin.rounding import extreme_spheres
 
-    if json == mitsuba_xml:
-        raise InputError("--json, --mitsuba-xml", "one of them", "both" if json else "neither")
+    if rung is not None:
+        check_one_of("--rung", rung, RUNGS)
     check_outputs(files=(out,))
     made, asked = scene_and_photos(scene)
     if asked is not None or photo is not None:  # what a calibration needs is not in the light install
@@ -54,16 +51,14 @@ def export_command(
             made = find_camera(scene, photo, progress)[0]
     if size is not None:
         made = made.with_(size=size)
-    if json:
-        check_one_of("--rung", rung or "shadow", RUNGS)
-        text = json_text(as_json(as_arrays(made, rung or "shadow")))
-    else:
+    if mitsuba_xml:
+        from raytwin.twin.mitsuba_xml import mitsuba_xml as as_xml
+
         text = as_xml(made, rung or "path")
         if any(made.camera.coefficients) or made.camera.fx != made.camera.fy:
             say("raytwin: the XML has no lens distortion and one focal length, so its image is another", err=True)
-        if coarse := extreme_spheres(made):
-            names = ", ".join(f"object-{i}" for i in coarse)
-            say(f"raytwin: very large or very far away, Mitsuba's float32 may shade them falsely: {names}", err=True)
+    else:
+        text = json_text(as_json(as_arrays(made, rung or "shadow")))
     if out is None:
         typer.echo(text, nl=False)
     else:

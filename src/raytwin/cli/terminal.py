@@ -1,12 +1,10 @@
 """What the terminal shows: text whose names cannot move its cursor, change its colours or fake a line.
 
-A verdict has its colour where the terminal has colours, and sentences are broken at its width.
+A verdict has its colour where the terminal has colours.
 """
 
 import os
 import re
-import shutil
-import textwrap
 from collections.abc import Iterable
 
 import typer
@@ -26,20 +24,12 @@ def printable(text: str) -> str:
 
 
 def say(text: object, err: bool = False) -> None:
-    """Print lines, broken at the terminal's width and indented below their first; a pipe gets them whole.
+    """Print lines.
 
     File, scene and student names are a stranger's text: only `say` prints in this package.
     """
-    shown = printable(str(text))
-    if width := shutil.get_terminal_size((0, 0)).columns:
-        shown = "\n".join(_broken(line, width) for line in shown.split("\n"))
-    shown = VERDICT.sub(lambda word: typer.style(word[1], COLOURS[word[1]], bold=True), shown)
+    shown = VERDICT.sub(lambda word: typer.style(word[1], COLOURS[word[1]], bold=True), printable(str(text)))
     typer.echo(shown, err=err, color=False if "NO_COLOR" in os.environ else None)
-
-
-def _broken(line: str, width: int) -> str:
-    indent = line[: len(line) - len(line.lstrip())] + "  "
-    return textwrap.fill(line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
 
 
 def worst_code(codes: Iterable[int]) -> int:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from raytwin.array_types import Float, Float32, Float64
-from raytwin.compare.blocks import SIDE, Blocks, Pixels, block_counts, block_sums, strips, to_pixels
+from raytwin.compare.blocks import SIDE, Blocks, Pixels, block_counts, block_sums, to_pixels
 from raytwin.images.image import Image
 
 EVENTS = 8.0
@@ -47,7 +47,7 @@ def rare_light(image: Image) -> float:
 
 def block_means(x: Pixels) -> Float64[np.ndarray, "by bx 3"]:
     """(H, W, 3) to (by, bx, 3): the means of its 8 x 8 blocks."""
-    return np.concatenate([block_sums(x[a:b], rows) / block_counts(x[a:b], rows) for a, b, rows in strips(x.shape)])
+    return np.asarray(block_sums(x) / block_counts(x.shape))
 
 
 # ------------------------------------------------------------------------------------------------- what t - r shows
@@ -66,34 +66,26 @@ class Residual(NamedTuple):
 
 def residual(test: Pixels, reference: Pixels) -> Residual:
     """Return the scatter of the difference of two means (H, W, 3)."""
-    squares, fourths, counts = [], [], []
-    for y0, y1, rows in strips(test.shape):
-        square = demeaned(np.subtract(test[y0:y1], reference[y0:y1], dtype=np.float32), rows)
-        square *= square
-        squares.append(block_sums(square, rows))
-        square *= square
-        fourths.append(block_sums(square, rows))
-        counts.append(np.broadcast_to(block_counts(square, rows), squares[-1].shape))
-    total, fourth, pixels = (np.concatenate(x) for x in (squares, fourths, counts))
+    square = demeaned(np.subtract(test, reference, dtype=np.float32))
+    square *= square
+    total = block_sums(square)
+    square *= square
+    fourth, pixels = block_sums(square), np.broadcast_to(block_counts(square.shape), total.shape)
     variance = np.divide(total, pixels - 1, out=np.full_like(total, np.inf), where=pixels > 1)
     return Residual(variance, np.divide(total**2, fourth, out=np.zeros_like(total), where=fourth > 0), pixels)
 
 
-def demeaned(error: Float32[np.ndarray, "h w 3"], rows: int) -> Float32[np.ndarray, "h w 3"]:
+def demeaned(error: Float32[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "h w 3"]:
     """`error` less its blocks' means, in place."""
-    mean = (block_sums(error, rows) / block_counts(error, rows)).astype(np.float32)
-    error -= to_pixels(mean, *error.shape[:2])
+    error -= to_pixels(block_means(error).astype(np.float32), *error.shape[:2])
     return error
 
 
 def estimated(test: Pixels, reference: Pixels) -> Float32[np.ndarray, "h w 3"]:
     """A variance of t - r where neither image tells one: the square of its deviation from its block's mean."""
-    out = np.subtract(test, reference, dtype=np.float32)
-    for y0, y1, rows in strips(out.shape):
-        n = block_counts(out[y0:y1], rows)
-        free = to_pixels((n / np.maximum(n - 1, 1)).astype(np.float32), y1 - y0, out.shape[1])
-        out[y0:y1] = np.square(demeaned(out[y0:y1], rows)) * free
-    return np.asarray(out)
+    out, n = np.subtract(test, reference, dtype=np.float32), block_counts(test.shape)
+    free = to_pixels((n / np.maximum(n - 1, 1)).astype(np.float32), *out.shape[:2])
+    return np.asarray(np.square(demeaned(out)) * free)
 
 
 def capped(variance: Pixels, shown: Residual) -> Pixels:

@@ -9,7 +9,7 @@ import numpy as np
 from raytwin.compare.blocks import Pixels
 from raytwin.compare.comparison import Statistics
 from raytwin.compare.decision import TESTS, Decision, Rounding, decide, enough_samples
-from raytwin.compare.exact import NoiseFree, count_noise_free
+from raytwin.compare.exact import Bound, NoiseFree, count_noise_free
 from raytwin.compare.finding import Finding, Place, notes, plural
 from raytwin.compare.messages import agreement, noise_findings, percent, what_could_be_seen
 from raytwin.compare.metrics import METRICS, nth_largest
@@ -24,7 +24,6 @@ from raytwin.compare.noise import (
     rare_light,
     residual,
 )
-from raytwin.compare.scale import Bound
 from raytwin.compare.shift import Shift, shift_findings
 from raytwin.compare.significance import sidak
 from raytwin.compare.untold import ESTIMATED, GIVE, UNEXPLAINED, borne_out, dense, unexplained
@@ -43,13 +42,8 @@ PATTERN = (
     "test states excuses nothing"
 )
 
-ENOUGH_BATCHES = 4
-"""With fewer batches the variance is unreliable: an image fails only if the scatter between neighbours fails it too."""
-
-FEW_BATCHES = (
-    "undecided: a variance from {} batches is hardly known, and by the scatter between neighbouring pixels nothing is "
-    "wrong: take at least 4 samples per pixel"
-)
+ENOUGH_SAMPLES_UNSTATED = 4
+"""Samples from which on the scatter between neighbouring pixels shows the noise of an image that states no variance."""
 
 FEW_SAMPLES = (
     "undecided: too few random samples to know any noise: take at least 4 samples per pixel, and another image for "
@@ -216,10 +210,8 @@ class RadianceTest:
         return outcome
 
     def _doubts(self, outcome: Outcome, test: Image, reference: Image) -> tuple[str, ...]:
-        """Why the findings prove nothing: few batches, rare events, or noise that all pixels of the test share."""
-        kinds, few = {f.kind for f in outcome.findings}, fewest_batches(test, reference)
-        if few < ENOUGH_BATCHES and "exact" not in kinds and not self._decided_by_scatter().findings:
-            return (FEW_BATCHES.format(few),)
+        """Why the findings prove nothing: rare events, or noise that all pixels of the test share."""
+        kinds = {f.kind for f in outcome.findings}
         share, whose = max((rare_light(test), "the test"), (rare_light(reference), "the reference"))
         if kinds <= {"tile", "value"} and share > MOSTLY_RARE:
             return (FEW_EVENTS_SEEN.format(100 * share, whose),)
@@ -307,8 +299,7 @@ def _with_noise_of(image: Image, other: Image) -> Image:
     """The image with the other's noise, as its own samples make it."""
     assert other.variance is not None
     more = np.float32(other.samples / image.samples)
-    third = np.zeros_like(other.variance) if other.third is None else other.third * more**2
-    return replace(image, variance=other.variance * more, batches=other.batches, third=third)
+    return replace(image, variance=other.variance * more, batches=other.batches)
 
 
 def finite(x: float) -> float | None:
@@ -316,13 +307,6 @@ def finite(x: float) -> float | None:
     return x if np.isfinite(x) else None
 
 
-def fewest_batches(*images: Image) -> int:
-    """Return the least number of batches of the images that have a variance."""
-    return min(
-        i.batches if i.batches is not None else i.samples or ENOUGH_BATCHES for i in images if i.variance is not None
-    )
-
-
 def hardly_sampled(image: Image) -> bool:
     """A random render of so few samples that not even the scatter between neighbouring pixels shows its noise."""
-    return image.variance is None and image.batches == 1 and image.samples < ENOUGH_BATCHES
+    return image.variance is None and image.batches == 1 and image.samples < ENOUGH_SAMPLES_UNSTATED

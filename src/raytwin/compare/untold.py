@@ -11,7 +11,7 @@ What is dense may fail an image by the means of its tiles; only what is borne ou
 import numpy as np
 
 from raytwin.array_types import Float, Float64
-from raytwin.compare.blocks import Pixels, block_counts, block_sums, strips
+from raytwin.compare.blocks import Pixels, block_counts, block_sums
 from raytwin.compare.noise import Residual
 
 MIN_CARRYING = 1 / 6
@@ -74,15 +74,12 @@ def borne_out(test: Pixels, reference: Pixels, shown: Residual, least: float) ->
 
 def _own_noise(test: Pixels, reference: Pixels) -> Float64[np.ndarray, "by bx"]:
     """The reference's variance, summed over channels: minus the covariance of t - r with r within 2 x 2 pixels."""
-    found = []
-    for y0, y1, rows in strips(test.shape):
-        r = np.asarray(reference[y0:y1], np.float32)
-        error = _within_cells(np.subtract(test[y0:y1], r, dtype=np.float32))
-        product = np.zeros((*r.shape[:2], 1), np.float32)
-        product[: len(error), : error.shape[1]] = -(error * _within_cells(r)).sum(axis=-1, keepdims=True)
-        # Three of the four differences from a cell's mean are free.
-        found.append(block_sums(product, rows)[..., 0] / (0.75 * block_counts(product, rows)[..., 0]))
-    return np.concatenate(found)
+    r = np.asarray(reference, np.float32)
+    error = _within_cells(np.subtract(test, r, dtype=np.float32))
+    product = np.zeros((*r.shape[:2], 1), np.float32)
+    product[: len(error), : error.shape[1]] = -(error * _within_cells(r)).sum(axis=-1, keepdims=True)
+    # Three of the four differences from a cell's mean are free.
+    return np.asarray((block_sums(product) / (0.75 * block_counts(product.shape)))[..., 0])
 
 
 def _within_cells(x: Float[np.ndarray, "h w c"]) -> Float[np.ndarray, "he we c"]:

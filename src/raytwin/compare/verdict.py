@@ -9,15 +9,14 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from raytwin.compare.alpha import alpha_findings
 from raytwin.compare.blocks import Pixels
 from raytwin.compare.comparison import Comparison, Perceptual, Radiance, Verdict
+from raytwin.compare.exact import Bound, scale_of, unit_of
 from raytwin.compare.finding import HARD, Finding, notes, plural
 from raytwin.compare.geometry import geometry_findings, without_ties
 from raytwin.compare.invalid import shape_findings, value_findings
 from raytwin.compare.metrics import measure
 from raytwin.compare.radiance_test import RadianceTest
-from raytwin.compare.scale import Bound, scale_of, unit_of
 from raytwin.compare.shift import find_shift, shift_finding
 from raytwin.images.image import Image
 from raytwin.judging import Judging
@@ -26,6 +25,7 @@ SURE_SHIFT = 0.5
 """A shift whose standard deviation is larger, pixels, is not reported."""
 
 TIED = "both are equally far, either is correct, and these were not compared"
+ALPHA = "alpha was not compared"
 
 
 # Finite values near float32's end may overflow when squared: infinite errors fail, and need no warning.
@@ -85,8 +85,6 @@ def compare(
     asked = RadianceTest(test, reference, judging, bound, unit, look, (mine, theirs), excused, shift)
     outcome = asked.exactly() if noise == "none" else asked.run()
     findings += outcome.findings
-    different, unknown = alpha_findings(test, reference, judging, half_steps)
-    findings += different
     doubts = () if misplaced else outcome.doubts
     if findings and all(f.kind == "below zero" for f in findings):
         doubts, findings = (*(f"undecided: {f.text}" for f in findings), *doubts), []
@@ -104,7 +102,8 @@ def compare(
         failing=outcome.failing if findings and not outcome.doubts else (),
     )
     tie = (f"{plural(tied, 'pixel')} on the common edge of two objects: {TIED}",) if tied else ()
-    return comparison.saying(*tie, *unknown)
+    transparent = any(i.alpha is not None and (i.alpha != 1).any() for i in (test, reference))
+    return comparison.saying(*tie, *([ALPHA] if transparent else []))
 
 
 def _made(
@@ -118,9 +117,7 @@ def _made(
 
 def _single(image: Image) -> Image:
     """The image in float32, or float64 where it came so: half floats overflow when squared."""
-    wide = {
-        k: x for k in ("mean", "variance", "third") if (x := getattr(image, k)) is not None and x.dtype.itemsize < 4
-    }
+    wide = {k: x for k in ("mean", "variance") if (x := getattr(image, k)) is not None and x.dtype.itemsize < 4}
     return replace(image, **{k: x.astype(np.float32) for k, x in wide.items()})
 
 
@@ -130,5 +127,4 @@ def _scaled(image: Image, unit: float) -> Image:
         return image
     k = math.frexp(unit)[1] - 1
     variance = None if image.variance is None else np.ldexp(image.variance, -2 * k)
-    third = None if image.third is None else np.ldexp(image.third, -3 * k)
-    return replace(image, mean=np.ldexp(image.mean, -k), variance=variance, third=third)
+    return replace(image, mean=np.ldexp(image.mean, -k), variance=variance)

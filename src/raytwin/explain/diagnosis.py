@@ -16,14 +16,12 @@ from raytwin.explain.curve import curve_cause
 from raytwin.explain.distances import depth_cause
 from raytwin.explain.evidence import NOTHING_LEFT, are_alike, fit_of, is_firm, is_likelier
 from raytwin.explain.explanation import Cause, Certainty, Explanation
-from raytwin.explain.light_decomposition import split
 from raytwin.explain.localize import border_alone, points_of_misses, whereabouts
 from raytwin.explain.noisy_values import noisy_cause
-from raytwin.explain.parametric_faults import FAMILIES, ParametricFault, radii_of
+from raytwin.explain.parametric_faults import FAMILIES, ParametricFault
 from raytwin.explain.pixel_sample import (
     PIXELS_BY_OBJECTS,
     PixelSample,
-    Sampled,
     SubmittedImage,
     mixed,
     sample_pixels,
@@ -77,14 +75,12 @@ def explain(
     scene: Scene | None = None,
     rung: str = "shadow",
     rounding: Rounding = Rounding(),  # noqa: B008 (frozen)
-    sampled: Sampled | None = None,
     of_reference: Rounding = Rounding(),  # noqa: B008 (frozen)
 ) -> tuple[Finding, ...]:
     """Why an image is not its reference: with a scene, any fault; without, only errors in writing the image.
 
     Of an unknown scene only a cause that explains it is told. `rounding`, `of_reference`: what the formats of test and
-    reference round off. `sampled`: the parts of light that chance finds, for the factors of light that are told where
-    no cause explains it.
+    reference round off.
     """
     shown, correct = test.mean, reference.mean
     if shown.shape != correct.shape or shown.ndim != 3 or shown.dtype.kind != "f":
@@ -100,7 +96,7 @@ def explain(
         words = alpha_cause(test, reference, rounding, of_reference)
     if words:
         return (Finding("likely", words),)
-    view = _view(test, reference, scene, rung, rounding, of_reference, sampled)
+    view = _view(test, reference, scene, rung, rounding, of_reference)
     made = diagnose([view]) if view.scene else diagnose([view], faults=PLAIN, families=PLAIN_FAMILIES)
     exact = made.certainty == "correct" or (made.cause is not None and made.explained > EXACT_FROM_SHARE)
     if not noisy and not exact and (words := curve_cause(view)):
@@ -109,8 +105,7 @@ def explain(
 
 
 def _view(
-    test: Image, reference: Image, scene: Scene | None, rung: str, rounding: Rounding, of_reference: Rounding,
-    sampled: Sampled | None,
+    test: Image, reference: Image, scene: Scene | None, rung: str, rounding: Rounding, of_reference: Rounding
 ) -> SubmittedImage:  # fmt: skip
     """Make the view for `diagnose`. Noise becomes slack. The scene is left out if no fault can be predicted in it."""
     shown, correct = test.mean, reference.mean
@@ -126,9 +121,7 @@ def _view(
     fits = scene and shown.shape == (scene.camera.height, scene.camera.width, 3)
     # Faults are predicted under a constant sky, without highlights.
     known = scene and fits and RUNGS[rung].lit and scene.objects and not (scene.glossy or scene.environment)
-    return SubmittedImage(
-        scene if known else None, shown, correct, rung, half=slack, clipped=clipped, sampled=sampled, bounds=bounds
-    )
+    return SubmittedImage(scene if known else None, shown, correct, rung, half=slack, clipped=clipped, bounds=bounds)
 
 
 def diagnose(
@@ -160,9 +153,6 @@ def diagnose(
     if (share := _acne(samples)) > 0:
         cause = Cause(ACNE.name, ACNE.stage, ACNE.sentence)
         return Explanation("likely", (cause,), (cause.sentence,), where, share)
-    scenes = {s.view.scene for s in samples}
-    if families is FAMILIES and len(scenes) == 1 and (scene := samples[0].view.scene):
-        families = (*FAMILIES, *radii_of(scene))
     thorough = max(float((s.weight * s.wrong).sum()) for s in samples) > RARE_SHARE
     search = Search(samples)
     return _explanation(search.causes(faults, families if thorough else ()), search, where)
@@ -229,12 +219,9 @@ def _explanation(found: list[Hypothesis], search: Search, where: str) -> Explana
 
 
 def _unknown(found: list[Hypothesis], samples: list[PixelSample], where: str) -> Explanation:
-    """Where the pictures are wrong; the factors of the parts of light, where these explain it; what comes nearest."""
+    """Where the pictures are wrong, and what comes nearest."""
     nearest = min(found, key=lambda g: g.cost)
     share = max(fit_of(samples, nearest.steps).explained, 0.0)
-    lit = [(s, s.view.scene) for s in samples if s.view.scene and s.view.scene.objects and not s.view.points]
-    parts = "; ".join(f"{scene.name}: {words}" for s, scene in lit if (words := split(s).words))
-    where = f"{where}; as if {parts}" if parts else where
     closest = f"closest known fault, which explains only part of the error: {nearest.cause.sentence}"
     return Explanation("unknown", sentences=(closest,) if share >= ENOUGH_HITS else (), where=where, explained=share)
 

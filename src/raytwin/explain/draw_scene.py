@@ -2,7 +2,7 @@
 
 No mistake can hide in an arrangement, however its parts are drawn: R is not symmetric, spheres and planes shade each
 other and themselves, some values exceed 1, something is hidden, a plane is seen from behind, things are behind the eye
-and far around, where rays of a wrong camera go. tests/explain/blind.py measures it, of new arrangements too.
+and far around, where rays of a wrong camera go.
 """
 
 from pathlib import Path

@@ -167,25 +167,6 @@ FAMILIES = (
 )  # fmt: skip
 """Of two rows that fit equally well, the one with fewer parameters is preferred."""
 
-MAX_OBJECTS_FITTED = 8
-"""Most objects in a scene whose radii are fitted one by one."""
-
-
-def radii_of(scene: Scene) -> tuple[ParametricFault, ...]:
-    """A family for the radius of each sphere, where there are others."""
-    if len(scene.objects) > MAX_OBJECTS_FITTED or len(scene.spheres) == 1:
-        return ()
-    balls = enumerate(zip(scene.names, scene.numbers, scene.spheres, strict=False))
-    return tuple(_radius_of(k, name, number, ball.radius) for k, (name, number, ball) in balls)
-
-
-def _radius_of(k: int, name: str, number: str, r: float) -> ParametricFault:
-    return ParametricFault(
-        f"radius-of-{number}", SOLVER, (0.0,), 0.001 * r, resized(f'abs(x["radius"] + p[0] * (k == {k})) + 1e-12'),
-        lambda p, _: f"the radius of {name} is {1000 * abs(p[0]):.3g} mm too {'large' if p[0] > 0 else 'small'}",
-        ((0.03 * r,), (-0.03 * r,)),
-    )  # fmt: skip
-
 
 def nearer(
     family: ParametricFault, samples: Sequence[PixelSample], start: tuple[float, ...], rounds: int = 9

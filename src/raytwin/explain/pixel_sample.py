@@ -3,7 +3,6 @@
 import functools
 import math
 import warnings
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -33,9 +32,6 @@ FLOAT32_DIGITS = 3e-6
 NEAR_OUTLINE = (np.arange(5) == 2) | (np.arange(5) == 2)[:, None]
 """Pixels within two of another, along rows and columns: an outline lies beside it where they show several objects."""
 
-Sampled = Callable[[int], Mapping[str, tuple[Array, Array]]]
-"""k -> parts of the light (h, w, 3) at every k-th pixel, each twice, from independent samples."""
-
 
 @dataclass(frozen=True, eq=False)
 class SubmittedImage:
@@ -44,8 +40,8 @@ class SubmittedImage:
     `shown` (H, W, 3): linear radiance. With `points`: where each pixel's ray first meets a sphere, NaN for a miss.
     `correct` (H, W, 3): what it should be, by default the tracer's own picture. `half` (H, W, 3): the largest error by
     the file's format. `clipped`: the format holds nothing above 1. `bounds`: the darkest and the brightest picture that
-    are stored as `correct`. `sampled`: parts of the light that are estimated by random walks. `composed`: a picture by
-    our tracer with the submission's functions in it, so that the camera's pose and the depth order are ours.
+    are stored as `correct`. `composed`: a picture by our tracer with the submission's functions in it, so that the
+    camera's pose and the depth order are ours.
     """
 
     scene: Scene | None
@@ -55,7 +51,6 @@ class SubmittedImage:
     points: bool = False
     half: Array | None = None
     clipped: bool = False
-    sampled: Sampled | None = None
     composed: bool = False
     bounds: tuple[Array, ...] = ()
 

@@ -231,12 +231,6 @@ def predictor(scene: Scene, shadows: bool = True, every: int = 1) -> Predictor:
     return made
 
 
-def planted(scene: Scene, *mistakes: Pipeline, shadows: bool = True) -> Array:
-    """The picture (H, W, 3) of a tracer with these mistakes."""
-    made = predictor(scene, shadows).picture(sum(mistakes, NO_MISTAKE))
-    return made.reshape(scene.camera.height, scene.camera.width, 3)
-
-
 @dataclass(eq=False)
 class UnknownScene:
     """Correct pictures (H, W, 3) of nobody knows which scene: their pixels can be moved, and their values changed.

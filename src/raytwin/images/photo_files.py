@@ -5,7 +5,7 @@ import contextlib
 import io
 import os
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -96,12 +96,27 @@ def photo_size(path: str | os.PathLike) -> tuple[int, int]:
 
 
 def read_photo(path: str | os.PathLike) -> np.ndarray:
-    """A photo as sRGB uint8 (H, W, 3), in the sensor's own pixel grid.
+    """A photo as sRGB uint8 (H, W, 3), converted from its own colour profile, in the sensor's own pixel grid.
 
     An EXIF orientation is not applied: it turns the picture for the eye, but the lens and its K stay with the sensor.
     """
     with _opened(path) as photo:
-        return _converted(path, photo, "RGB")
+        return np.asarray(_srgb(_converted(path, photo, "RGB"), photo.info.get("icc_profile")))
+
+
+def _srgb(picture: Any, icc: bytes | None) -> Any:
+    """An RGB picture of Pillow's in sRGB: a phone's Display P3, read as sRGB, would be too dull."""
+    from PIL import ImageCms
+
+    if icc is None:
+        return picture
+    try:
+        profile = ImageCms.ImageCmsProfile(io.BytesIO(icc))
+        if "sRGB" in ImageCms.getProfileDescription(profile):  # rounding would change some codes
+            return picture
+        return ImageCms.profileToProfile(picture, profile, ImageCms.createProfile("sRGB"))
+    except (OSError, ImageCms.PyCMSError):  # damaged, or that of a grey photo or of four inks
+        return picture
 
 
 def read_picture(path: str | os.PathLike) -> tuple[np.ndarray, np.ndarray | None]:
@@ -137,20 +152,20 @@ def read_grey(path: str | os.PathLike) -> np.ndarray:
     """
     with _opened(path) as photo:
         photo.draft("L", photo.size)
-        return _converted(path, photo, "L")
+        return np.asarray(_converted(path, photo, "L"))
 
 
-def _converted(path: str | os.PathLike, photo: Any, mode: str) -> np.ndarray:
-    """The photo's pixels in a mode of Pillow's, "RGB" or "L"."""
+def _converted(path: str | os.PathLike, photo: Any, mode: str) -> Any:
+    """The photo in a mode of Pillow's, "RGB" or "L"."""
     if photo.mode.startswith(("I", "F")):  # Pillow would clip its values to 255
         raise InputError(path, "a photo of 8 bits per channel", "more: save it with 8 bits")
-    return np.asarray(photo.convert(mode))
+    return photo.convert(mode)
 
 
-def photo_extras(path: str | os.PathLike) -> dict[str, bytes]:
-    """The photo's `icc_profile` and `exif`, byte for byte, as far as it has them."""
+def photo_exif(path: str | os.PathLike) -> bytes:
+    """The photo's EXIF, byte for byte; empty where it has none."""
     with _opened(path) as photo:
-        return {key: photo.info[key] for key in ("icc_profile", "exif") if photo.info.get(key)}
+        return bytes(photo.info.get("exif", b""))
 
 
 @contextlib.contextmanager
@@ -181,10 +196,8 @@ def _opened(path: str | os.PathLike, formats: tuple[str, ...] | None = None) -> 
         raise InputError(path, kind, f"a damaged one ({error})") from None
 
 
-def write_picture(
-    path: str | os.PathLike, pixels: np.ndarray, quality: int = 92, extras: Mapping[str, bytes] | None = None
-) -> None:
-    """sRGB uint8 (H, W) or (H, W, 3) as PNG or, by the name's ending, JPEG; with a photo's `photo_extras`."""
+def write_picture(path: str | os.PathLike, pixels: np.ndarray, quality: int = 92, exif: bytes = b"") -> None:
+    """sRGB uint8 (H, W) or (H, W, 3) as PNG or, by the name's ending, JPEG; with a photo's `photo_exif`."""
     from PIL import Image as Pillow
 
     suffix = Path(path).suffix.lower()
@@ -192,7 +205,7 @@ def write_picture(
         raise InputError(path, "a name that ends in .png, .jpg or .jpeg", suffix or "no ending")
     options: dict[str, Any] = {"compress_level": 2} if suffix == ".png" else {"quality": quality, "subsampling": 0}
     with replacing(path) as temporary:
-        Pillow.fromarray(np.ascontiguousarray(pixels)).save(temporary, **options | dict(extras or {}))
+        Pillow.fromarray(np.ascontiguousarray(pixels)).save(temporary, exif=exif, **options)
 
 
 def encoded(picture: Any, kind: str, **options: Any) -> bytes:

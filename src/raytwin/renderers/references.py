@@ -21,7 +21,7 @@ from raytwin.images.image import Image, Surface
 from raytwin.images.photo_files import list_photos
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, Tolerance
-from raytwin.scene.mitsuba_file import is_mitsuba, read_mitsuba, with_film
+from raytwin.scene.mitsuba_file import is_mitsuba, read_mitsuba
 from raytwin.scene.scene_files import scene_and_photos
 from raytwin.scene.toml_json import read_toml, to_record
 from raytwin.scene_folders import REFERENCES, find_scene
@@ -240,8 +240,7 @@ def _stale_file(old: Reference, scene: str | Path) -> str | None:
     if not old.of_file:
         return f"it was made from something else, but now there is a Mitsuba file: {scene}"
     written = read_mitsuba(scene)
-    width, height = (int(n) for n in old.header["size"].split(" x "))
-    if old.header["scene_hash"] == with_film(written, width=width, height=height).digest:
+    if old.header["scene_hash"] == written.digest:
         return None
     before = msgspec.json.decode(old.header[FILES], type=dict[str, str])
     changed = [name for name in before | written.files if before.get(name) != written.files.get(name)]

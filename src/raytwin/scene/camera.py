@@ -1,4 +1,7 @@
-"""A camera that has been found: intrinsics, distortion, and where it stands."""
+"""A camera: intrinsics, distortion, and where it stands; or, in a scene.toml, from where it looks at what."""
+
+import math
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -122,3 +125,46 @@ def _no_rotation(R: np.ndarray) -> str:
 UNTURNED: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 NOWHERE = Camera((1, 1), UNTURNED, UNTURNED, (0.0, 0.0, 0.0))
 """Stands in for a camera that has yet to be found in photos."""
+
+LEAST_SINE = 1e-6
+"""Sine of the angle between the view and `up`: below this, the direction of up is undefined."""
+
+
+class LookAt(Record, frozen=True):
+    """A pinhole in the board's frame, metres. `fov_x`: degrees across the whole image."""
+
+    eye: Vector
+    target: Vector
+    fov_x: Annotated[float, msgspec.Meta(gt=0, lt=180)]
+    up: Vector = (0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        self.rotation()
+
+    def rotation(self) -> np.ndarray:
+        """Return R_cam_board (3, 3): its rows are right, down and forward. Raises InputError where it is undefined."""
+        if self.target == self.eye:
+            raise InputError("target", "another point than eye", self.target)
+        way = np.subtract(self.target, self.eye)
+        forward = way / np.linalg.norm(way)
+        right = np.cross(forward, np.divide(self.up, np.linalg.norm(self.up) or 1))
+        if np.linalg.norm(right) < LEAST_SINE:
+            raise InputError("up", "a direction that the camera does not look along", self.up)
+        right /= np.linalg.norm(right)
+        return np.array([right, np.cross(forward, right), forward])
+
+
+class LookAtCamera(Record, frozen=True):
+    """The [camera] table with `look_at`: square pixels, no distortion unless `dist` is given."""
+
+    image_size: tuple[PixelCount, PixelCount]
+    look_at: LookAt
+    dist: tuple[float, ...] = ()
+
+    def camera(self) -> Camera:
+        (w, h), R = self.image_size, self.look_at.rotation()
+        f = w / 2 / math.tan(math.radians(self.look_at.fov_x) / 2)
+        K = ((f, 0.0, (w - 1) / 2), (0.0, f, (h - 1) / 2), (0.0, 0.0, 1.0))
+        rows: Any = tuple(map(tuple, R.tolist()))
+        t: Any = tuple((-R @ np.asarray(self.look_at.eye)).tolist())
+        return Camera(self.image_size, K, rows, t, self.dist)

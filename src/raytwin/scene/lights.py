@@ -4,7 +4,6 @@ To add a light, write its record, give Scene a field for it, and see `raytwin.tr
 """
 
 import math
-from functools import lru_cache
 
 import msgspec
 import numpy as np
@@ -12,7 +11,7 @@ from msgspec import UNSET, UnsetType
 
 from raytwin.errors import InputError
 from raytwin.scene.camera import UNTURNED
-from raytwin.scene.record_base import Matrix, NonNegative, PixelCount, Radiance, Record, Vector
+from raytwin.scene.record_base import Matrix, PixelCount, Radiance, Record, Vector
 
 
 class Sun(Record, frozen=True):
@@ -58,39 +57,18 @@ class Environment(Record, frozen=True, omit_defaults=True):
 class Sky(Record, frozen=True):
     """[sky]: `radiance`, the same from every direction, and the background behind all objects; or a map.
 
-    `map` is a file's name, `texels` what was read from it; its radiance is multiplied by `scale` and turned by
-    `rotation`, degrees about the board's z axis, counterclockwise as seen from its tip.
+    `map` is a file's name, `texels` what was read from it.
     """
 
     radiance: Radiance = (0.0, 0.0, 0.0)
     map: str | UnsetType = UNSET
-    scale: NonNegative | UnsetType = UNSET
-    rotation: float | UnsetType = UNSET
     texels: Environment | UnsetType = UNSET
 
     def __post_init__(self) -> None:
-        for field, given in (("scale", self.scale), ("rotation", self.rotation)):
-            if given is not UNSET and self.texels is UNSET:
-                raise InputError(field, "only where there is a map", given)
         if self.texels is not UNSET and any(self.radiance):
             raise InputError("radiance", "radiance or map", "both")
-        if self.texels is not UNSET and self.scale is not UNSET:
-            brightest = float(self.texels.radiance.max())
-            if self.scale * brightest > float(np.finfo(np.float32).max):
-                raise InputError("scale", "a radiance that float32 holds", f"{self.scale:g} times {brightest:g}")
 
     @property
     def environment(self) -> Environment | None:
-        """Return the map, scaled and turned; None for a constant sky."""
-        return None if self.texels is UNSET else _placed(self.texels, self.scale, self.rotation)
-
-
-@lru_cache(maxsize=4)
-def _placed(map_: Environment, scale: float | UnsetType, rotation: float | UnsetType) -> Environment:
-    if rotation is not UNSET:
-        c, s = math.cos(math.radians(rotation)), math.sin(math.radians(rotation))
-        turned = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ map_.R_map_board
-        map_ = msgspec.structs.replace(map_, R_map_board=tuple(map(tuple, turned.tolist())))
-    if scale is not UNSET:
-        map_ = msgspec.structs.replace(map_, texels=(map_.radiance * np.float32(scale)).tobytes())
-    return map_
+        """Return the map; None for a constant sky."""
+        return None if self.texels is UNSET else self.texels

@@ -28,9 +28,9 @@ USUAL_SIDES = {"width": 768, "height": 576}
 class MitsubaScene(Record, frozen=True):
     """A Mitsuba XML file: what stands for a Scene where any renderer's scene will do.
 
-    `file`: what Mitsuba and other programs are given. `image_size` is the film's, or the one that is asked for.
-    `files`: the file and every one that it names, relative to its folder, with their SHA-256; an XML file's leaves
-    comments out. `names`: of its shapes, in Mitsuba's order, once Mitsuba has loaded it (`twin.named_shapes`).
+    `file`: what Mitsuba and other programs are given. `image_size` is the film's. `files`: the file and every one that
+    it names, relative to its folder, with their SHA-256; an XML file's leaves comments out. `names`: of its shapes, in
+    Mitsuba's order, once Mitsuba has loaded it (`twin.named_shapes`).
     """
 
     name: str
@@ -61,11 +61,6 @@ def read_mitsuba(path: str | os.PathLike[str]) -> MitsubaScene:
     files = {os.path.relpath(one, folder): digest for one, digest in sorted(found.items())}
     name = folder.name if file.stem.startswith("scene") else file.stem
     return MitsubaScene(name, str(file.absolute()), _image_size(file, elements), files)
-
-
-def with_film(scene: MitsubaScene, width: int, height: int) -> MitsubaScene:
-    """The scene whose film is scaled to this size."""
-    return msgspec.structs.replace(scene, image_size=(width, height))
 
 
 def _elements(

@@ -7,9 +7,7 @@ from msgspec import UNSET, UnsetType
 
 from raytwin.errors import InputError
 from raytwin.scene.camera import Camera
-from raytwin.scene.colour_word import colour_word
 from raytwin.scene.lights import Environment, Sky, Sun
-from raytwin.scene.material import Phong
 from raytwin.scene.record_base import Albedo, Fraction, Positive, Radiance, Record, Vector
 from raytwin.scene.shapes import Rectangle, Shape, Sphere
 
@@ -86,15 +84,13 @@ class Scene(Record, frozen=True):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return what people call the objects, all different: the file's names, else `sphere 1 (red)`."""
-        return tuple(
-            f"{number} ({colour_word(thing.albedo)})" if thing.name is UNSET else str(thing.name)
-            for number, thing in zip(self.numbers, self.objects, strict=True)
-        )
+        """Return what people call the objects, all different: the file's names, else `sphere 1`."""
+        named = zip(self.numbers, self.objects, strict=True)
+        return tuple(number if thing.name is UNSET else str(thing.name) for number, thing in named)
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """Return sphere 0, sphere 1, plane 0, ...: what stays when an object gets another name or colour."""
+        """Return sphere 0, sphere 1, plane 0, ...: what stays when an object gets another name."""
         kinds = ("sphere", self.spheres), ("plane", self.planes)
         return tuple(f"{kind} {i}" for kind, things in kinds for i in range(len(things)))
 
@@ -113,7 +109,7 @@ class Scene(Record, frozen=True):
     @property
     def glossy(self) -> bool:
         """Return whether any object has a highlight."""
-        return any(isinstance(thing.material, Phong) for thing in self.objects)
+        return any(thing.highlight for thing in self.objects)
 
     def check_lambertian(self, who: str) -> None:
         """Raise InputError if an object has a highlight, which `who` does not support."""

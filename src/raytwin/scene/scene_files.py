@@ -13,11 +13,10 @@ from raytwin.errors import InputError
 from raytwin.images.image import Image
 from raytwin.images.image_formats import read_image, write_image
 from raytwin.safe_write import write_text
-from raytwin.scene.camera import NOWHERE, Camera
+from raytwin.scene.camera import NOWHERE, Camera, LookAtCamera
 from raytwin.scene.lights import Environment
-from raytwin.scene.look_at import LookAtCamera
 from raytwin.scene.scene import PhotoCamera, Scene, Tolerance
-from raytwin.scene.toml_json import comment_lines, plain, read_toml, to_record, write_toml
+from raytwin.scene.toml_json import comment_lines, plain, read_toml, to_record
 from raytwin.scene_folders import find_scene
 
 MAX_MAP_COLUMNS = 4096
@@ -111,10 +110,5 @@ def read_sky_map(file: Path, data: dict[str, Any]) -> None:
 def read_camera(path: str | os.PathLike[str]) -> Camera:
     """Read a camera.toml, as `raytwin photo calibrate -o` writes it; the board in it is passed over."""
     data = read_toml(path)
-    for name in ("board", "boards"):  # the second was written before version 0.2
-        data.pop(name, None)
+    data.pop("board", None)
     return to_record(path, data, Camera)
-
-
-def write_camera(path: str | os.PathLike[str], camera: Camera, comment: str = "") -> None:
-    write_toml(path, plain(camera), comment)

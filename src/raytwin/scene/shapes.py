@@ -13,17 +13,20 @@ import numpy as np
 from msgspec import UNSET, UnsetType
 
 from raytwin.errors import InputError
-from raytwin.scene.material import Lambert, Material, Phong
 from raytwin.scene.record_base import Albedo, Positive, Record, Vector, unchecked
 
 ObjectName = Annotated[str, msgspec.Meta(min_length=1, max_length=40)]
 
 
 class Painted:
-    """A shape's last fields: Lambert's albedo, or Phong's numbers where it has `specular` and `exponent`, and a name.
+    """A shape's last fields: Lambert's albedo, Phong's highlight where it has `specular` and `exponent`, and a name.
 
-    `albedo` may be given as a whole material: `Sphere(center, radius, Phong(...))`. What is unset is not in the
-    scene's hash, so that a new key leaves the hashes of old scenes as they were.
+    f = albedo/π + specular (n + 2)/(2π) max(0, r·v)ⁿ, per colour channel: n is the `exponent`; r = 2 (n·l) n - l for a
+    light towards l, v points to the eye. By the factor (n + 2)/(2π) a highlight sends back at most `specular` of the
+    light, and just that where it is lit head on (Lafortune and Willems, "Using the Modified Phong Reflectance Model for
+    Physically Based Rendering", 1994, eq. 8).
+
+    What is unset is not in the scene's hash, so that a new key leaves the hashes of old scenes as they were.
     """
 
     __slots__ = ()
@@ -33,19 +36,17 @@ class Painted:
     name: str | UnsetType
 
     def __post_init__(self) -> None:
-        this: Any = self
-        if isinstance(given := this.albedo, Lambert | Phong):
-            for field in ("albedo", "specular", "exponent"):
-                msgspec.structs.force_setattr(this, field, getattr(given, field, UNSET))
         if (self.specular is UNSET) != (self.exponent is UNSET):
             raise InputError("specular", "both specular and exponent", "one of them")
-        _ = self.material  # raises where more light leaves than comes
+        if self.highlight:
+            most = max(a + s for a, s in zip(self.albedo, self.highlight[0], strict=True))
+            if most > 1 + 1e-12:
+                raise InputError("specular", "albedo and specular that sum to 1 at most", f"{most:g}")
 
     @property
-    def material(self) -> Material:
-        if self.specular is UNSET or self.exponent is UNSET:
-            return Lambert(self.albedo)
-        return Phong(self.albedo, self.specular, self.exponent)
+    def highlight(self) -> tuple[Albedo, float] | None:
+        """Return specular and exponent; None where it is matt."""
+        return None if self.specular is UNSET or self.exponent is UNSET else (self.specular, self.exponent)
 
 
 class Sphere(Record, Painted, frozen=True):
@@ -95,9 +96,9 @@ class Rectangle(Record, Painted, frozen=True):
     half_u: Vector
     half_v: Vector
     albedo: Albedo = (0.8, 0.8, 0.8)
-    in_photo: bool = False
     specular: Albedo | UnsetType = UNSET
     exponent: Positive | UnsetType = UNSET
+    in_photo: bool = False
     name: ObjectName | UnsetType = UNSET
 
     def __post_init__(self) -> None:

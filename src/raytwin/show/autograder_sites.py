@@ -62,19 +62,13 @@ def gradescope(result: Result, rubric: Rubric) -> dict[str, Any]:
         "tests": tests,
         "extra_data": {"key": result.key, "open_locks": list(result.open_locks)},
     }
-    if rubric.speed is not None and rubric.speed.leaderboard and result.speed:
-        _, seconds, error = result.speed[0]
-        made["leaderboard"] = [
-            {"name": "seconds per picture", "value": float(f"{seconds:.3g}"), "order": "asc"},
-            {"name": "error", "value": float(f"{error:.3g}"), "order": "asc"},
-        ]
     return made
 
 
 def _sum_shown(result: Result) -> str:
     """In words; what is shown later, or never, is not given away by a sum."""
     shown = [e for e in result.exercises if e.visibility == "visible"]
-    points, of = sum(e.points for e in shown) + result.bonus, sum(e.of for e in shown)
+    points, of = sum(e.points for e in shown), sum(e.of for e in shown)
     more = "" if len(shown) == len(result.exercises) else ", of the exercises that are shown now"
     return f"{of_points(points)} of {of_points(of)} points{more}"
 

@@ -2,15 +2,19 @@
 
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
+from raytwin.images.image import Image
+from raytwin.images.packing import binned
 from raytwin.show.charts.chart import Chart, Line, Point, chart_html, family_chart, write_charts
 from raytwin.show.charts.svg import INK, SOFT, Range
 from raytwin.show.numbers import seconds, shown
 from raytwin.show.page import write_page
+from raytwin.show.picture_pair import SCRIPTS, STYLES, picture_pair
 from raytwin.show.terminal_text import counted
 from raytwin.study.bench import RENDERERS, Bench, Measurement, staircase, write_bench
 
@@ -43,12 +47,20 @@ OWN_COLOUR = "#111827"
 
 MARKERS = {"lambert": "square", "shadow": "circle", "sky": "triangle", "path": "diamond"}
 
+MOST_PICTURES, WIDE = 9, 240
+"""Pictures in the page, a key each, and their most pixels across: nine weigh about two megabytes."""
 
-def write_bench_all(benches: Sequence[Bench], folder: str | os.PathLike[str]) -> None:
-    """bench.html, bench.json, and each frontier as SVG: of several scenes in a folder of each scene's name."""
+
+def write_bench_all(
+    benches: Sequence[Bench], folder: str | os.PathLike[str], images: Mapping[str, Image] = MappingProxyType({})
+) -> None:
+    """bench.html, bench.json, and each frontier as SVG: of several scenes in a folder of each scene's name.
+
+    `images`: of the first scene at its first size, by the names of methods and references.
+    """
     folder = Path(folder)
     write_bench(benches, folder / "bench.json")
-    write_bench_page(benches, folder / "bench.html")
+    write_bench_page(benches, folder / "bench.html", images)
     for bench in benches:
         write_charts(error_charts(bench), folder / bench.scene if len(benches) > 1 else folder)
 
@@ -56,18 +68,31 @@ def write_bench_all(benches: Sequence[Bench], folder: str | os.PathLike[str]) ->
 # ------------------------------------------------------------------------------------------ the page
 
 
-def write_bench_page(benches: Sequence[Bench], path: str | os.PathLike[str]) -> None:
+def write_bench_page(
+    benches: Sequence[Bench], path: str | os.PathLike[str], images: Mapping[str, Image] = MappingProxyType({})
+) -> None:
     """One file that opens offline. Every chart of every scene, size and reference lies in it, drawn."""
+    chosen = pictures_of(benches[0], images)
+    names = list(chosen)
+    pair = picture_pair(chosen, (names[0], names[1]), names[1]) if len(names) > 1 else {"pictures": {}}
     write_page(
-        path,
-        "bench.html.j2",
-        ("bench.css",),
-        ("charts.js",),
+        path, "bench.html.j2", ("bench.css", *(STYLES if names else ())), SCRIPTS if names else ("charts.js",),
+        **pair,
         scenes=[scene_part(bench) for bench in benches],
         subjects=benches[0].subjects,
         verdicts=[line for bench in benches if bench.subjects for line in verdict_lines(bench)],
         signs=SIGNS,
-    )
+    )  # fmt: skip
+
+
+def pictures_of(bench: Bench, images: Mapping[str, Image]) -> dict[str, Image]:
+    """The subjects' images, the reference with all light, and those of methods on a frontier, the fastest first."""
+    rows = [row for row in (*bench.rows, *bench.errors) if row.on_frontier]
+    fast = [row.method for row in sorted(rows, key=lambda row: row.seconds_median)]
+    names = [*bench.subjects, f"reference {FIRST_TRUTH}", *dict.fromkeys(fast)]
+    chosen = [name for name in dict.fromkeys(names) if name in images][:MOST_PICTURES]
+    step = max((-(-images[name].shape[1] // WIDE) for name in chosen), default=1)
+    return {name: binned(images[name], step) if step > 1 else images[name] for name in chosen}
 
 
 def scene_part(bench: Bench) -> dict[str, Any]:

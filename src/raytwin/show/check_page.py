@@ -25,7 +25,7 @@ from raytwin.show.compare_page import write_report
 from raytwin.show.page import write_page
 from raytwin.show.terminal_text import counted
 from raytwin.show.view import Names, PairView, in_radiance, numbered, tiles
-from raytwin.study.compared import Compared
+from raytwin.study.diff_files import Compared
 
 if TYPE_CHECKING:
     from raytwin.study.laws import Laws
@@ -128,14 +128,20 @@ def prepare(folder: Path) -> None:
 
 def write_index(folder: Path) -> tuple[int, int]:
     """Write index.html and summary.md over all comparisons; return how many there are, and how many failed."""
-    files = sorted(folder.glob("check-*.json"))
-    rows = [msgspec.json.decode(file.read_bytes(), type=CheckRow) for file in files]
-    rows.sort(key=lambda row: (row.verdict in GOOD, row.test, row.number))
+    rows = sorted(read_rows(folder), key=lambda row: (row.verdict in GOOD, row.test, row.number))
     failed = sum(row.verdict not in GOOD for row in rows)
     about = {"rows": rows, "failed": failed, "name": folder.absolute().name}
     write_page(folder / INDEX, "checks.html.j2", ("checks.css",), ("table.js",), **about)
     write_text(folder / SUMMARY, summary(rows, failed))
     return len(rows), failed
+
+
+def read_rows(folder: Path) -> list[CheckRow]:
+    """Return the rows of a report's folder. Raises InputError where one is damaged."""
+    try:
+        return [msgspec.json.decode(file.read_bytes(), type=CheckRow) for file in sorted(folder.glob("check-*.json"))]
+    except msgspec.DecodeError as error:
+        raise InputError(folder, "a report as pytest --raytwin-report writes it", error) from None
 
 
 def summary(rows: list[CheckRow], failed: int) -> str:

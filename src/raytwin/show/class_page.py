@@ -19,8 +19,6 @@ from raytwin.show import viewer
 from raytwin.show.page import asset, write_page
 from raytwin.show.spreadsheet import write_csv
 from raytwin.show.student_page import STATUS, SURENESS, of_points, seen_as, student_page, styles
-from raytwin.teach.grade.feedback import row_of, unnamed
-from raytwin.teach.grade.fingerprint import same
 from raytwin.teach.grade.result import SUREST, Marked, Result
 from raytwin.teach.grade.rubric import Rubric
 
@@ -42,7 +40,6 @@ def write_class(results: Sequence[Result], rubric: Rubric, folder: Path, for_stu
     write_text(shared / "viewer.js", viewer.script())
     write_text(shared / "grade.js", asset("table.js") + asset("grade.js"))
     write_text(shared / "grade.css", styles())
-    alike = near_identical(results)
     names = {r.key: page_name(r) for r in results}
     handed_out = handout_names(results) if for_students else {}
     failed = []
@@ -65,9 +62,6 @@ def write_class(results: Sequence[Result], rubric: Rubric, folder: Path, for_stu
         bins=histogram(r.points / r.of if r.of else 0 for r in results),
         by_exercise=by_exercise(results, rubric),
         faults=faults(results),
-        unnamed=[(e, who, row_of(e)) for e, who in unnamed(results)],
-        fast=leaderboard(results),
-        alike=alike,
         crashed=[r for r in results if broken(r)],
         certainty=certainty,
         in_short=in_short,
@@ -157,24 +151,6 @@ def in_short(result: Result) -> str:
     return "; ".join((result.problem or result.first_problem).split("\n"))
 
 
-def leaderboard(results: Sequence[Result]) -> list[tuple[Result, float, float]]:
-    """(result, computed seconds per picture, error) of those whose pictures are correct, the fastest first."""
-    passed = {r.key: {e.name for e in r.exercises if e.status == "pass"} for r in results}
-    rows = [(r, seconds, error) for r in results for name, seconds, error in r.speed if name in passed[r.key]]
-    return sorted(rows, key=lambda row: row[1])
-
-
-def near_identical(results: Sequence[Result]) -> dict[str, list[tuple[Result, str]]]:
-    """Key -> who has the same wrong numbers, and in which exercise. The same mistake does that, too."""
-    found: dict[str, dict[str, tuple[Result, str]]] = {}
-    marked = [(r, e) for r in results for e in r.exercises if e.fingerprint]
-    for (a, x), (b, y) in itertools.combinations(marked, 2):
-        if a.key != b.key and x.stage == y.stage and same(x.fingerprint, y.fingerprint):
-            found.setdefault(a.key, {})[b.key] = (b, y.name)
-            found.setdefault(b.key, {})[a.key] = (a, x.name)
-    return {key: list(others.values()) for key, others in found.items()}
-
-
 # ------------------------------------------------------------------------------------------ numbers
 
 
@@ -190,16 +166,16 @@ def csv_rows(results: Sequence[Result], rubric: Rubric) -> Iterator[Sequence[str
     """Yield the head, and a row per student: points in all and of each exercise, status of each, causes and how sure
     they are, what went wrong where there are no numbers."""
     names = [e.name for e in rubric.exercises]
-    taken = ("student", "points", "of", "bonus", *CSV_ENDS)
+    taken = ("student", "points", "of", *CSV_ENDS)
     columns = [f"{n}: points" if n in taken else n for n in names]
-    yield ["student", "points", "of", "bonus", *columns, *(f"{n}: status" for n in names), *CSV_ENDS]
+    yield ["student", "points", "of", *columns, *(f"{n}: status" for n in names), *CSV_ENDS]
     for r in results:
         by_name: dict[str, Marked] = {e.name: e for e in r.exercises}
         found = [by_name.get(n) for n in names]
         cells = [of_points(e.points) if e else "" for e in found] + [e.status if e else "" for e in found]
         crash = in_short(r) if r.problem or (r.worst and r.worst.status in CRASHED) else ""
         ends = ["; ".join(r.faults), crash, certainty(r), f"{r.own_seconds:.2f}", r.graded]
-        yield [r.student, of_points(r.points), of_points(rubric.points), of_points(r.bonus), *cells, *ends]
+        yield [r.student, of_points(r.points), of_points(rubric.points), *cells, *ends]
 
 
 CSV_ENDS = ("causes", "problem", "certainty", "seconds", "graded")

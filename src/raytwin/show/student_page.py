@@ -21,7 +21,6 @@ from raytwin.teach.grade.result import Marked, Picture, Result
 from raytwin.teach.grade.rubric import PICTURES, Rubric
 
 SURENESS = {
-    "named": "named by the instructor",
     "proved": "proved",
     "likely": "likely",
     "": "cause unknown",
@@ -142,7 +141,6 @@ def for_student(result: Result, rubric: Rubric) -> Result:
     names = {e.name for e in shown}
     shown = [replace(e, same_as=e.same_as if e.same_as in names else e.same_as and "another exercise") for e in shown]
     pictures = tuple(p for p in result.pictures if p.exercise in names)
-    speed = tuple(row for row in result.speed if row[0] in names)
     places = [str(Path.cwd()), str(Path.home()), tempfile.gettempdir()]
 
     def told(value: Any) -> Any:
@@ -154,10 +152,10 @@ def for_student(result: Result, rubric: Rubric) -> Result:
             return {key: told(one) for key, one in value.items()}
         return list(map(told, value)) if isinstance(value, list | tuple) else value
 
-    left = replace(result, exercises=tuple(shown), pictures=(), speed=(), open_locks=(), seed=0, key="")
+    left = replace(result, exercises=tuple(shown), pictures=(), open_locks=(), seed=0, key="")
     left = msgspec.convert(told(msgspec.to_builtins(left)), Result)
     exercises = tuple(replace(e, code=own.code) for e, own in zip(left.exercises, shown, strict=True))
-    return replace(left, student=result.student, exercises=exercises, pictures=pictures, speed=speed)
+    return replace(left, student=result.student, exercises=exercises, pictures=pictures)
 
 
 def unshown(result: Result) -> frozenset[str]:

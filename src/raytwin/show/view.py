@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from raytwin.compare import METRICS, Comparison, Report, scaled
-from raytwin.compare.scale import scale_of
+from raytwin.compare.exact import scale_of
 from raytwin.images.image import Image, Surface
 from raytwin.scene import Tolerance
 from raytwin.show.numbers import seconds, short, shown
 from raytwin.show.terminal_text import counted
-from raytwin.study.compared import Compared
-from raytwin.study.diff_files import Diff
+from raytwin.study.diff_files import Compared, Diff
 
 if TYPE_CHECKING:
     from raytwin.study.compare_scene import Result

@@ -9,16 +9,9 @@ import numpy as np
 
 from raytwin import twin
 from raytwin.errors import InputError
-from raytwin.images.photo_files import photo_extras, read_photo, write_picture
+from raytwin.images.photo_files import photo_exif, read_photo, write_picture
 from raytwin.photos import boards, camera
-from raytwin.photos.augment import (
-    augment,
-    draw_boxes,
-    draw_pyramid,
-    of_three_channels,
-    printed,
-    to_rec709,
-)
+from raytwin.photos.augment import augment, draw_boxes, draw_pyramid, printed
 from raytwin.photos.find_camera import find_camera
 from raytwin.photos.lighting.light_file import photo_exposure, read_light
 from raytwin.progress import Progress, silent
@@ -42,7 +35,7 @@ def augment_photos(
 
     Where one photo fails, nothing is written.
     `options` are fields of AugmentSettings. Returns a row per photo: its name and its pose's rms in pixels. The photo's
-    ICC profile and EXIF are kept as they are, its orientation with them.
+    EXIF is kept as it is, its orientation with it, and its colours become sRGB.
     """
     chosen = replace(settings or AugmentSettings(), **options)
     scene, asked = scene_and_photos(scene_path)
@@ -69,8 +62,7 @@ def augment_photos(
     with replacing_files(out) as made:
         for done, (path, name) in enumerate(zip(taken, names, strict=True)):
             progress("augment", done, len(taken))
-            pixels, extras = read_photo(path), of_three_channels(photo_extras(path))
-            space = to_rec709(extras.get("icc_profile"))
+            pixels = read_photo(path)
             if pixels.shape[1::-1] != lens.image_size:
                 turned = ": the same, turned by a quarter" if pixels.shape[:2] == lens.image_size else ""
                 found = f"{pixels.shape[1]} x {pixels.shape[0]}{turned}"
@@ -82,13 +74,13 @@ def augment_photos(
             exposure: float | np.ndarray = 1.0 if chosen.exposure is None else chosen.exposure
             if light is not None and chosen.exposure is None:
                 exposure = photo_exposure(path, stand, definition, light)
-            options = {"engine": engine, "shadows": chosen.shadows, "exposure": exposure, "space": space}
+            options = {"engine": engine, "exposure": exposure}
             drawn = augment(pixels, printed(here, definition), **options).pixels
             for pyramid in scene.pyramids:
-                drawn = draw_pyramid(drawn, stand, pyramid, space)
+                drawn = draw_pyramid(drawn, stand, pyramid)
             if chosen.boxes:
                 drawn = draw_boxes(drawn, here)
-            write_picture(made / name, drawn, quality=95, extras=extras)
+            write_picture(made / name, drawn, quality=95, exif=photo_exif(path))
             rows.append({"photo": path.name, "pose_rms_px": pose.rms_px})
     progress("augment", len(taken), len(taken))
     return rows

@@ -15,10 +15,9 @@ from raytwin.images.image import Image
 from raytwin.progress import Progress, Stages, silent
 from raytwin.renderers.twin_renderers import Twin
 from raytwin.renderers.user_renderers import UserRenderer
-from raytwin.scene.mitsuba_file import read_mitsuba, with_film
-from raytwin.study.compare_scene import Result
-from raytwin.study.make_reference import LEVEL_OF_FILES
-from raytwin.study.nothing_in_view import judged_in_view
+from raytwin.scene.mitsuba_file import read_mitsuba
+from raytwin.study.compare_scene import Result, judged_in_view
+from raytwin.study.make_reference import IN_THE_FILE, LEVEL_OF_FILES
 from raytwin.study.rounds import render_sides
 from raytwin.study.settings import CompareSettings
 from raytwin.teach.contract.subject import find_subject
@@ -32,23 +31,20 @@ def subject_of(chosen: CompareSettings) -> UserRenderer | Twin:
     """The renderer that is asked for. Raises InputError for one that cannot take a Mitsuba file, and for a light."""
     if chosen.light is not None:
         raise InputError("--light", "a scene of raytwin's own: a Mitsuba file has its light", chosen.light)
+    if chosen.size is not None:
+        raise InputError("--size", IN_THE_FILE, "{} x {}".format(*chosen.size))
     expected = "a command with {scene} and {out}, FILE.py:FUNCTION, images or twin-*-path-* for a Mitsuba file"
     if not chosen.subject:
         raise InputError("--subject", expected, "nothing: raytwin's tracer cannot render one")
     found = find_subject(chosen.subject, LEVEL_OF_FILES)
     if not isinstance(found, UserRenderer | Twin) or found.rung != LEVEL_OF_FILES:
         raise InputError("--subject", expected, found.name)
-    if chosen.size is not None and isinstance(found, UserRenderer):
-        expected = "the size in the file's <film>, which the subject reads, too"
-        raise InputError("--size", expected, "{} x {}".format(*chosen.size))
     return found
 
 
 def compare_mitsuba(path: str | Path, chosen: CompareSettings, *, progress: Progress = silent) -> Result:
     """Compare the subject with the render of Mitsuba's own integrator and film; `chosen.rung` has no meaning here."""
     scene, subject, stages = read_mitsuba(path), subject_of(chosen), Stages(progress)
-    if chosen.size is not None:
-        scene = with_film(scene, *chosen.size)
     with stages.stage("backend"):
         backend = twin.activate()
         scene = msgspec.structs.replace(scene, names=twin.named_shapes(scene))

@@ -10,10 +10,9 @@ import msgspec
 import numpy as np
 
 from raytwin import twin
-from raytwin.compare import Comparison, Report
+from raytwin.compare import Comparison, Report, compare
 from raytwin.compare.finding import Finding, notes
 from raytwin.explain.ledger import LIGHT_LEFT_OUT, Ledger, make_ledger
-from raytwin.explain.light_parts import sampled_parts
 from raytwin.images.image import Image
 from raytwin.images.photo_files import read_photo
 from raytwin.images.stored_precision import rounding_of
@@ -23,14 +22,12 @@ from raytwin.renderers.renderer import Renderer
 from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.rungs import RUNGS
-from raytwin.scene import MitsubaScene, Scene
+from raytwin.scene import MitsubaScene, Scene, Shape, Tolerance
 from raytwin.scene.lens import without_ray
 from raytwin.scene.mitsuba_file import is_mitsuba
 from raytwin.scene.scene_files import scene_and_photos
 from raytwin.scene_folders import find_scene
-from raytwin.study.beside_twin import compare_with_twin
-from raytwin.study.compared import Compared
-from raytwin.study.nothing_in_view import judged_in_view
+from raytwin.study.diff_files import Compared
 from raytwin.study.rounds import render_sides
 from raytwin.study.settings import CompareSettings
 
@@ -43,6 +40,12 @@ RAYS_THROUGH_CENTERS = (
     "expected difference: the tracer sends one ray through each pixel's center, the twin samples the pixel's area "
     "(--sampling center compares like with like); through the centers they agree"
 )
+
+TO_CHECK = (
+    "R_cam_board and t_cam_board must take the board's frame to OpenCV's camera (x right, y down, z forward). OpenGL, "
+    "NeRF and Blender have y and z the other way, and their matrices take the camera's frame to the world"
+)
+"""What is wrong with most such poses."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -120,6 +123,20 @@ def compare_scene(
     judge = partial(compare_with_twin, scene=job.scene, tolerance=job.scene.tolerance, flip=chosen.flip)
     made, reference, found = render_sides(job.subject, job.scene, job.twin, judge, chosen, job.stages, noisy, job.alike)
     return _result(job, made, reference, *_explained(job, made, reference, found))
+
+
+def compare_with_twin(
+    test: Image, reference: Image, scene: Scene, tolerance: Tolerance | None = None, flip: bool = False, **options: Any
+) -> Comparison:
+    """Compare with the twin's `reference`, whose float32 may err (`twin.settle`). `flip`: with the perceptual metric.
+
+    What the format of the test's file has rounded off is not counted. `options` are further ones of `compare`.
+    """
+    rounding = rounding_of(test)
+    test, said = twin.settle(test, reference, scene)
+    shown, half_steps = rounding.shown(reference), (rounding.half, None)
+    found = compare(test, shown, tolerance=tolerance or Tolerance(), half_steps=half_steps, flip=flip, **options)
+    return found.saying(*said)
 
 
 def prepared(path: str | Path | Scene, chosen: CompareSettings, stages: Stages) -> Job:
@@ -227,30 +244,26 @@ def _explained(job: Job, made: Image, reference: Image, comparison: Comparison) 
     causes: tuple[Finding, ...] = ()
     if failed:
         with stages.stage("cause"):
-            causes = stage_causes(subject) or find_causes(
-                made, compared_with, scene, subject.rung, subject.sampling, job.engine
-            )
+            causes = stage_causes(subject) or find_causes(made, compared_with, scene, subject.rung)
     ledger = None
     if RUNGS[subject.rung].lit:
         with stages.stage("ledger"):
             faulty = failed and not (causes and causes[0].kind == "rounding")
             ledger = make_ledger(scene, made, subject.rung, job.engine, faulty=faulty)
+        if ledger.missing and causes and causes[0].kind == "unknown":
+            causes = (causes[0]._replace(text=f"{causes[0].text}; as if {ledger.missing} were missing"), *causes[1:])
     if on_own_rung is not None:
         comparison = _expected_difference(comparison, on_own_rung, subject.rung, chosen.rung, ledger)
     return comparison.because(*causes), ledger
 
 
-def find_causes(
-    made: Image, reference: Image, scene: Scene, rung: str, sampling: str, engine: str
-) -> tuple[Finding, ...]:
-    """Return why `made` is not its reference, on the same rung; `engine`: follows light for the split."""
+def find_causes(made: Image, reference: Image, scene: Scene, rung: str) -> tuple[Finding, ...]:
+    """Return why `made` is not its reference, on the same rung."""
     from raytwin.explain.diagnosis import explain  # what passes needs no cause
     from raytwin.explain.rounding_cause import rounding_cause
 
     rounded = rounding_cause(made, reference, scene, rung)
-    return rounded or explain(
-        made, reference, scene, rung, rounding_of(made), sampled=sampled_parts(scene, rung, engine, sampling)
-    )  # fmt: skip
+    return rounded or explain(made, reference, scene, rung, rounding_of(made))
 
 
 def stage_causes(subject: Renderer) -> tuple[Finding, ...]:
@@ -270,6 +283,31 @@ def stage_causes(subject: Renderer) -> tuple[Finding, ...]:
         else Finding("proved", f"{r.stage} fails its own test: {r.sentence}")
         for r in (msgspec.structs.replace(r, hint=hint) for r, hint in zip(wrong, hints, strict=True))
     )  # fmt: skip
+
+
+def judged_in_view(comparison: Comparison, reference: Image, scene: Scene | MitsubaScene) -> Comparison:
+    """The comparison; undecided where it passed although no pixel's center sees any of the scene's objects."""
+    surface = reference.surface
+    if surface is None or (surface.depth > 0).any() or not scene.names:
+        return comparison
+    said = "the camera sees no object, so that only the sky is compared"
+    if isinstance(scene, Scene):
+        said += f": {_where(scene)}. {TO_CHECK}"
+    if not comparison.passed:
+        return comparison.saying(said)
+    return comparison.judged("undecided", *notes([f"undecided: {said}"]), *comparison.findings)
+
+
+def _where(scene: Scene) -> str:
+    """How many objects are behind the camera, and how many beside what it sees."""
+    axes, depth = np.asarray(scene.camera.R_cam_board), scene.camera.t_cam_board[2]
+
+    def reach(thing: Shape) -> float:
+        return float(axes[2] @ thing.center + depth + thing.extent(axes)[2])
+
+    behind = sum(reach(thing) <= 0 for thing in scene.objects)
+    parts = [(behind, "behind it"), (len(scene.objects) - behind, "outside the frame")]
+    return " and ".join(f"{n} object{'s are' if n > 1 else ' is'} {place}" for n, place in parts if n)
 
 
 def _untested(scene: Scene, rung: str, passed: bool) -> Iterator[str]:

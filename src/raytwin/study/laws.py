@@ -25,7 +25,7 @@ from raytwin.scene import Rectangle, Scene
 from raytwin.scene.record_base import Row
 from raytwin.scene.scene_files import read_scene
 from raytwin.study.rounds import Budget, Rounds, calls_per_round, sample_more
-from raytwin.study.scene_laws import CAUSES, LAWS, OF_RECTANGLES, Level, View, curtained, placed
+from raytwin.study.scene_laws import CAUSES, LAWS, OF_RECTANGLES, Level, View, placed
 from raytwin.teach.contract.submission import Shown
 
 FALSE_ALARM_RATE = 1e-3
@@ -54,14 +54,13 @@ class LawRow(Row, frozen=True):
 
 @dataclass(frozen=True, eq=False)
 class Laws:
-    """What came of all laws. `pictures`: law -> the changed one, and what it must be; `undrawn`: no rectangle is."""
+    """What came of all laws. `pictures`: law -> the changed one, and what it must be."""
 
     subject: str
     scene: Scene
     rung: str
     rows: tuple[LawRow, ...]
     pictures: dict[str, tuple[Image, Image]]
-    undrawn: bool = False
 
     @property
     def broken(self) -> tuple[LawRow, ...]:
@@ -79,10 +78,6 @@ class Laws:
     @property
     def cause(self) -> str:
         """What a renderer does that breaks just these laws; empty where none is broken."""
-        if self.undrawn:
-            return (
-                'rectangles are not drawn: if the renderer has none, say --without planes (in pytest: without="planes")'
-            )
         names = {row.law for row in self.broken}
         if "disc" in names and any(row.law == "frame" and row.verdict == "skipped" for row in self.rows):
             names.add("frame")  # both show the sky beside a black body
@@ -146,8 +141,7 @@ def laws(
         cause = law.cause if judged.verdict == "fail" else ""
         rows.append(LawRow(law.name, law.does, judged.verdict, judged.reasons, cause))
     progress("laws", len(LAWS), len(LAWS))
-    undrawn = any(row.law in OF_RECTANGLES and row.verdict == "fail" for row in rows) and not trial.draws_rectangles()
-    return Laws(subject.name, trial.base, subject.rung, tuple(rows), pictures, undrawn)
+    return Laws(subject.name, trial.base, subject.rung, tuple(rows), pictures)
 
 
 def _checked(subject: Renderer, scene: Scene, size: tuple[int, int] | None) -> Scene:
@@ -192,22 +186,13 @@ class _Trial:
         found = Rounds(check, *sides, 0, Stages(), calls, calls).decide(self.budget)
         return check.image("test"), check.image("reference"), found
 
-    def draws_rectangles(self) -> bool:
-        """Whether one before the camera, or the scene's own, changes a pixel of a picture with the same seed."""
-        scenes = self.base, self.base.with_(objects=self.base.spheres), curtained(self.base)
-        try:
-            own, *others = (self.render(scene, 1, REFERENCE_SEEDS).mean for scene in scenes)
-        except InputError:  # it looks at them, at least
-            return True
-        return not all(np.array_equal(own, other) for other in others)
-
     def _image(self, view: View, samples: int, seeds: Iterator[int]) -> Image:
         """Return the view's picture from independent renders: what adds pictures adds their variances too."""
         if not view.scenes:
             return Image(np.broadcast_to(np.float32(view.value), (*self.base.image_size[::-1], 3)).copy())
         images = [self.render(scene, samples, next(seeds)) for scene in view.scenes]
         parts: dict[str, Any] = {}
-        for power, name in enumerate(("mean", "variance", "third"), start=1):
+        for power, name in enumerate(("mean", "variance"), start=1):
             arrays = [getattr(image, name) for image in images]
             if all(array is not None for array in arrays):
                 parts[name] = np.float32(view.weight**power) * np.asarray(view.join(arrays), np.float32)

@@ -24,7 +24,7 @@ from raytwin.progress import Progress, Stages, silent
 from raytwin.renderers.references import FILES, Reference, load, path_of, scene_hash, sealed, stale
 from raytwin.rungs import RUNGS
 from raytwin.scene import MitsubaScene, Scene
-from raytwin.scene.mitsuba_file import is_mitsuba, read_mitsuba, with_film
+from raytwin.scene.mitsuba_file import is_mitsuba, read_mitsuba
 from raytwin.scene.scene_files import scene_and_photos
 from raytwin.scene.toml_json import to_record
 from raytwin.study.rounds import Budget, Rounds, round_seed
@@ -38,6 +38,7 @@ STINTS, BATCHES = 8, 8
 BESIDE_THE_OLD = {"pass": "agrees with the old", "fail": "differs from the old", "undecided": "may differ from the old"}
 LEVEL_OF_FILES = "path"
 """The light level that the reference of a Mitsuba file is stored under; its integrator decides what it is."""
+IN_THE_FILE = "the size in the file's <film>, which every renderer of the file reads"
 
 
 def size_of(image_size: tuple[int, int]) -> tuple[int, int]:
@@ -198,8 +199,7 @@ def _sampling(had: dict[str, str], asked: ReferenceSettings) -> tuple[str, int, 
     """Sampling, samples and seed: as asked, else as the old one had (1 sample: it has no noise), else the defaults."""
     before = int(had.get("samples", 1))
     samples = asked.samples or (before if before > 1 else SAMPLES)
-    seed = int(had.get("seed", 0)) if asked.seed is None else asked.seed
-    return asked.sampling or had.get("sampling", "center"), samples, seed
+    return asked.sampling or had.get("sampling", "center"), samples, int(had.get("seed", 0))
 
 
 def _placed(
@@ -207,8 +207,9 @@ def _placed(
 ) -> Scene | MitsubaScene:
     """The scene at the size that is asked for, else the known one's, whose camera stays while the scene is the same."""
     if isinstance(found, MitsubaScene):
-        width, height = size or (found.image_size if known is None else known.image.shape[1::-1])
-        return with_film(found, width=width, height=height)
+        if size not in (None, found.image_size):
+            raise InputError("--size", IN_THE_FILE, "{} x {}".format(*size))
+        return found
     before = None if known is None else known.origin().camera
     if before and known and known.header["scene_hash"] == hashed and size in (None, before.image_size):
         return found.with_camera(before)
@@ -282,8 +283,7 @@ def check(
 
     def render_round(samples: int, seed: int) -> Image:
         if isinstance(found, MitsubaScene):
-            width, height = old.image.shape[1::-1]
-            return twin.render_mitsuba(with_film(found, width=width, height=height), samples, seed)
+            return twin.render_mitsuba(found, samples, seed)
         return replace(twin.render(old.origin(), rung, sampling=sampling, samples=samples, seed=seed), surface=None)
 
     if not isinstance(found, MitsubaScene) and not RUNGS[rung].sampled(sampling):
@@ -291,8 +291,7 @@ def check(
         comparison = compare(today, old.image, tolerance=old.tolerance)
     else:
         check = SequentialComparison(old.image, judging=judging, tolerance=old.tolerance)
-        names = (f"{path.parent.name}/{rung}", "twin")
-        comparison = Rounds(check, render_round, None, seed, Stages(progress), names=names).decide(budget)
+        comparison = Rounds(check, render_round, None, seed, Stages(progress)).decide(budget)
         today = check.image("test")
     said = "cannot be told from today's render" if comparison.exit_code == 2 else "today's render disagrees"
     problems = () if comparison.passed else (f"{path}: {said}", *comparison.reasons)

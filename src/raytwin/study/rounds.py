@@ -67,7 +67,7 @@ class Rounds:
     """The rounds of one comparison. A side whose `Render` is None stays what `check` was made with.
 
     `calls`: at most this many renders of the test per round (`calls_per_round`), of seeds 0, 1, 2 and so on;
-    `reference_calls`: likewise. `names`: of the sides' stages.
+    `reference_calls`: likewise.
     """
 
     def __init__(
@@ -79,11 +79,10 @@ class Rounds:
         stages: Stages,
         calls: float = 1,
         reference_calls: float = 1,
-        names: tuple[str, str] = ("tracer", "twin"),
     ) -> None:
         self.check, self.seed, self.stages = check, seed, stages
         self.calls = {"test": calls, "reference": reference_calls}
-        self._sides = {"test": (test, names[0]), "reference": (reference, names[1])}
+        self._sides = {"test": (test, "tracer"), "reference": (reference, "twin")}
         self._made = {"test": 0, "reference": 0}
 
     def decide(self, budget: Budget) -> Comparison:

@@ -322,6 +322,6 @@ CAUSES: dict[tuple[str, ...], str] = {
     ("sun behind", "moved"): "the sun's direction is used as a place, or normals are taken from the origin",
     ("ball", "sun behind", "covered"): "the direction to the sun has the wrong sign",
     ("frame", "disc", "curtain"): "R and t are not used as p_cam = R p_board + t",
-    ("frame", "curtain"): "rectangles are not hit where they are",
+    ("frame", "curtain"): "rectangles are not hit where they are (without any in the renderer: --without planes)",
 }
 """Laws that break together -> what does that; the first row whose laws are all broken counts."""

@@ -103,16 +103,14 @@ class AugmentSettings:
     """How `augment_photos` draws; checked when it is made.
 
     `camera`: a camera.toml, whose K, distortion and board's shape count; without it the scene's own photos are
-    calibrated. Each photo's pose comes from its own tags of `board` (the scene's, if none is named). `shadows`
-    fall on what the photo shows.
-    `exposure`: the photo's linear value of radiance 1, by default 1. `light`: a light.toml in the place of the scene's
-    sun and sky; then each photo's exposure is by default what its white paper shows. `boxes`: also draw the box of
-    pixels that each sphere's work is trimmed to.
+    calibrated. Each photo's pose comes from its own tags of `board` (the scene's, if none is named). `exposure`: the
+    photo's linear value of radiance 1, by default 1. `light`: a light.toml in the place of the scene's sun and sky;
+    then each photo's exposure is by default what its white paper shows. `boxes`: also draw the box of pixels that each
+    sphere's work is trimmed to.
     """
 
     camera: str | Path | None = None
     board: str | Path | None = None
-    shadows: bool = True
     exposure: float | None = None
     light: str | Path | None = None
     boxes: bool = False
@@ -127,7 +125,6 @@ class ReferenceSettings:
     """How a reference is made. What is None stays as in the old one, or is the default; `again`: even if up to date."""
 
     samples: int | None = None
-    seed: int | None = None
     sampling: str | None = None
     size: tuple[int, int] | None = None
     again: bool = False

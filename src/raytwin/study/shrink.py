@@ -22,8 +22,7 @@ from raytwin.renderers.user_renderers import UserRenderer
 from raytwin.scene import Scene, Sky
 from raytwin.scene.mitsuba_file import is_mitsuba
 from raytwin.scene.scene import NO_SUN
-from raytwin.study.beside_twin import compare_with_twin
-from raytwin.study.compare_scene import prepared
+from raytwin.study.compare_scene import compare_with_twin, prepared
 from raytwin.study.settings import SAMPLES_IF_NOISY, CompareSettings
 from raytwin.teach.contract.submission import Shown
 

@@ -20,7 +20,7 @@ class Stages(NamedTuple):
 
 
 class Specular(NamedTuple):
-    """The highlight of `scene.Phong`: the `share` of the light that it reflects, per channel, and its exponent."""
+    """Phong's highlight: the `share` of the light that it reflects, per channel, and its exponent (`scene.shapes`)."""
 
     share: Vec
     exponent: Any

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytwin.scene import Phong, Shape, Sphere
+from raytwin.scene import Shape, Sphere
 from raytwin.tracer.arrays import INFINITY, Vec, dot, integers, select
 from raytwin.tracer.hit import NO_SPECULAR, Facts, Hit, Specular, Stages, World
 
@@ -37,7 +37,7 @@ class PlainWorld(NamedTuple):
 
     def facts(self, ids: Any) -> Facts:
         rows = np.array([facts_row(thing) for thing in self.objects] or [(0.0,) * 14])
-        return facts_in(tuple(rows.T[:, ids]), any(isinstance(thing.material, Phong) for thing in self.objects))
+        return facts_in(tuple(rows.T[:, ids]), any(thing.highlight for thing in self.objects))
 
 
 def intersect(origin: Vec, d: Vec, thing: Shape, stages: Stages) -> Any:
@@ -87,9 +87,8 @@ def next_hit(world: World, start: Hit, d: Vec) -> Hit:
 def facts_row(thing: Shape) -> tuple[float, ...]:
     """What an object says of its surface, in 14 numbers; `facts_in` has their order."""
     flat, curvature = thing.facing
-    material = thing.material
-    share, exponent = (material.specular, material.exponent) if isinstance(material, Phong) else NO_SPECULAR
-    return (*thing.center, *flat, curvature, *material.albedo, *share, exponent)
+    share, exponent = thing.highlight or NO_SPECULAR
+    return (*thing.center, *flat, curvature, *thing.albedo, *share, exponent)
 
 
 def facts_in(row: Sequence[Any], glossy: bool) -> Facts:

@@ -87,23 +87,18 @@ def render_plain(loaded: Any, samples: int, seeds: tuple[int, ...]) -> np.ndarra
 
 
 def _loaded(scene: MitsubaScene) -> Any:
-    """Mitsuba's scene whose image has the size that is asked for, without `optimize` (see `load`)."""
+    """Mitsuba's scene, without `optimize` (see `load`)."""
     import mitsuba as mi
 
     try:
         loaded = mi.load_file(scene.file, optimize=False)
     except Exception as error:  # RuntimeError, or whatever a plugin of Python's raises
         raise _refused(scene, error) from None
-    sensor, size = loaded.sensors()[0], np.array(scene.image_size)
-    film = sensor.film()
+    film = loaded.sensors()[0].film()
     if "pixel_format = xyz" in str(film):
         raise InputError(scene.file, "a film in RGB or luminance", "XYZ")
-    if ((scale := size / film.crop_size()) != 1).any():
-        whole, offset = (np.round(np.array(side) * scale).astype(int) for side in (film.size(), film.crop_offset()))
-        changed = mi.traverse(sensor)
-        changed["film.size"], changed["film.crop_size"] = np.maximum(whole, offset + size).tolist(), size.tolist()
-        changed["film.crop_offset"] = offset.tolist()
-        changed.update()
+    if (size := tuple(film.crop_size())) != scene.image_size:
+        raise InputError(scene.file, "a <film> within its <sensor> that says the size", "{} x {}".format(*size))
     return loaded
 
 

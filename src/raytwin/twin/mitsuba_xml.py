@@ -6,13 +6,11 @@ The world is the twin's (`place_of`): the board's axes, an origin and a unit tha
 import xml.etree.ElementTree as ET
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from raytwin.errors import InputError, missing_package
 from raytwin.rungs import RUNGS
-from raytwin.scene import Scene
-from raytwin.twin.opencv_sensor import sensor_at
+from raytwin.scene import Camera, Scene
 from raytwin.twin.twin_scene import SIZE, place_of, rgb, translate
 
 SAMPLES = 64
@@ -39,13 +37,11 @@ def mitsuba_xml(scene: Scene, rung: str = "path") -> str:
     if mi.variant() is None:
         mi.set_variant("scalar_rgb")  # nothing is rendered: any will do
     camera, _ = scene.camera, scene.sky_radiance  # raises for a map
-    K = (camera.fx, 0.0, camera.cx), (0.0, camera.fx, camera.cy), (0.0, 0.0, 1.0)
     place, depth = place_of(scene), RUNGS[rung].depth
     world = translate(scene, place, {})
     _tell_apart(world)
     world["integrator"] = {"type": "path", "max_depth": depth, "rr_depth": depth}
-    world["sensor"] = sensor_at(msgspec.structs.replace(camera, K=K, dist=()), place.eye, place.unit, SAMPLES)
-    world["sensor"] |= {"near_clip": max(NEAR_CLIP, place.start), "far_clip": FAR_CLIP}
+    world["sensor"] = perspective(camera, place.eye) | {"near_clip": max(NEAR_CLIP, place.start), "far_clip": FAR_CLIP}
     parsed = mi.parser.parse_dict(mi.parser.ParserConfig(mi.variant()), world)
     root = ET.fromstring(mi.parser.write_string(parsed))
     for element in root.iterfind("*[@type]"):
@@ -55,6 +51,23 @@ def mitsuba_xml(scene: Scene, rung: str = "path") -> str:
             transform[:] = [ET.Element("matrix", value=" ".join(repr(float(x)) for x in numbers))]
     ET.indent(root)
     return ET.tostring(root, "unicode") + "\n"
+
+
+def perspective(camera: Camera, eye: np.ndarray) -> dict[str, Any]:
+    """Mitsuba's own camera at `eye` (3,) of its world, with fx and no distortion; it looks along +z, x left, y up."""
+    import mitsuba as mi
+
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = np.transpose(camera.R_cam_board) * (-1, -1, 1), eye
+    w, h = camera.image_size
+    film = {"type": "hdrfilm", "width": w, "height": h, "pixel_format": "rgb", "component_format": "float32"}
+    return {
+        "type": "perspective", "fov_axis": "x", "fov": float(np.degrees(2 * np.arctan(w / (2 * camera.fx)))),
+        "principal_point_offset_x": (w / 2 - (camera.cx + 0.5)) / w,
+        "principal_point_offset_y": (h / 2 - (camera.cy + 0.5)) / h,
+        "to_world": mi.ScalarTransform4f(pose),
+        "film": film | {"rfilter": {"type": "box"}}, "sampler": {"type": "independent", "sample_count": SAMPLES},
+    }  # fmt: skip
 
 
 def _tell_apart(world: dict[str, Any]) -> None:

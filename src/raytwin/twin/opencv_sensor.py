@@ -9,10 +9,6 @@ from raytwin.scene import Camera
 from raytwin.scene.lens import NEWTON_STEPS, check_lens, newton_step
 from raytwin.twin.backend import activate
 
-TURNED = np.diag([-1.0, -1.0, 1.0, 1.0])
-"""OpenCV's camera frame -> that of Mitsuba's own cameras, which look along +z with x to the left and y up."""
-NEAR_METRES, FAR_METRES = 1e-3, 1e6
-"""Mitsuba's `perspective` sees what lies between these distances."""
 SETTLED = 1e-13
 """Length of Newton's step, in focal lengths, after which the inverse of the distortion is exact in float64."""
 
@@ -20,12 +16,11 @@ SETTLED = 1e-13
 def mitsuba_sensor(camera: Camera, *, samples: int = 16, unit: float = 1.0) -> dict[str, Any]:
     """Return a Mitsuba sensor that sees what `camera` sees, as a dict for `mi.load_dict`; the axes are the board's.
 
-    It is Mitsuba's `perspective` where pixels are square and nothing is distorted; else a sensor that undoes OpenCV's
-    k1, k2, p1, p2, k3 for each ray in double precision, registered with the current variant: set that first. `unit`:
-    units of Mitsuba's world per metre (1000 where it is in millimetres). `samples` per pixel.
+    It undoes OpenCV's k1, k2, p1, p2, k3 for each ray in double precision, and is registered with the current variant:
+    set that first. `unit`: units of Mitsuba's world per metre (1000 where it is in millimetres). `samples` per pixel.
 
-    Raises MachineError without Mitsuba, InputError for a lens that cannot be undone, and on Mitsuba's scalar variants
-    for one that is distorted: they run no sensor written in Python.
+    Raises MachineError without Mitsuba, InputError for a lens that cannot be undone, and on Mitsuba's scalar variants,
+    which run no sensor written in Python.
     """
     try:
         import mitsuba as mi
@@ -33,50 +28,28 @@ def mitsuba_sensor(camera: Camera, *, samples: int = 16, unit: float = 1.0) -> d
         raise missing_package("mitsuba_sensor", error) from None
     if mi.variant() is None:
         activate()
-    return sensor_at(camera, np.asarray(camera.eye) * unit, unit, samples)
-
-
-def sensor_at(camera: Camera, eye: np.ndarray, unit: float, samples: int = 16) -> dict[str, Any]:
-    """`mitsuba_sensor` whose eye is at `eye` (3,) of Mitsuba's world. Mitsuba's variant must be active."""
-    import mitsuba as mi
-
     film = {"type": "hdrfilm", "rfilter": {"type": "box"}, "width": camera.width, "height": camera.height}
-    common = {
+    return lens_at(camera, np.asarray(camera.eye) * unit) | {
         "film": film | {"pixel_format": "rgb", "component_format": "float32"},
         "sampler": {"type": "independent", "sample_count": samples},
     }
-    if any(camera.coefficients) or abs(camera.fx / camera.fy - 1) >= 1e-6:
-        return common | lens_at(camera, eye)
-    return common | {
-        "type": "perspective", "fov_axis": "x", "near_clip": NEAR_METRES * unit, "far_clip": FAR_METRES * unit,
-        "fov": float(np.degrees(2 * np.arctan(camera.width / (2 * camera.fx)))),
-        "to_world": mi.ScalarTransform4f(_pose(camera, eye) @ TURNED),
-        "principal_point_offset_x": (camera.width / 2 - (camera.cx + 0.5)) / camera.width,
-        "principal_point_offset_y": (camera.height / 2 - (camera.cy + 0.5)) / camera.height,
-    }  # fmt: skip
 
 
 def lens_at(camera: Camera, eye: np.ndarray, start: float = 0.0) -> dict[str, Any]:
-    """The sensor that undoes a lens, registered with the active variant; rays begin `start` from the eye."""
+    """The sensor at `eye` (3,) of Mitsuba's world, registered with the active variant; rays begin `start` from it."""
     import mitsuba as mi
 
     if mi.variant().startswith("scalar"):
-        expected = f"square pixels and no distortion, for Mitsuba's own camera on {mi.variant()}"
-        raise InputError("camera", expected, "neither")
+        raise InputError("variant", "one of Mitsuba's that run a sensor written in Python", mi.variant())
     check_lens(camera)
     _register()
     numbers = {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy, "start": start}
     numbers |= {f"dist_{i}": k for i, k in enumerate(camera.coefficients)}
+    pose = np.eye(4)  # the camera's frame -> Mitsuba's world
+    pose[:3, :3], pose[:3, 3] = np.asarray(camera.R_cam_board).T, eye
     made: dict[str, Any] = {"type": "raytwin_lens", "pinhole": not any(camera.dist)}
     made |= {name: float(x) for name, x in numbers.items()}
-    return made | {"to_world": mi.ScalarTransform4d(_pose(camera, eye))}
-
-
-def _pose(camera: Camera, eye: np.ndarray) -> np.ndarray:
-    """The camera's frame -> Mitsuba's world, (4, 4)."""
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = np.asarray(camera.R_cam_board).T, eye
-    return pose
+    return made | {"to_world": mi.ScalarTransform4d(pose)}
 
 
 def _register() -> None:

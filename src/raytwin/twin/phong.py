@@ -2,22 +2,23 @@
 
     f = albedo/π + specular (n + 2)/(2π) max(0, r·v)ⁿ        r·v = 2 (n·l)(n·v) - l·v
 
-`scene.Phong` says what is what. Directions are drawn with the cosine's density, so that a sample's weight is π f.
+`scene.shapes` says what is what. Directions are drawn with the cosine's density, so that a sample's weight is π f.
 """
 
 from typing import Any
 
-from raytwin.scene import Phong, Shape
+from raytwin.scene import Shape
 
 NAME = "raytwin_phong"
 
 
 def bsdf(thing: Shape, reflectance: dict[str, Any]) -> dict[str, Any]:
     """Mitsuba's dictionary for the object's material, with `reflectance` for its albedo."""
-    if not isinstance(thing.material, Phong):
+    if thing.highlight is None:
         return {"type": "diffuse", "reflectance": reflectance}
-    specular = {"type": "rgb", "value": list(thing.material.specular)}
-    return {"type": NAME, "reflectance": reflectance, "specular": specular, "exponent": thing.material.exponent}
+    specular, exponent = thing.highlight
+    return {"type": NAME, "reflectance": reflectance, "specular": {"type": "rgb", "value": list(specular)},
+            "exponent": exponent}  # fmt: skip
 
 
 def register() -> None:

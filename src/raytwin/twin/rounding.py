@@ -11,8 +11,7 @@ from itertools import product
 import numpy as np
 
 from raytwin.images.image import Image, Surface
-from raytwin.scene import Phong, Scene
-from raytwin.scene.camera_rays import camera_rays
+from raytwin.scene import Scene
 from raytwin.twin.twin_scene import SHADOW_OFFSET, SPHERE_OFFSET, place_of
 
 ROUNDING = 2.0**-22
@@ -39,7 +38,7 @@ def settle(test: Image, reference: Image, scene: Scene) -> tuple[Image, tuple[st
     other = own.ids != seen.ids
     apart = other | ((change.max(axis=-1) > LEAST_CHANGE * max(scene.sun.irradiance)) & seen.mask)
     extreme = [i for i in extreme_spheres(scene) if (seen.ids == i).any()]
-    glossy = [i for i, thing in enumerate(scene.objects) if isinstance(thing.material, Phong)]
+    glossy = [i for i, thing in enumerate(scene.objects) if thing.highlight]
     valid = (np.isfinite(test.mean) & (test.mean >= 0)).all(axis=-1)  # rounding makes no other values
     coarse = np.isin(seen.ids, [*extreme, *glossy])
     if (asked := valid & (apart | coarse)).any():
@@ -90,11 +89,11 @@ def _taken(
     (v, u), other, apart = np.nonzero(asked), other[asked], apart[asked]
     depth, offsets = np.maximum(own.depth, seen.depth)[asked], _offsets(scene)
     off = np.maximum(offsets[own.ids[asked]], offsets[seen.ids[asked]])
-    rays = camera_rays(scene.camera, np.stack([u, v], axis=1))
-    away = np.linalg.norm(rays.origin + depth[:, None] * rays.directions - place_of(scene).origin, axis=1)
+    twin, places = TwinLight(scene, {}, 2), ((0, 0), *product((-1, 1), repeat=2))
+    seen_at = scene.camera.eye + depth[:, None] * twin.directions(u, v)
+    away = np.linalg.norm(seen_at - twin.place.origin, axis=1)
     start = SPHERE_OFFSET * max((ball.radius for ball in scene.spheres), default=0.0) + 2 * SHADOW_OFFSET * away
     hair = 2 * scene.camera.fx * (off + np.where(apart & ~other, start, 0)) / np.maximum(depth, off)
-    twin, places = TwinLight(scene, {}, 2), ((0, 0), *product((-1, 1), repeat=2))
     beside = [twin.at(u + du * hair, v + dv * hair) for du, dv in places]
     ids, far, normal, light = (np.stack(part) for part in zip(*beside, strict=True))
     turn = np.ptp(normal, axis=0)

@@ -167,7 +167,7 @@ def _envmap(environment: Environment) -> dict[str, Any]:
 def _albedo(thing: Any, texture: np.ndarray | None) -> dict[str, Any]:
     """A colour, or a bilinear texture: Mitsuba's first row lies at -half_v, ours at +half_v."""
     if texture is None:
-        return rgb(thing.material.albedo)
+        return rgb(thing.albedo)
     import mitsuba as mi
 
     bitmap = mi.Bitmap(np.ascontiguousarray(texture[::-1]))

@@ -10,7 +10,7 @@ from raytwin.images.photo_files import from_bytes
 from raytwin.photos.augment import augment, objects, printed
 from raytwin.photos.boards.board import draw_board, tag_cells
 from raytwin.photos.synthetic_photos import sheet_of
-from raytwin.scene import Camera, Lambert, Rectangle, Scene, Sky, Sphere, Sun
+from raytwin.scene import Camera, Rectangle, Scene, Sky, Sphere, Sun
 
 CAMERA = Camera(
     (320, 240),
@@ -56,8 +56,8 @@ def test_the_shadows_core_gets_the_skys_share_of_the_light():
 def test_a_matt_ball_on_a_matt_floor_gets_the_floors_light_from_below():
     """ρ (Ls (1 + n.z)/2 + Lf (1 - n.z)/2) where the floor, far below, sends Lf = ρf Ls: closed form of one bounce."""
     ball, floor = (
-        Sphere((0.0, 0.0, 0.0), 0.02, Lambert((0.5,) * 3)),
-        Rectangle((0.0, 0.0, -2.0), (400.0, 0.0, 0.0), (0.0, 400.0, 0.0), Lambert((0.6, 0.3, 0.1)), in_photo=True),
+        Sphere((0.0, 0.0, 0.0), 0.02, (0.5,) * 3),
+        Rectangle((0.0, 0.0, -2.0), (400.0, 0.0, 0.0), (0.0, 400.0, 0.0), (0.6, 0.3, 0.1), in_photo=True),
     )
     level = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))  # seen from the side
     camera = msgspec.structs.replace(CAMERA, R_cam_board=level, t_cam_board=(0.0, 0.0, 0.1))

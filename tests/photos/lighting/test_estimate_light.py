@@ -14,7 +14,7 @@ from raytwin.photos.lighting.light_file import photo_exposure, read_light, write
 from raytwin.photos.lighting.light_models import upward
 from raytwin.photos.synthetic_photos import read_truth
 from raytwin.scene import Camera
-from raytwin.scene.scene_files import read_camera, read_scene, write_camera
+from raytwin.scene.scene_files import read_camera, read_scene
 from raytwin.scene.toml_json import json_text, read_toml, write_toml
 from raytwin.show import light_page
 from raytwin.tracer.lights import lighting
@@ -104,7 +104,7 @@ def test_a_board_alone_says_what_to_put_there_and_another_cameras_photo_is_refus
     plain = sorted((lit.parent / "photos").glob("*.jpg"))[0]
     truth = read_truth(lit.parent / "photos" / "truth.toml")
     R, t = truth.photos[plain.name]
-    write_camera(tmp_path / "own.toml", Camera(truth.image_size, truth.K, R, t, truth.dist))
+    write_toml(tmp_path / "own.toml", Camera(truth.image_size, truth.K, R, t, truth.dist).to_dict())
     with pytest.raises(LightRefused, match=r"expected --ball x,y,z,r .* or --stand x,y,h .* got neither") as refused:
         estimate_light(plain, board, tmp_path / "own.toml")
     light_page.write_light_page(refused.value.found, tmp_path / "light.html")

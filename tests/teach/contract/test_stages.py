@@ -41,7 +41,7 @@ def test_every_mistake_is_found_and_called_by_its_name_and_by_no_other(stage):
     def alike(a, b):
         return all(judging._agrees(stage, x, y) for x, y in zip(a, b, strict=True))
 
-    answers = [(v.name, judging.call_stage(stage, v.change(stage.reference), cases)) for v in stage.variants]
+    answers = [(v.name, judging.call_stage(stage, v.make(), cases)) for v in stage.variants]
     shown = [(name, answer) for name, answer in answers if not passes(answer)]
     assert {name for name, _ in answers} - {name for name, _ in shown} <= {"too few steps"}
     assert not [(name, one) for name, answer in shown for one in answer if isinstance(one, str)]
@@ -59,7 +59,7 @@ def test_a_planted_mistake_is_the_cause_that_is_told():
     ):
         stage = CONTRACT[name]
         variant = next(v for v in stage.variants if v.name == cause)
-        found = judge_function(stage, variant.change(stage.reference), seed=2)
+        found = judge_function(stage, variant.make(), seed=2)
         assert not found.passed
         assert (found.causes, found.sentence) == ((cause,), variant.sentence)
         assert ("pixel u = " in found.inputs) == (name == "back_project")

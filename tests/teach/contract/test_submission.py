@@ -111,7 +111,7 @@ def test_without_a_render_the_picture_is_our_tracers_with_the_students_stages_in
     small = single.with_camera(single.camera.resized(32, 24))
     subject = find_subject(str(tmp_path / "mine.py"), "lambert")
     assert subject.name == f"{tmp_path / 'mine.py'} (render is made of its shade, the rest is ours)"
-    sky, E, albedo = small.sky.radiance[0], small.sun.irradiance[0], small.spheres[0].material.albedo[0]
+    sky, E, albedo = small.sky.radiance[0], small.sun.irradiance[0], small.spheres[0].albedo[0]
     middle = subject(small).mean[11:13, 15:17, 0].mean()
     assert middle == pytest.approx(albedo * (E + sky), rel=0.02)  # head on, without pi: as it was handed in
 

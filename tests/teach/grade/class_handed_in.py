@@ -9,7 +9,6 @@ title = "Six < seven"
 seed = 5
 follow_through = 1.0
 hints = 0
-speed = { of = "image", bonus = 2, fast = 100.0, slow = 1000.0 }
 limits = { folder_mb = 3, seconds = 3600, seconds_a_call = 3600 }
 exercises = [
   { stage = "intersect_sphere", points = 10 },

@@ -12,7 +12,7 @@ from raytwin.parallel import Workers
 from raytwin.safe_write import write_text
 from raytwin.show import class_page as pages
 from raytwin.teach.grade.class_run import jobs_of, run
-from raytwin.teach.grade.job import Job
+from raytwin.teach.grade.grade_submission import Job
 from raytwin.teach.grade.result import Marked, Result
 from raytwin.teach.grade.rubric import Rubric, read_rubric
 
@@ -43,8 +43,8 @@ def graded(tmp_path_factory) -> Graded:
     write_text(folder / "in" / "many" / "tracer.py", tracers.RIGHT)
     for i in range(10_001):
         (folder / "in" / "many" / f"{i}.txt").touch()
-    jobs = [*jobs_of(folder / "hasty", folder / "hasty.toml"), *jobs_of(folder / "in", folder / "rubric.toml")]
-    results = run(jobs, folder / "out", Workers())
+    hasty, jobs = jobs_of(folder / "hasty", folder / "hasty.toml"), jobs_of(folder / "in", folder / "rubric.toml")
+    results = [result for some in (hasty, jobs) for result in run(some, folder / "out", Workers())]
     rubric = read_rubric(folder / "rubric.toml")
     assert pages.write_class(results, rubric, folder / "out") == []
     return Graded({r.student: r for r in results}, folder / "out", jobs, rubric)

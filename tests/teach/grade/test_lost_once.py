@@ -1,11 +1,10 @@
-"""Points are arithmetic with what is stored: a mistake costs them once, a bonus hides none, a rubric may change."""
+"""Points are arithmetic with what is stored: a mistake costs them once, and a rubric may change."""
 
-import msgspec
 import pytest
 
-from raytwin.teach.grade.points import marked_by, with_points
+from raytwin.teach.grade.points import with_points
 from raytwin.teach.grade.result import Again, Marked, MarkedPart, Result
-from raytwin.teach.grade.rubric import Exercise, Rubric, Speed
+from raytwin.teach.grade.rubric import Exercise, Rubric
 
 CREDIT = ((0.1, 0.5), (1.0, 0.5))
 EXERCISES = (
@@ -70,28 +69,10 @@ def test_what_is_correct_with_correct_functions_keeps_the_share_that_is_their_ow
     assert with_points(still, rubric()).exercises[2].followed == 0
 
 
-def test_a_bonus_comes_once_everything_is_passed_and_hides_no_failed_exercise():
-    speed = Speed("shadows", bonus=5, fast=1.0, slow=10.0)
-    whole = with_points(result(), rubric(speed=speed))
-    assert (whole.points, whole.of, whole.speed) == (80, 75, (("shadows", 1.0, 0.0),))
-    failed = with_points(result(wrong("spheres", parts="ooooooooox")), rubric(speed=speed))
-    assert (failed.bonus, failed.points) == (0, 73)
-    assert failed.speed == whole.speed
-
-
-def test_hints_of_another_level_take_the_place_of_the_stored_ones():
-    hints = "look at line 3", "line 3: the sign", "line 3: the sign; `a` for `b`"
-    for stored in hints:
-        one = msgspec.structs.replace(wrong("spheres"), hints=hints, sentences=("far", f"mend: {stored}"))
-        for level in (1, 2, 3):
-            made = with_points(result(one), rubric(hints=level))
-            assert made.exercises[0].sentences == ("far", f"mend: {hints[level - 1]}")
-
-
 def test_marking_twice_is_marking_once_and_a_result_of_other_exercises_stays():
     found = result(wrong("spheres", "a", parts="ox"), wrong("shadows", "a"))
-    once = marked_by(found, rubric())
-    assert marked_by(once, rubric()) == once
-    assert marked_by(marked_by(found, rubric(follow_through=0.2)), rubric()) == once
+    once = with_points(found, rubric())
+    assert with_points(once, rubric()) == once
+    assert with_points(with_points(found, rubric(follow_through=0.2)), rubric()) == once
     broken = Result("a", "k", "", (), problem="the grader's own fault", grader_fault=True)
-    assert marked_by(broken, rubric()) == broken
+    assert with_points(broken, rubric()) == broken

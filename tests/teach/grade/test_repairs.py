@@ -84,14 +84,14 @@ def wrong_image(*faults):
 def test_whether_the_line_or_the_cause_comes_first_and_how_sure_it_is():
     line = Repair("", 7, "the sign is wrong", "-a", "a")
     for faults, place in ((("nothing-met",), 0), (("no-planes",), 0), (("endless-planes",), 1)):  # two say what is seen
-        made = _with_hint(wrong_image(*faults), line, 2, "")
+        made = _with_hint(wrong_image(*faults), line, 2)
         assert [k for k, sentence in enumerate(made.sentences) if "line 7" in sentence] == [place], faults
     for faults, sure, said in (
         ((), True, "proved"), ((), False, "likely"), (("shadow-offset",), True, "likely"),
         (("nothing-met",), True, "proved"),
     ):  # fmt: skip
         image = msgspec.structs.replace(wrong_image(*faults), sureness="likely" if faults else "")
-        made = _with_hint(image, replace(line, sure=sure), 2, "")
+        made = _with_hint(image, replace(line, sure=sure), 2)
         assert ("line 7" in made.sentences[0], made.sureness) == (True, said), faults
 
 

@@ -10,7 +10,7 @@ from raytwin.cli import app
 from raytwin.errors import InputError
 from raytwin.teach.contract.stage_table import CONTRACT, LESSONS
 from raytwin.teach.grade.class_run import jobs_of
-from raytwin.teach.grade.rubric import READY, Exercise, Speed, read_rubric
+from raytwin.teach.grade.rubric import READY, Exercise, read_rubric
 from raytwin.teach.grade.submission_code import code_of
 
 GOOD = """
@@ -54,28 +54,20 @@ def test_what_is_wrong_with_a_rubric_is_said_with_its_field(read):
         ("[[1e-4, 0.8], [1e-2, 0.4]]", "[[1e-2, 0.8], [1e-4, 0.4]]", "rows by rising error"),
         ("points = 10", 'points = 10\nname = "render (lambert: single, 2 drawn)"', "names that differ"),
         ('title = "t"', 'title = "t"\nfolder = "x"', "r.toml: folder is no known key."),
+        ("points = 10", "points = 10\ninside = true", "r.toml: inside was removed in 0.2.0. Leave the exercise out"),
         ("points = 10", "point = 10", "exercises[0].point is no known key. Did you mean points?"),
-        ('title = "t"', 'title = "t"\n[speed]\nof = "intersect_sphere"', "speed.of"),
+        ('title = "t"', 'title = "t"\n[speed]\nof = "image"', "r.toml: speed was removed in 0.2.0. Leave it out"),
     ):
         with pytest.raises(InputError, match=re.escape(said)):
             read(GOOD.replace(old, new))
-    with pytest.raises(InputError, match=r"speed\.of: expected an exercise with drawn scenes, got 'i'"):
-        read(GOOD.replace("drawn = 2", 'name = "i"') + '[speed]\nof = "i"\n')
 
 
 def test_partial_credit_falls_with_the_logarithm_of_the_error():
     row = Exercise("shade", 10, credit=((1e-6, 0.9), (1e-4, 0.5), (1e-2, 0.1)))
-    earned = [row.share(False, e, None) for e in (1e-9, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.011, None, float("nan"))]
+    earned = [row.share(False, e) for e in (1e-9, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.011, None, float("nan"))]
     assert earned == pytest.approx([0.9, 0.9, 0.7, 0.5, 0.3, 0.1, 0, 0, 0])
-    assert row.share(True, 1.0, None) == 1.0
-    assert Exercise("shade", 10).share(False, 1e-9, 0.0) == 0.0
-    by_pixels = Exercise("render", 10, measure="wrong", credit=((0.01, 0.8), (0.1, 0.2)))
-    assert by_pixels.share(False, 1e3, 0.01) == 0.8
-
-
-def test_a_bonus_for_speed_is_whole_at_fast_and_gone_at_slow():
-    speed = Speed("image", bonus=6, fast=0.01, slow=10)
-    assert [speed.earned(s) for s in (1e-12, 0.01, 0.1, 10, 100)] == [6, 6, 4, 0, 0]
+    assert row.share(True, 1.0) == 1.0
+    assert Exercise("shade", 10).share(False, 1e-9) == 0.0
 
 
 def test_a_seed_belongs_to_the_submission_and_the_rubric(read):

@@ -7,8 +7,7 @@ from msgspec.structs import replace
 
 from raytwin.show import class_page as pages
 from raytwin.show.student_page import for_student, seen_as, student_page
-from raytwin.teach.grade.excerpt import with_own_text
-from raytwin.teach.grade.feedback import unnamed
+from raytwin.teach.grade.marks import lines_of
 from raytwin.teach.grade.result import CodeLine, Marked, MarkedPart, Result
 from raytwin.teach.grade.rubric import Exercise, Rubric
 from raytwin.teach.sandbox.sandbox import Code
@@ -83,40 +82,22 @@ def test_the_lines_that_sentences_speak_of_are_shown_with_their_neighbours():
         ("wrong everywhere", None),
         ("line 99: beyond the end", None),
     ):
-        made = with_own_text(Result("a", "k", "t", (wrong("a", sentence),)), Code(source=SOURCE, file="my ada.py"))
-        lines = made.exercises[0].code
+        lines = lines_of(wrong("a", sentence), Code(source=SOURCE, file="my ada.py"))
         assert {line.number for line in lines if line.here} == (here or set()), sentence
         if here:
             near = {n + k for n in here for k in (-2, -1, 0, 1, 2)} & set(range(1, 8))
             assert lines == tuple(CodeLine(n, SOURCE.splitlines()[n - 1], n in here) for n in sorted(near))
+            made = Result("a", "k", "t", (wrong("a", sentence, code=lines),))
             assert f"<i>{min(here)}</i>" in student_page(made, RUBRIC)
 
 
-def test_a_notebooks_cells_are_named_by_what_they_define():
-    code = Code(file="a.ipynb", cells=(("cell 2", "import numpy as np\n1 / 0"), ("cell 14", SOURCE)))
-    hints = "look at cell 14, line 5", "cell 14, line 5: the sign", "cell 14, line 5: the sign; `2` for `1`"
-    one = wrong("a", f"mend: {hints[1]}", hints=hints, mistakes=hints[2:])
-    made = with_own_text(Result("a", "k", "t", (one,), notes=("cell 2: ZeroDivisionError",)), code)
-    there = "line 5 of the cell that defines render"
-    assert made.exercises[0].sentences == (f"mend: {there}: the sign",)
-    assert made.exercises[0].hints[0] == f"look at {there}"
-    assert made.notes == ("the cell that begins with `import numpy as np`: ZeroDivisionError",)
-    assert [line.text for line in made.exercises[0].code if line.here] == ["    a = 1"]
-
-
 def test_a_mistake_that_is_known_by_its_line_is_counted_and_a_name_that_is_no_cause_is_not():
-    by_line = wrong("a", "line 5: the sign", repair="the sign is wrong", faults=(("gamma", "no"),), sureness="proved",
-                    fingerprint="1")  # fmt: skip
+    by_line = wrong("a", "line 5: the sign", repair="the sign is wrong", faults=(("gamma", "no"),), sureness="proved")
     proved = replace(by_line, mistakes=("gamma",))
-    named = replace(by_line, sureness="named")
-    follows = wrong("b", same_as="a", faults=(("bgr", "no"),), fingerprint="1")
-    some = [
-        Result(name, name, "t", (e, follows))
-        for name, e in (("x", by_line), ("y", by_line), ("z", proved), ("w", named))
-    ]
+    follows = wrong("b", same_as="a", faults=(("bgr", "no"),))
+    some = [Result(name, name, "t", (e, follows)) for name, e in (("x", by_line), ("y", by_line), ("z", proved))]
     counted = [(name, [r.student for r, _ in who]) for name, _, who in pages.faults(some)]
-    assert counted == [("gamma", ["z", "w"]), ("render: the sign is wrong", ["x", "y"])]
-    assert unnamed(some) == []
+    assert counted == [("render: the sign is wrong", ["x", "y"]), ("gamma", ["z"])]
 
 
 def test_what_to_look_at_first_comes_first_then_what_lost_most_and_what_is_not_written_comes_last():

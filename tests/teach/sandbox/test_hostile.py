@@ -19,8 +19,7 @@ from raytwin.teach.sandbox.sandbox import Code, Limits, Sandbox, probe
 NAMES = re.findall(r"@tried\ndef (\w+)", attacks.ATTACKS)
 OTHERS = re.findall(r"^def (\w+)\(\)", attacks.ATTACKS, re.MULTILINE)
 SHORT = Limits(
-    seconds=20, seconds_a_call=0.35, cpu_seconds=20, memory_mb=200, folder_mb=8, file_mb=4, processes=12, output_mb=2,
-    answer_mb=4,
+    seconds=20, seconds_a_call=0.35, cpu_seconds=20, memory_mb=200, folder_mb=8, file_mb=4, processes=12, answer_mb=4,
 )  # fmt: skip
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="tries what POSIX has")

@@ -9,9 +9,8 @@ import submitted_tracers as tracers
 
 from raytwin.teach.grade import grade_submission as grading
 from raytwin.teach.grade.class_run import jobs_of
-from raytwin.teach.sandbox import turns
+from raytwin.teach.grade.grade_submission import turn
 from raytwin.teach.sandbox.sandbox import Answer, Sandbox, probe
-from raytwin.teach.sandbox.turns import turn
 
 pytestmark = [
     pytest.mark.nightly,
@@ -22,7 +21,7 @@ RUBRIC = 'title = "t"\n[[exercises]]\nstage = "intersect_sphere"\npoints = 10\n'
 
 
 def test_who_is_alone_waits_for_the_others_and_they_for_it(monkeypatch, tmp_path):
-    monkeypatch.setattr(turns, "share_a_limit", lambda: True)
+    monkeypatch.setattr(grading, "share_a_limit", lambda: True)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     order: list[str] = []
 
@@ -43,7 +42,7 @@ def test_a_submission_to_which_a_thread_was_refused_is_graded_again_alone(tmp_pa
     (tmp_path / "r.toml").write_text(RUBRIC)
     (tmp_path / "right.py").write_text(tracers.RIGHT)
     probe()
-    monkeypatch.setattr(turns, "share_a_limit", lambda: True)
+    monkeypatch.setattr(grading, "share_a_limit", lambda: True)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     own, taken = Sandbox.call, []
 

@@ -44,7 +44,7 @@ NO_MESSAGES = (
         forged([["<f8", -1, -3]], data=bytes(24)),
         forged([["<f8", 4]], data=bytes(24)),
         forged([["<f8", 3]], {"array": 5}, bytes(24)),
-        forged([["<f8", 1]] * 65, data=bytes(8 * 65)),
+        forged([["<f8", 1]] * 1025, data=bytes(8 * 1025)),
         forged([["<f8", 1 << 62, 1 << 62]]),
         forged([["<f8", True]], data=bytes(8)),
         forged([["<f8", 1.0]], data=bytes(8)),
@@ -68,13 +68,13 @@ def test_what_is_no_message_is_refused():
 
 
 def test_the_grader_may_send_a_large_head_and_many_arrays_and_a_submission_may_not():
-    for value in ("x" * (1 << 20), [np.zeros(1)] * 65):
+    for value in ("x" * (1 << 20), [np.zeros(1)] * 1025):
         data = written(value)
-        assert len(wire.read_trusted(wire.exactly(io.BytesIO(data)), 1 << 22)) == len(value)
+        assert len(wire.read(wire.exactly(io.BytesIO(data)), 1 << 22, trusted=True)) == len(value)
         with pytest.raises(wire.WireError):
             read(data, 1 << 22)
     with pytest.raises(wire.WireError):
-        wire.read_trusted(wire.exactly(io.BytesIO(data)), len(data) - 9)
+        wire.read(wire.exactly(io.BytesIO(data)), len(data) - 9, trusted=True)
 
 
 def test_a_message_is_as_long_as_it_says_and_a_reader_sets_the_most():

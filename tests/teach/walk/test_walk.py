@@ -11,48 +11,22 @@ from program import raytwin, refused
 from raytwin.photos.camera import detect_photos
 from raytwin.show.notebook_page import Pictures
 from raytwin.show.walk_cell import mine, show
-from raytwin.teach.contract.check_function import judge_function
 from raytwin.teach.contract.stage_table import LESSONS
-from raytwin.teach.walk import solutions, with_functions, write_walk
+from raytwin.teach.walk import write_walk
 from raytwin.teach.walk.desk import Desk
-from raytwin.teach.walk.written import solutions as solution_texts
-from raytwin.teach.walk.written import source
 
 pytestmark = pytest.mark.nightly
 
 
-MISTAKES = {
-    "tag_centers": ("- 0.5", "", "half a pixel is to be taken off"),
-    "intrinsics": ("s = B33 + cx * B13 + cy * B23", "s = B33", "B is known up to a scale"),
-    "back_project": ("(width), np.arange(height)", "(width) + 0.5, np.arange(height) + 0.5", "half a pixel beside"),
-    "intersect_sphere": ("np.where(far > 0, far, np.inf)", "np.inf", "rays that start inside the sphere miss it"),
-    "shade": ("albedo / np.pi", "albedo", "π times too bright"),
-    "sun_visible": (" & (b < 0)", "", "only those with t > 0"),
-    "sky_visible": ("(radius / d) ** 2", "(radius / d)", "r/d is not squared"),
-    "sample_cosine": ("np.sqrt(1 - u[:, 0])", "1 - u[:, 0]", "the directions are not unit"),
-}
-"""Of each function: what is written, what stands there instead, and words that must come."""
-
-
-def test_each_solution_passes_its_check_and_each_planted_mistake_is_said_in_words():
-    texts = solution_texts()
-    assert set(texts) == set(MISTAKES)
-    for name, (right, wrong, words) in MISTAKES.items():
-        assert texts[name].count(right) == 1, name
-        space = dict(vars(solutions))
-        assert judge_function(LESSONS[name], space[name], seed=3).passed
-        exec(texts[name].replace(right, wrong), space)
-        found = judge_function(LESSONS[name], space[name])
-        assert words in found.sentence
-        assert "no single common mistake" not in found.sentence
-
-
-def test_with_its_functions_filled_in_it_arrives_at_the_twin(tmp_path, monkeypatch, capsys):
-    """As a notebook, cell by cell, in this process."""
+def test_with_raytwins_own_functions_it_arrives_at_the_twin(tmp_path, monkeypatch, capsys):
+    """As a notebook, cell by cell, in this process; its empty functions are lent, but for one that is written."""
     shells = pytest.importorskip("IPython.core.interactiveshell").InteractiveShell
     nbformat = pytest.importorskip("nbformat")
-    book = nbformat.read(write_walk(tmp_path, notebook=True, solved=True), as_version=4)
+    book = nbformat.read(write_walk(tmp_path, notebook=True), as_version=4)
     assert [cell.cell_type for cell in book.cells][:2] == ["markdown", "code"]
+    written = "return albedo / np.pi * irradiance * np.maximum(0, normals @ to_light)[:, None] + albedo * sky"
+    shade = next(cell for cell in book.cells if "def shade(" in cell.source)
+    shade.source = shade.source.replace("...  # yours", written)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path))
     monkeypatch.setitem(mine.__globals__, "in_notebook", lambda: True)
@@ -68,8 +42,7 @@ def test_with_its_functions_filled_in_it_arrives_at_the_twin(tmp_path, monkeypat
     assert len(shown) == 7  # each stage's picture but the second's
     assert all(one._repr_mimebundle_()["image/png"].startswith(b"\x89PNG") for one in shown)
     said = capsys.readouterr().out
-    assert said.count("PASS") == len(MISTAKES)
-    assert "FAIL" not in said
+    assert (said.count("PASS"), said.count("TODO"), said.count("FAIL")) == (1, 7, 0)
     found = {name: float(x) for name, x in re.findall(r"^\d (\w+): RMSE (\S+) beside the twin", said, re.MULTILINE)}
     # In the last: the sheet's shadow on the table, the sky that is cut by a horizon, and noise.
     limits = {"intersect": 1e-6, "shade": 1e-6, "shadow": 0.01, "sky": 0.02, "path": 0.03}
@@ -98,9 +71,7 @@ def test_a_function_that_is_still_empty_is_to_do_and_no_mistake(capsys, monkeypa
     assert capsys.readouterr().out.startswith("FAIL  shade: it returned None")
 
 
-def test_what_is_half_walked_is_not_overwritten_and_a_function_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(Exception, match="one of tag_centers"):
-        with_functions(source(), {"detect": "def detect(): ..."})
+def test_what_is_half_walked_is_not_overwritten(tmp_path):
     assert raytwin("walk", "-o", tmp_path).stdout.startswith("wrote ")
     (tmp_path / "walk.py").write_text("mine")
     refused(raytwin("walk", "-o", tmp_path), "walk.py", "a new file")

@@ -39,6 +39,9 @@ SKY_REACH = 1 / 400
 LEAST_SLOPE = 1e-6
 """Least cosine of the sun to a plane whose shadows are drawn."""
 
+BOX_COLOUR = (255, 64, 64)
+"""sRGB of the outlines of trim boxes."""
+
 STRIP_PIXELS = 1 << 18
 """Pixels worked on at a time."""
 
@@ -60,21 +63,18 @@ def augment(
     subsamples: int = 3,
     shadows: bool = True,
     exposure: float | np.ndarray = 1.0,
-    space: np.ndarray | None = None,
 ) -> Augmented:
     """Return `photo`, uint8 sRGB (H, W, 3) taken by `scene.camera`, with the scene's objects drawn in.
 
     Each pixel is the mean of `subsamples`² places. `exposure` is the photo's linear value of radiance 1, or three of
     them, or those of each pixel (H, W, 3), which has the lens's falloff in it. Objects that the photo already shows
-    (`in_photo`) are not drawn. `space` (3, 3): the photo's linear RGB to Rec. 709, see `colour`. Without `shadows` the
-    photo is taken to show the objects already. `engine`: a row of ENGINES, as for `compare_scene`. Raises InputError
-    for a photo of another size than the camera's.
+    (`in_photo`) are not drawn. Without `shadows` the photo is taken to show the objects already. `engine`: a row of
+    ENGINES, as for `compare_scene`. Raises InputError for a photo of another size than the camera's.
     """
     height, width = photo.shape[:2]
     if scene.camera.image_size != (width, height):
         expected = f"{scene.camera.width} x {scene.camera.height} pixels, as the camera's"
         raise InputError("photo", expected, f"{width} x {height}")
-    space = np.eye(3) if space is None else space
     value_of_one = np.broadcast_to(np.asarray(exposure, np.float32), photo.shape)
     out, coverage, ratio = photo.copy(), np.zeros((height, width), np.float32), np.ones(photo.shape, np.float32)
     x0, y0, x1, y1 = _touched(scene, shadows)
@@ -84,9 +84,8 @@ def augment(
         box = x0, top, x1, min(top + rows, y1)
         part = slice(top, box[3]), slice(x0, x1)
         drawn, coverage[part], ratio[part] = _light(scene, box, engine, subsamples, paths, shadows)
-        light = from_bytes(photo[part]) @ space.T.astype(np.float32)
-        light = light * ratio[part] * (1 - coverage[part][..., None]) + value_of_one[part] * drawn
-        out[part] = to_bytes(light @ np.linalg.inv(space).T.astype(np.float32))
+        light = from_bytes(photo[part]) * ratio[part] * (1 - coverage[part][..., None])
+        out[part] = to_bytes(light + value_of_one[part] * drawn)
     return Augmented(out, coverage, ratio)
 
 
@@ -107,6 +106,15 @@ def printed(scene: Scene, board: Board) -> Scene:
         return msgspec.structs.replace(thing, albedo=(r, g, b))
 
     return scene.with_(objects=tuple(inked(thing) for thing in scene.objects))
+
+
+def draw_boxes(photo: np.ndarray, scene: Scene) -> np.ndarray:
+    """Return the photo (H, W, 3) with the outline of each sphere's trim box, as in the paper's figure 6."""
+    out = np.ascontiguousarray(photo).copy()
+    for x0, y0, x1, y1 in trim_boxes(scene.spheres, scene.camera).tolist():
+        if x0 < x1:
+            cv2.rectangle(out, (x0, y0), (x1 - 1, y1 - 1), BOX_COLOUR, max(1, round(out.shape[1] / 400)))
+    return out
 
 
 def _light(

@@ -16,19 +16,16 @@ PIECES = 16
 """Pieces in which a straight edge is drawn, since it bends under a lens."""
 
 
-def draw_pyramid(photo: np.ndarray, camera: Camera, pyramid: Pyramid, space: np.ndarray | None = None) -> np.ndarray:
+def draw_pyramid(photo: np.ndarray, camera: Camera, pyramid: Pyramid) -> np.ndarray:
     """Return a copy of `photo`, uint8 sRGB (H, W, 3), with the pyramid drawn in.
 
     Each face covers what lies behind it by its `opacity`, in linear light. All have one colour, so that their order
-    changes nothing. `space`: the photo's linear RGB to Rec. 709. A pyramid that reaches the camera's plane, or past
-    where the lens folds back, is left out whole.
+    changes nothing. A pyramid that reaches the camera's plane, or past where the lens folds back, is left out whole.
     """
-    vertices = np.array(pyramid.vertices)
+    vertices, color = np.array(pyramid.vertices), np.array(pyramid.color, np.float32)
     R, t = np.array(camera.R_cam_board), np.array(camera.t_cam_board)
     if not lens_model.grows(vertices @ R.T + t, camera.dist).all():
         return photo.copy()
-    # Blending does not care for primaries: the colour goes into the photo's.
-    color = np.linalg.solve(np.eye(3) if space is None else space, pyramid.color)
     share = np.linspace(0, 1, PIECES + 1)[:, None]
 
     def edge(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -52,4 +49,4 @@ def draw_pyramid(photo: np.ndarray, camera: Camera, pyramid: Pyramid, space: np.
 def _blend(out: np.ndarray, coverage: np.ndarray, color: np.ndarray, opacity: float) -> None:
     rows, columns = np.nonzero(coverage)
     a = (coverage[rows, columns] / np.float32(255) * np.float32(opacity))[:, None]
-    out[rows, columns] = out[rows, columns] * (1 - a) + color.astype(np.float32) * a
+    out[rows, columns] = out[rows, columns] * (1 - a) + color * a

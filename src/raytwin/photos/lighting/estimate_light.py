@@ -83,8 +83,8 @@ def estimate_light(
     Raises InputError where this is no photo of the board by the camera, LightRefused where it does not show its light.
     """
     definition = with_shape(boards.read_board(board), camera)
-    linear, said = read_linear(photo, _placed(photo, read_camera(camera), definition), definition)
-    start = LightEstimate(linear, definition, ball, stand, warnings=said)
+    linear = read_linear(photo, _placed(photo, read_camera(camera), definition), definition)
+    start = LightEstimate(linear, definition, ball, stand, warnings=[*linear.warnings])
     try:
         return _estimated(start)
     except InputError as error:

@@ -89,4 +89,4 @@ def write_light(path: str | os.PathLike, light: Light, paper: np.ndarray, commen
 
 def photo_exposure(path: str | os.PathLike, camera: Camera, board: Board, light: WrittenLight) -> np.ndarray:
     """Return the photo's linear value of radiance 1 (H, W, 3), by its white paper and the lens's falloff."""
-    return read_linear(Path(path), camera, board)[0].value_of_one(np.array(light.paper.color))
+    return read_linear(Path(path), camera, board).value_of_one(np.array(light.paper.color))

@@ -1,8 +1,7 @@
 """A photo as linear light relative to the board's white paper.
 
-sRGB's curve makes codes linear, and the photo's profile converts colours to Rec. 709. Then the lens's falloff, a power
-of the cosine of the angle off the axis, is divided out, and the photo is scaled so that white paper in full light has
-luminance 1. Falloff and scale come from the tags' white cells; their black cells show tone mapping.
+sRGB's curve makes codes linear. Then the lens's falloff, a power of the cosine of the angle off the axis, is divided
+out, and the photo is scaled so that white paper in full light has luminance 1. Both come from the white around tags.
 """
 
 from dataclasses import dataclass
@@ -12,8 +11,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from raytwin.errors import InputError
-from raytwin.images.photo_files import from_bytes, photo_extras, read_photo
-from raytwin.photos.augment.colour import to_rec709
+from raytwin.images.photo_files import from_bytes, read_photo
 from raytwin.photos.boards.board import Board, tag_cells
 from raytwin.photos.camera import lens_model
 from raytwin.scene import Camera
@@ -26,7 +24,7 @@ LAMP_CODE = 249
 """Least code of all channels in a lamp: JPEG mixes the colours of a small one with its surroundings'. In four photos
 lamps of a few pixels have 247 to 252 on average, and sunlit walls whose red alone is clipped up to 245."""
 
-LEAST_CELL_PX, LEAST_CELLS = 3.0, 50
+LEAST_CELL_PX, LEAST_CELLS = 3.0, 25
 """Least side in pixels of a tag's cell, whose middle is then free of its neighbours; least number of such cells."""
 
 FALLOFF, FALLOFF_WEIGHT = 1.0, 5e-5
@@ -35,14 +33,12 @@ FALLOFF, FALLOFF_WEIGHT = 1.0, 5e-5
 MAX_CLIPPED_SHARE = 0.1
 """Largest share of paper in full light that may be clipped without a warning."""
 
-INK = 0.012, 0.12
-"""Linear light of ink over that of paper, under any light and with some glare."""
-
 
 @dataclass(frozen=True, eq=False)
 class LinearPhoto:
     """`light` (H, W, 3): linear, paper in full light is 1 in luminance; `clipped` (H, W); `paper` (3): linear value of
-    paper in full light as the photo has it on the lens's axis; `shade` (H, W): the falloff from there."""
+    paper in full light as the photo has it on the lens's axis; `shade` (H, W): the falloff from there. `warnings`: what
+    makes it a doubtful measure of light."""
 
     name: str
     camera: Camera
@@ -51,6 +47,7 @@ class LinearPhoto:
     pixels: np.ndarray
     paper: np.ndarray
     shade: np.ndarray
+    warnings: tuple[str, ...] = ()
 
     @property
     def paper_colour(self) -> np.ndarray:
@@ -80,55 +77,43 @@ def sample(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     return np.stack(found, axis=-1).reshape(-1, *image.shape[2:])
 
 
-def read_linear(path: Path, camera: Camera, board: Board) -> tuple[LinearPhoto, list[str]]:
-    """Return the photo taken by `camera`, and warnings. Raises InputError where its tags are too small."""
-    pixels, icc = read_photo(path), photo_extras(path).get("icc_profile")
-    linear = from_bytes(pixels) @ to_rec709(icc).T.astype(np.float32)
-    at, white = _cells(camera, board)
+def read_linear(path: Path, camera: Camera, board: Board) -> LinearPhoto:
+    """Return the photo taken by `camera`. Raises InputError where its tags are too small."""
+    pixels = read_photo(path)
+    linear = from_bytes(pixels)
+    at = _white_cells(camera, board)
     if len(at) < LEAST_CELLS:
         raise InputError(path, f"tags with cells {LEAST_CELL_PX:.0f} pixels wide, to measure light by", "smaller ones")
     x = ((np.arange(camera.width) - camera.cx) / camera.fx).astype(np.float32)
     y = ((np.arange(camera.height) - camera.cy) / camera.fy).astype(np.float32)
     cosine = 1 / np.sqrt(1 + y[:, None] ** 2 + x**2)  # the lens's bend is too small to matter here
     of_cells, cosines = sample(linear, at), sample(cosine, at)
-    exponent, lit = _falloff(of_cells[white] @ REC_709, cosines[white])
+    exponent, lit = _falloff(of_cells @ REC_709, cosines)
     flat = of_cells / cosines[:, None] ** exponent
-    paper, shade = np.median(flat[white][lit], axis=0), cosine ** np.float32(exponent)
+    paper, shade = np.median(flat[lit], axis=0), cosine ** np.float32(exponent)
     light = linear / np.float32(paper @ REC_709) / shade[..., None]
-    photo = LinearPhoto(path.name, camera, light, pixels.max(axis=-1) >= CLIPPED_CODE, pixels, paper, shade)
-    clipped = sample(photo.clipped.astype(np.float32), at[white][lit]).mean()
-    ink = np.median(flat[~white] @ REC_709) / np.median(flat[white] @ REC_709)
-    warnings = []
-    if clipped > MAX_CLIPPED_SHARE:
-        warnings.append(
-            f"{photo.name}: {100 * clipped:.0f} % of the paper in full light is clipped, so that all light comes out"
-            " too strong beside it: expose less"
-        )
-    if not INK[0] < ink < INK[1]:
-        warnings.append(
-            f"{photo.name}: the tags' black is {100 * ink:.2g} % of their white, where ink gives"
-            f" {100 * INK[0]:.0f} to {100 * INK[1]:.0f} %: the photo was tone-mapped, or veiled by glare"
-        )
-    return photo, warnings
+    clipped = pixels.max(axis=-1) >= CLIPPED_CODE
+    share, warnings = sample(clipped.astype(np.float32), at[lit]).mean(), list[str]()
+    if share > MAX_CLIPPED_SHARE:
+        what = f"{path.name}: {100 * share:.0f} % of the paper in full light is clipped"
+        warnings.append(f"{what}, so that all light comes out too strong beside it: expose less")
+    return LinearPhoto(path.name, camera, light, clipped, pixels, paper, shade, tuple(warnings))
 
 
-def _cells(camera: Camera, board: Board) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pixels (n, 2) of places half a cell outside and inside the tags' edges that are seen large enough, and
-    which are white paper (n,): these are the same however a tag is turned."""
+def _white_cells(camera: Camera, board: Board) -> np.ndarray:
+    """Return the pixels (n, 2) of places half a cell outside the tags' edges that are seen large enough."""
     cells = len(tag_cells(board.family, 0))
     side = ((np.arange(cells) + 0.5) / cells - 0.5) * board.tag_edge
-    across = np.array([[board.tag_edge * (0.5 + 0.5 / cells)], [board.tag_edge * (0.5 - 0.5 / cells)]]) + 0 * side
-    x, y = np.concatenate([across, -across]), np.tile(side, (4, 1))
+    across = np.full(cells, board.tag_edge * (0.5 + 0.5 / cells))
+    x, y = np.concatenate([across, -across]), np.tile(side, 2)
     ring = np.stack([np.concatenate([x, y]), np.concatenate([y, x])], axis=-1)
-    centers = np.array(list(board.centers().values()))
-    xy = (centers[:, None, None] + ring).reshape(-1, 2)
-    white = np.broadcast_to(np.tile([True, False], 4)[:, None], (len(centers), *ring.shape[:2])).ravel()
+    xy = (np.array(list(board.centers().values()))[:, None] + ring).reshape(-1, 2)
     there = np.c_[xy, board.rise(xy)]
     R, t = np.array(camera.R_cam_board), np.array(camera.t_cam_board)
     at = lens_model.project(there, R, t, camera.K, camera.dist)
     wide = board.tag_edge / cells * min(camera.fx, camera.fy) / (there @ R.T + t)[:, 2]
     good = (at > 2).all(axis=1) & (at < np.array(camera.image_size) - 3).all(axis=1) & (wide > LEAST_CELL_PX)
-    return at[good], white[good]
+    return at[good]
 
 
 def _falloff(white: np.ndarray, cosine: np.ndarray) -> tuple[float, np.ndarray]:

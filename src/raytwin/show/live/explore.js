@@ -339,7 +339,7 @@ function build() {
       range("elevation", -90, 90, 1, elevation, (x) => sun(azimuth(), x), degrees),
       range("sun", 0, 10, 0.05, () => brightest(wanted.sun.irradiance), (x) => { wanted.sun.irradiance = scaled(wanted.sun.irradiance, x); }),
       ...(about.map
-        ? [range("sky's map", 0, 4, 0.02, () => wanted.sky.scale, (x) => { wanted.sky.scale = x; }, (x) => `× ${digits(x)}`), range("its turn", -180, 180, 1, () => wanted.sky.rotation, (x) => { wanted.sky.rotation = x; }, degrees)]
+        ? []
         : [range("sky", 0, 2, 0.01, () => brightest(wanted.sky.radiance), (x) => { wanted.sky.radiance = scaled(wanted.sky.radiance, x); })])),
     group("Spheres", el("label", { className: "wide" }, "which", which), place(0), place(1), place(2),
       range("radius", reach / 500, reach / 2, reach / 1000, () => sphere()?.radius ?? null, (x) => { sphere().radius = x; }, centimetres),

@@ -29,7 +29,7 @@ from raytwin.scene import Scene
 from raytwin.scene.toml_json import plain
 from raytwin.show import viewer
 from raytwin.show.live.view_state import Look, ViewRequest
-from raytwin.study.beside_twin import compare_with_twin
+from raytwin.study.compare_scene import compare_with_twin
 
 QUALITY = 85
 """JPEG quality of the pictures sent while the view moves."""

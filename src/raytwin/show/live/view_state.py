@@ -41,11 +41,9 @@ class WantedCamera(Record, frozen=True):
 
 
 class WantedSky(Record, frozen=True):
-    """The `radiance` of an even sky; or of a map, which the page does not name, scale and turn in degrees."""
+    """The `radiance` of an even sky. A map stays, and the page does not name it."""
 
     radiance: Radiance = (0.0, 0.0, 0.0)
-    scale: Annotated[float, msgspec.Meta(ge=0, le=1e6)] = 1.0
-    rotation: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 0.0
 
 
 class ViewRequest(Record, frozen=True):
@@ -84,10 +82,7 @@ class ViewRequest(Record, frozen=True):
 
     def scene(self, base: Scene) -> Scene:
         """The scene that this asks for."""
-        if base.sky.map is msgspec.UNSET:
-            sky = Sky(self.sky.radiance)
-        else:
-            sky = replace(base.sky, scale=self.sky.scale, rotation=self.sky.rotation)
+        sky = Sky(self.sky.radiance) if base.sky.map is msgspec.UNSET else base.sky
         placed = replace(base, spheres=self.spheres, planes=self.planes, sun=self.sun, sky=sky)
         if self.camera is None:
             return placed
@@ -99,9 +94,7 @@ class ViewRequest(Record, frozen=True):
 
 def wanted_of(base: Scene, engine: str) -> ViewRequest:
     """What is shown first."""
-    sky = base.sky
-    scale, turn = (default if x is msgspec.UNSET else x for x, default in ((sky.scale, 1.0), (sky.rotation, 0.0)))
-    return ViewRequest(base.spheres, base.planes, base.sun, WantedSky(sky.radiance, scale, turn), engine=engine)
+    return ViewRequest(base.spheres, base.planes, base.sun, WantedSky(base.sky.radiance), engine=engine)
 
 
 def from_json(text: str | bytes, where: str = "what the page asks for") -> ViewRequest:

@@ -7,12 +7,12 @@ To add an experiment, write a function (x, rng, trials) -> errors by method, and
 
 from raytwin.errors import check_one_of
 from raytwin.progress import Progress, silent
-from raytwin.study.atlas import lenses, poses, spheres, summation, surfaces, trims
+from raytwin.study.atlas import lenses, poses, spheres, surfaces, trims
 from raytwin.study.atlas.experiment import Atlas, Curve, Experiment, Found, digits, run
 
 __all__ = ["EXPERIMENTS", "Atlas", "Curve", "Experiment", "Found", "atlas", "digits", "run"]
 
-FILES = spheres, surfaces, lenses, trims, poses, summation
+FILES = spheres, surfaces, lenses, trims, poses
 EXPERIMENTS: dict[str, Experiment] = {e.name: e for file in FILES for e in file.EXPERIMENTS}
 """name -> row, in the order of the page."""
 

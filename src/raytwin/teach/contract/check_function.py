@@ -229,12 +229,12 @@ def explain(stage: Stage, cases: Sequence[Case], got: Sequence[Arrays]) -> list[
     case is no explanation: it would account for any small error.
     """
     if told := stage.by_values(cases, got):
-        return [told]
+        return [Variant(*told, lambda: stage.reference)]
     order = sorted(range(len(cases)), key=lambda i: _case_result(stage, cases[i], got[i]).passed)
     first, *rest = [(cases[i], got[i]) for i in order]
 
     def explains(variant: Variant) -> bool:
-        function = variant.change(stage.reference)
+        function = variant.make()
         predicted, _ = _call(function, first[0])
         others = (one for one in rest if not (variant.sometimes and _passes(stage, *one)))
         return (

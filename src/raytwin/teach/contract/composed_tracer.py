@@ -2,12 +2,11 @@
 
 from collections.abc import Collection, Mapping
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
 from raytwin.explain.textbook import tracer_with
-from raytwin.teach.contract.stage import Function
+from raytwin.teach.contract.stage import Function, quiet
 
 PARTS = ("back_project", "intersect_sphere", "shade")
 """The functions of the contract that a picture is made with."""
@@ -19,21 +18,11 @@ NEEDED = {"hit_points": PARTS[:2], "render": PARTS}
 def compose(stages: Mapping[str, Function]) -> SimpleNamespace:
     """The textbook's tracer with these functions in the place of its own: `render(scene)` and `hit_points(scene)`."""
     made = tracer_with({name: _as_array(stages[name]) for name in PARTS if name in stages})
-    return SimpleNamespace(render=_quiet(made.render), hit_points=_quiet(made.hit_points))
+    return SimpleNamespace(render=quiet(made.render), hit_points=quiet(made.hit_points))
 
 
 def _as_array(function: Function) -> Function:
     return lambda *args: np.asarray(function(*args), float)
-
-
-def _quiet(function: Function) -> Function:
-    """Rays that miss divide by 0."""
-
-    def quiet(scene: dict[str, Any]) -> Any:
-        with np.errstate(all="ignore"):
-            return function(scene)
-
-    return quiet
 
 
 def made_of(stages: Collection[str]) -> str:

@@ -3,8 +3,9 @@
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial, wraps
 from math import prod
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Variant:
-    """A typical mistake: `change` makes it from the correct function, `sentence` tells it to whoever made it.
+    """A typical mistake: `make` returns the function that has it, `sentence` tells it to whoever made it.
 
     Several variants may share a `name`: the same mistake in other numbers. `sometimes`: it shows in some cases, and in
     others it is correct by chance.
@@ -36,7 +37,7 @@ class Variant:
 
     name: str
     sentence: str
-    change: Callable[[Any], Function]
+    make: Callable[[], Function]
     sometimes: bool = False
 
 
@@ -44,12 +45,12 @@ PARTS_OF = {"back_project": ("pixel", "undistort", "through")}
 """Functions of the contract that the textbook has in parts."""
 
 
-def textbook_variants(function: str) -> tuple["Variant", ...]:
+def textbook_variants(function: str) -> tuple[Variant, ...]:
     """The catalogue's slips in a function, in its words."""
     parts = PARTS_OF.get(function, (function,))
     ways = [(fault, text_of(way)) for fault in FAULTS for way in (*fault.ways, *fault.alone)]
     return tuple(
-        Variant(fault.name, fault.sentence, _slipped(function, text[1]))
+        Variant(fault.name, fault.sentence, partial(wrong, function, text[1]))
         for fault, text in ways if text is not None and text[0] in parts and text[1]
     )  # fmt: skip
 
@@ -61,37 +62,54 @@ def wrong(function: str, slips: Changes) -> Function:
     return made
 
 
-def _slipped(function: str, slips: Changes) -> Callable[[Any], Function]:
-    return lambda f: wrong(function, slips)
+def read_faults(function: str) -> list[tuple[str, str, list[list[str]]]]:
+    """The function's mistakes in stage_faults.tsv: name, sentence, and the fields of each way.
+
+    A mistake's line is the functions that may have it, its name and its sentence. A way's line begins with a tab.
+    """
+    made: list[tuple[str, str, list[list[str]]]] = []
+    for line in Path(__file__).with_name("stage_faults.tsv").read_text(encoding="utf-8").splitlines():
+        functions, *fields = line.replace("\\n", "\n").split("\t")
+        if functions:
+            concerned = function in functions.split()
+            made += [(fields[0], fields[1], [])] if concerned else []
+        elif concerned:
+            made[-1][2].append(fields)
+    return made
 
 
-def slips(function: Function, rows: Sequence[tuple[str, str, str, str]]) -> tuple[Variant, ...]:
-    """Variants of a function's own text: name, sentence, what stands there, what the mistake makes of it."""
+def text_variants(function: Function, *form: str) -> tuple[Variant, ...]:
+    """The file's mistakes in a function: what stands in its text, what the mistake makes of it, and so on.
 
-    def change(old: str, new: str) -> Callable[[Any], Function]:
-        return lambda _: _with_slip(function, old, new)
-
-    return tuple(Variant(name, said, change(old, new)) for name, said, old, new in rows)
+    `form`: such changes that come before, for another correct form of the function.
+    """
+    return tuple(
+        Variant(name, sentence, partial(_changed, function, *form, *way))
+        for name, sentence, ways in read_faults(function.__name__) for way in ways
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=256)
-def _with_slip(function: Function, old: str, new: str) -> Function:
+def _changed(function: Function, *changes: str) -> Function:
     text = inspect.getsource(function)
-    if text.count(old) != 1:
-        raise ValueError(f"{function.__name__} has {old!r} {text.count(old)} times")
-    exec(text.replace(old, new), space := dict(function.__globals__))
+    for old, new in zip(changes[::2], changes[1::2], strict=True):
+        if text.count(old) != 1:
+            raise ValueError(f"{function.__name__} has {old!r} {text.count(old)} times")
+        text = text.replace(old, new)
+    exec(text, space := dict(function.__globals__))
     made: Function = space[function.__name__]
     return made
 
 
-def before(change: Callable[..., tuple[Any, ...]]) -> Callable[[Function], Function]:
-    """A variant's `change`: the correct function, called with other arguments."""
-    return lambda f: lambda *args: f(*change(*args))
+def quiet(function: Function) -> Function:
+    """The function without NumPy's warnings: rays that miss divide by 0."""
 
+    @wraps(function)
+    def called(*arguments: Any) -> Any:
+        with np.errstate(all="ignore"):
+            return function(*arguments)
 
-def instead(function: Function) -> Callable[[Function], Function]:
-    """Another function."""
-    return lambda f: function
+    return called
 
 
 def shape_hint(right: tuple[int, ...], found: tuple[int, ...]) -> str:
@@ -122,12 +140,12 @@ def unit(v: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Stage:
-    """A function of the contract. Its name, parameters and docstring are those of `reference`, which does it correctly.
+    """A function of the contract. Its name and parameters are those of `reference`, which does it correctly.
 
     `cases(seed)`: the calls. `errors(case, got)`: how far each value is off, in `unit`; at most `tolerance` passes,
     but for a share `outliers` of the values. `returns`: what its arrays are called. `columns`: (3, 1) does for (3,).
     `in_other_forms`: variants made of other correct functions, tried where none of them alone explains what is wrong.
-    `by_values(cases, got)`: a variant that the values themselves tell, such as the number by which misses are marked.
+    `by_values(cases, got)`: name and sentence of a mistake that the values themselves tell, as a mark of misses does.
     `tells(cases, got)`: numbers in words, said of what passes and of what no mistake explains.
     `judged_by`: the statistical test that decides beside the tolerance.
     `last(seed)`: calls that are made only once all others are correct: what is wrong there is one mistake by itself.
@@ -144,7 +162,7 @@ class Stage:
     in_other_forms: tuple[Variant, ...] = ()
     outliers: float = 0.0
     columns: bool = False
-    by_values: Callable[[Sequence[Case], Sequence[Arrays]], Variant | None] = lambda cases, got: None
+    by_values: Callable[[Sequence[Case], Sequence[Arrays]], tuple[str, str] | None] = lambda cases, got: None
     tells: Callable[[Sequence[Case], Sequence[Arrays]], str] = lambda cases, got: ""
     judged_by: str = ""
     last: Callable[[int], list[Case]] = lambda seed: []
@@ -153,10 +171,6 @@ class Stage:
     @property
     def name(self) -> str:
         return self.reference.__name__
-
-    @property
-    def doc(self) -> str:
-        return inspect.getdoc(self.reference) or ""
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -1,18 +1,17 @@
-"""What students may write: the stages of the contract, a row each. To add one: a file in `stages/`, its row here."""
+"""What students may write: the stages of the contract, a row each.
+
+To add one: a file in `stages/`, its row here, its text in starter.py.txt, its mistakes in stage_faults.tsv.
+"""
 
 from raytwin.teach.contract.stage import Stage
 from raytwin.teach.contract.stages import (
     back_project,
     estimate_pose,
-    hit_points,
     intersect_sphere,
-    intrinsics,
-    render,
+    lessons,
+    pictures,
     samplers,
     shade,
-    sky_visible,
-    sun_visible,
-    tag_centers,
 )
 
 CONTRACT: dict[str, Stage] = {
@@ -22,8 +21,8 @@ CONTRACT: dict[str, Stage] = {
         estimate_pose.STAGE,
         intersect_sphere.STAGE,
         shade.STAGE,
-        hit_points.STAGE,
-        render.STAGE,
+        pictures.HIT_POINTS,
+        pictures.RENDER,
     )
 }
 """name -> stage, in the order in which a tracer goes through them."""
@@ -31,10 +30,7 @@ CONTRACT: dict[str, Stage] = {
 LESSONS: dict[str, Stage] = CONTRACT | {
     stage.name: stage
     for stage in (
-        tag_centers.STAGE,
-        intrinsics.STAGE,
-        sun_visible.STAGE,
-        sky_visible.STAGE,
+        *lessons.LESSON_STAGES,
         *samplers.SAMPLER_STAGES,
     )
 }

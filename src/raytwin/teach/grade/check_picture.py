@@ -1,31 +1,24 @@
-"""One picture compared with what it should be: passed or not, its error, the share of wrong pixels."""
-
-from dataclasses import dataclass
+"""One picture compared with what it should be: passed or not, its error, and how a page shows it if it is wrong."""
 
 import msgspec
 import numpy as np
 
-from raytwin.compare import Comparison, compare
-from raytwin.compare.scale import scale_of
+from raytwin.compare import Comparison, compare, error_map, error_scale
+from raytwin.compare.exact import scale_of
 from raytwin.explain.pixel_sample import SubmittedImage
 from raytwin.explain.tolerance_mask import forgiven
 from raytwin.images.image import Image
 from raytwin.images.image_formats import kind_of
+from raytwin.images.packing import pack
+from raytwin.images.photo_files import data_url, to_bytes
 from raytwin.images.stored_precision import rounding_of
 from raytwin.scene import Tolerance
-from raytwin.teach.grade.questions import Question
-from raytwin.teach.grade.result import MarkedPart
+from raytwin.teach.grade.questions import CheckedPicture, Question
+from raytwin.teach.grade.result import MarkedPart, Picture
 from raytwin.teach.sandbox.sandbox import Answer
 
-
-@dataclass(frozen=True, eq=False)
-class CheckedPicture:
-    """A picture beside what it should be. `got`: if it is wrong and can be shown; `scale`: of its values."""
-
-    part: MarkedPart
-    view: SubmittedImage | None
-    got: np.ndarray | None
-    scale: float = 1.0
+MOST_PIXELS = 40_000
+"""Pixels per picture on a student's page: larger ones are reduced."""
 
 
 def check_picture(asked: Question) -> CheckedPicture:
@@ -33,11 +26,11 @@ def check_picture(asked: Question) -> CheckedPicture:
     exercise, case, answer = asked.exercise, asked.case, asked.answer
     (right,), shows = case.expected, case.shows
     if answer.problem:
-        return CheckedPicture(MarkedPart(shows, False, seconds=answer.seconds, problem=answer.problem), None, None)
+        return CheckedPicture(MarkedPart(shows, False, seconds=answer.seconds, problem=answer.problem))
     got, half, clipped = _radiance_of(answer)
     if got.shape != right.shape:
         problem = f"it returned an array {got.shape}, where {right.shape} is wanted"
-        return CheckedPicture(MarkedPart(shows, False, seconds=answer.seconds, problem=problem), None, None)
+        return CheckedPicture(MarkedPart(shows, False, seconds=answer.seconds, problem=problem))
     if asked.verdict is not None:
         return _by_verdict(asked.verdict, got, shows, answer.seconds, scale_of(Image(right.astype(np.float32))))
     points = exercise.stage == "hit_points"
@@ -55,8 +48,7 @@ def check_picture(asked: Question) -> CheckedPicture:
         problem = f"{count} pixel{'s are' if count > 1 else ' is'} NaN or infinite, the first at (x={x}, y={y})"
         part = msgspec.structs.replace(part, problem=problem)
         return CheckedPicture(part, None, got, scale)
-    ours = bool(asked.made_of)
-    view = SubmittedImage(asked.scene, got, right, exercise.rung, points, half, clipped, composed=ours)
+    view = SubmittedImage(asked.scene, got, right, exercise.rung, points, half, clipped, composed=bool(asked.made_of))
     return CheckedPicture(part, view, None if passed else got, scale)
 
 
@@ -108,3 +100,46 @@ def _compare_points(right: np.ndarray, got: np.ndarray, tolerance: Tolerance) ->
     error = float(np.quantile(finite, 0.999)) if finite.size else None
     allowed = max(tolerance.mask_pixels, int(1e-3 * wrong.size))
     return int(wrong.sum()) <= allowed and bool((seen & there).any()), error, float(wrong.mean())
+
+
+# ------------------------------------------------------------------------------------------ on a page
+
+
+def wrong_picture(asked: Question, got: np.ndarray, scale: float, whole: bool) -> Picture:
+    """A wrong picture beside the correct one; `whole`: with every value, for the viewer."""
+    (right,), points = asked.case.expected, asked.exercise.stage == "hit_points"
+    if points:  # x, y, z as red, green, blue, from the least to the largest that there is
+        seen = np.isfinite(right).all(axis=-1)
+        low, high = (f(right[seen], axis=0, initial=0.0) for f in (np.min, np.max))
+        right, got = (np.where(np.isfinite(x), (x - low) / np.maximum(high - low, 1e-9), 0.0) for x in (right, got))
+    with np.errstate(over="ignore", invalid="ignore"):
+        test, reference = (Image(np.nan_to_num(x, nan=np.nan, posinf=np.inf).astype(np.float32)) for x in (got, right))
+    brightest = np.quantile(reference.mean.max(axis=-1), 0.995)
+    return Picture(
+        exercise=asked.exercise.name,
+        shows=asked.case.shows,
+        thumb=_thumb(test, reference),
+        planes=_planes(test, reference) if whole else "",
+        stops=round(-float(np.log2(brightest)), 2) if brightest > 0 else 0.0,
+        share=asked.tolerance.p999_abs,
+        scale=scale,
+        full=0.0 if points else error_scale(test, reference),
+    )
+
+
+def _planes(test: Image, reference: Image) -> str:
+    packed = pack(test, reference, surfaces=False, most_pixels=MOST_PIXELS)
+    return msgspec.json.encode(packed.for_page()).decode()
+
+
+def _thumb(test: Image, reference: Image) -> str:
+    """Expected, got, error, side by side, in 64 colours: some 5 kB."""
+    from PIL import Image as Pillow
+
+    step = max(1, reference.shape[1] // 160)
+    gain = np.float32(1 / max(1e-9, float(np.quantile(reference.mean, 0.995))))
+    shown = [to_bytes(np.nan_to_num(i.mean[::step, ::step]) * gain) for i in (reference, test)]
+    shown.append(to_bytes(error_map(test, reference)[::step, ::step]))
+    gap = np.full((shown[0].shape[0], 4, 3), 255, np.uint8)
+    row = np.concatenate([shown[0], gap, shown[1], gap, shown[2]], axis=1)
+    return data_url(Pillow.fromarray(row).quantize(64), "png", optimize=True)

@@ -7,7 +7,7 @@ Existing results are reused. No submission costs another its result: whatever fa
 becomes a result of the student concerned.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -17,9 +17,8 @@ from raytwin.images.image_input import ENDINGS
 from raytwin.parallel import Workers, map_parallel
 from raytwin.progress import Progress, silent
 from raytwin.safe_write import replacing
-from raytwin.teach.grade.grade_submission import grade_submission
-from raytwin.teach.grade.job import Job, job_of
-from raytwin.teach.grade.points import marked_by
+from raytwin.teach.grade.grade_submission import Job, grade_submission, job_of
+from raytwin.teach.grade.points import with_points
 from raytwin.teach.grade.questions import references_of
 from raytwin.teach.grade.result import Result
 from raytwin.teach.grade.rubric import Rubric, read_rubric
@@ -80,11 +79,11 @@ def run(
     again: bool = False,
     progress: Progress = silent,
 ) -> list[Result]:
-    """Return the results in the jobs' order; each is written to `out`/results/KEY.json as it comes.
+    """Return the results of one rubric's jobs, in their order; each is written to `out`/results/KEY.json as it comes.
 
     What the grader failed on before is graded again.
     """
-    said = _marked_by_rubric_of(jobs)
+    rubric = read_rubric(jobs[0].rubric)
     found = {} if again else {job.key: stored(out, job.key) for job in jobs}
     done = {key: result for key, result in found.items() if result is not None and not result.grader_fault}
     todo = [job for job in jobs if job.key not in done]
@@ -95,7 +94,7 @@ def run(
             temporary.write_bytes(msgspec.json.encode(result))
         done[one.thing.key] = result
         progress("grade", len(done), len(jobs))
-    return [said(done[job.key]) for job in jobs]
+    return [with_points(done[job.key], rubric) for job in jobs]
 
 
 def stored(out: Path, key: str) -> Result | None:
@@ -104,13 +103,6 @@ def stored(out: Path, key: str) -> Result | None:
         return msgspec.json.decode((out / RESULTS_FOLDER / f"{key}.json").read_bytes(), type=Result)
     except (OSError, msgspec.DecodeError):
         return None
-
-
-def _marked_by_rubric_of(jobs: Sequence[Job]) -> Callable[[Result], Result]:
-    """Mark a result by its own rubric, which is read once."""
-    rubrics = {path: read_rubric(path) for path in {j.rubric for j in jobs}}
-    by_key = {j.key: rubrics[j.rubric] for j in jobs}
-    return lambda result: marked_by(result, by_key[result.key])
 
 
 def _fault(job: Job, error: Exception) -> Result:

@@ -8,20 +8,17 @@ samplers are replaced, too.
 
 import inspect
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from types import FunctionType
-
-import msgspec
 
 from raytwin.explain import textbook
 from raytwin.teach.contract.composed_tracer import NEEDED, PARTS
 from raytwin.teach.contract.stages import samplers
-from raytwin.teach.grade.check_picture import CheckedPicture, check_picture
+from raytwin.teach.grade.check_picture import check_picture
 from raytwin.teach.grade.questions import Question
-from raytwin.teach.grade.result import Again, Marked
 from raytwin.teach.grade.sandboxed_calls import ask
-from raytwin.teach.sandbox.sandbox import Code, Sandbox
+from raytwin.teach.sandbox.sandbox import Sandbox
 
 REPLACE = "raytwin_replace"
 REPLACE_DRIVER = f"""
@@ -53,67 +50,28 @@ def {REPLACE}(text, names):
 """Runs in the sandbox behind the submission's own text. What was replaced before is put back."""
 
 
-@dataclass(frozen=True, eq=False)
-class Rerun:
-    """Wrong pictures, asked for once more with the correct functions of these `names` in place of the failed ones.
-
-    `again`: by the question's id, what was asked for and what came of it.
-    """
-
-    names: tuple[str, ...] = ()
-    again: Mapping[int, tuple[Question, CheckedPicture]] = field(default_factory=dict)
-
-    def fixed_by(self, question: Question) -> bool:
-        """Whether the failed functions alone made this picture wrong."""
-        return id(question) in self.again and self.again[id(question)][1].part.passed
-
-
 def ask_again(
-    child_with: Callable[[Sequence[str]], Sandbox], code: Code, asked: Sequence[Question],
-    checked: Mapping[int, CheckedPicture], failed: Sequence[str],
-) -> Rerun:  # fmt: skip
-    """Ask for the wrong pictures that the failed functions are part of, these replaced.
+    child_with: Callable[[Sequence[str]], Sandbox], shown: Sequence[Question], failed: Sequence[str]
+) -> tuple[str, ...]:
+    """Ask for the wrong pictures that the failed functions may be part of, these replaced; return their names.
 
     `child_with(names)`: the submission in a process, with correct functions of these names in place of its own.
     """
     names = tuple(name for name in (*PARTS, *samplers.SAMPLER_NAMES) if name in failed)
-    wrong = [
-        q for q in asked if id(q) in checked and not checked[id(q)].part.passed
-        and set(_parts_of(q)) & set(names) and q.answer.sort in ("", "error")
-    ]  # fmt: skip
-    if not (wrong and code.kind == "python"):
-        return Rerun()
-    again, child = {}, child_with(names)
+    wrong = [q for q in shown if not q.passed and _parts_of(q) & set(names) and q.answer.sort in ("", "error")]
+    if not wrong:
+        return ()
+    child = child_with(names)
     for question in wrong:
         copy = replace(question, made_of="")
-        ask(copy, child, code, names)
-        again[id(question)] = copy, check_picture(copy)
-    return Rerun(names, again)
+        ask(copy, child, "python", names)
+        question.again = check_picture(copy)
+    return names
 
 
-def _parts_of(question: Question) -> tuple[str, ...]:
+def _parts_of(question: Question) -> set[str]:
     """The functions that its picture may be made of."""
-    return (*NEEDED[question.exercise.stage], *(samplers.SAMPLER_NAMES if question.exercise.sampled else ()))
-
-
-def with_again(marked: Marked, asked: Sequence[Question], helped: Rerun) -> Marked:
-    """Return the exercise with what came of its pictures when these were asked for once more."""
-    if marked.status != "fail":
-        return marked
-    parts = tuple(
-        msgspec.structs.replace(p, again=None if q.answer.problem else _again(q, helped))
-        for p, q in zip(marked.parts, asked, strict=True)
-    )
-    return msgspec.structs.replace(marked, parts=parts)
-
-
-def _again(question: Question, helped: Rerun) -> Again | None:
-    if id(question) not in helped.again:
-        return None
-    again, checked = helped.again[id(question)]
-    needed = NEEDED[question.exercise.stage]
-    own = 1 - len(set(needed) & set(helped.names)) / len(needed) if again.made_of else 1.0
-    return Again(checked.part.passed, checked.part.error, checked.part.wrong, own)
+    return {*NEEDED[question.exercise.stage], *(samplers.SAMPLER_NAMES if question.exercise.sampled else ())}
 
 
 def source_of(names: Sequence[str]) -> str:

@@ -6,10 +6,6 @@ another uid, and no rights for others on both folders.
 """
 
 import shlex
-import shutil
-import subprocess
-import sys
-import tempfile
 import zipfile
 from importlib.metadata import version
 from pathlib import Path
@@ -17,7 +13,7 @@ from pathlib import Path
 from raytwin.errors import InputError
 from raytwin.safe_write import replacing
 from raytwin.teach.grade.questions import references_of
-from raytwin.teach.grade.rubric import Rubric, read_rubric
+from raytwin.teach.grade.rubric import read_rubric
 
 SETUP = """#!/usr/bin/env bash
 # Run once, as root, when the image is built.
@@ -50,39 +46,17 @@ exec "$base/raytwin/bin/python" -m raytwin grade "$base/submission" --rubric rub
 
 
 def write_zip(rubric_path: Path, out: Path, wheel: Path | None = None) -> list[str]:
-    """Return the names inside.
+    """Return the names inside. `wheel`: of raytwin, for a development version, which no package index has.
 
-    A development version, which no package index has, goes in as a wheel, built from its checkout if none is given.
-    Raises InputError where a scene of the rubric has no reference, and where the wheel cannot be built.
+    Raises InputError where a scene of the rubric has no reference, and where a wheel is missing or none.
     """
     rubric = read_rubric(rubric_path)
     stored = {f"reference/{n}/{r}.exr": path for n, r, path in references_of(rubric, rubric_path)}
     if wheel is not None and (wheel.suffix != ".whl" or not wheel.is_file()):
         raise InputError("--wheel", "a wheel of raytwin (python -m build)", wheel)
-    with tempfile.TemporaryDirectory() as folder:
-        if wheel is None and "dev" in version("raytwin"):
-            wheel = _built_wheel(Path(folder))
-        return _written(rubric_path, rubric, stored, out, wheel)
-
-
-def _built_wheel(folder: Path) -> Path:
-    """A wheel of this checkout. It is built of a copy, since building leaves files beside the sources."""
-    checkout, copy = Path(__file__).resolve().parents[4], folder / "source"
-    failed = f"This is version {version('raytwin')}, which no package index has: build a wheel of it and pass it."
-    if not (checkout / "pyproject.toml").is_file():
-        raise InputError("--wheel:", failed)
-    hidden = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "build", "out", "tests", "docs")
-    shutil.copytree(checkout, copy, ignore=hidden)
-    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(folder), str(copy)]
-    done = subprocess.run(command, capture_output=True, text=True)
-    found = next(folder.glob("*.whl"), None)
-    if done.returncode or found is None:
-        last = (done.stderr.strip().splitlines() or ["pip said nothing"])[-1]
-        raise InputError("--wheel:", f"{failed} Building it here ended with: {last}")
-    return found
-
-
-def _written(rubric_path: Path, rubric: Rubric, stored: dict[str, Path], out: Path, wheel: Path | None) -> list[str]:
+    if wheel is None and "dev" in version("raytwin"):
+        how = "Make a wheel of your clone (python -m pip wheel --no-deps CLONE) and pass it."
+        raise InputError("--wheel:", f"This is version {version('raytwin')}, which no package index has. {how}")
     required = f'"$base/source/{wheel.name}"' if wheel else f'"raytwin=={version("raytwin")}"'
     required = " ".join([required, *(shlex.quote(name) for name in rubric.packages)])
     with replacing(out) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:

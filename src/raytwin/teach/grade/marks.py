@@ -1,6 +1,7 @@
 """What is found of the answers: of each exercise which parts are correct, and the cause of what is not; no points."""
 
-from collections.abc import Collection, Mapping, Sequence
+import re
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -10,16 +11,15 @@ import numpy as np
 from raytwin.explain.diagnosis import diagnose
 from raytwin.explain.explanation import Explanation
 from raytwin.teach.contract.check_function import judge, student_words
+from raytwin.teach.contract.composed_tracer import NEEDED
 from raytwin.teach.contract.stage_result import says_why
 from raytwin.teach.contract.stage_table import LESSONS
-from raytwin.teach.grade.check_picture import CheckedPicture, check_picture
-from raytwin.teach.grade.fingerprint import fingerprint
-from raytwin.teach.grade.follow_through import Rerun, ask_again, with_again
-from raytwin.teach.grade.questions import Question
-from raytwin.teach.grade.result import SUREST, Marked, MarkedPart, Picture, Result, Status
+from raytwin.teach.grade.check_picture import check_picture, wrong_picture
+from raytwin.teach.grade.follow_through import ask_again
+from raytwin.teach.grade.questions import CheckedPicture, Question
+from raytwin.teach.grade.result import SUREST, Again, CodeLine, Marked, MarkedPart, Picture, Result, Status
 from raytwin.teach.grade.rubric import Exercise, Rubric
 from raytwin.teach.grade.sandboxed_repair import LineSearch
-from raytwin.teach.grade.wrong_picture import wrong_picture
 from raytwin.teach.sandbox.sandbox import Code
 
 MAX_SEARCHES = 3
@@ -28,85 +28,65 @@ WORSE_FACTOR = 1.25
 """Multiple of the wrong pixels: if correct functions leave more, they do not fit the submission's own ways."""
 MAX_WHOLE_PICTURES = 3
 """Wrong pictures of a submission that can be looked at pixel by pixel; of the others there is a small one."""
+LINES_AROUND = 2
+"""Lines that are shown before and after the one to look at."""
+MAX_LINE_CHARACTERS = 160
+"""Characters of a line that are shown."""
+LINE_REFERENCE = re.compile(r"(?:(cell \d+), |([^\s,]+\.py), )?line (\d+)")
 
 
 def marked(result: Result, rubric: Rubric, asked: list[Question], problem: str, code: Code | None = None) -> Result:
-    """Return the result with its exercises, whose points `marked_by` fills in.
+    """Return the result with its exercises, whose points `with_points` fills in.
 
     Functions that fail alone are repaired before causes of pictures are looked for: the same change may make these
     right, too.
     """
     with LineSearch(rubric, None if problem else code) as line_search:
-        return _marked(result, rubric, asked, problem, code, line_search)
-
-
-def _marked(
-    result: Result, rubric: Rubric, asked: list[Question], problem: str, code: Code | None, line_search: LineSearch
-) -> Result:
-    of = {e.name: [a for a in asked if a.exercise is e] for e in rubric.exercises}
-    checked = {id(a): check_picture(a) for a in asked if a.scene is not None}
-    marks = {e.name: _mark_stage(of[e.name]) for e in rubric.exercises if of[e.name][0].scene is None}
-    failed = [m for m in marks.values() if m.status not in ("pass", "missing")]
-    helped = (
-        ask_again(line_search.child_with, line_search.code, asked, checked, [m.stage for m in failed])
-        if line_search.code
-        else Rerun()
-    )
-    drawn_ones = [e for e in rubric.exercises if e.name not in marks]
-    status = {name: m.status for name, m in marks.items()}
-    status |= {e.name: _status([checked[id(a)].part for a in of[e.name]], of[e.name]) for e in drawn_ones}
-    wrong_stages = {e.stage for e in rubric.exercises if status[e.name] != "pass"}
-    right = [stage for stage in dict.fromkeys(e.stage for e in rubric.exercises) if stage not in wrong_stages]
-    spoilt = [a for a in asked if id(a) in checked and not checked[id(a)].part.passed]
-    beside = dict.fromkeys(a.exercise.stage for a in spoilt if not helped.fixed_by(a))
-    marks |= {m.name: m for m in line_search.with_lines([*marks.values()], right, beside=[*beside])}
-    failed = [marks[m.name] for m in failed]
-    mended = {id(a) for a in spoilt if a.exercise.stage in line_search.found}
-    outside = {id(a) for a in asked if not a.exercise.inside}
-    seen = {k: c for k, c in checked.items() if k in outside}
-    again = replace(helped, again={k: pair for k, pair in helped.again.items() if k in outside})
-    causes = _Causes(seen, again, [m for m in failed if m.stage in helped.names], result.seed, mended)
-    pictures: list[Picture] = []
-    for exercise in sorted(drawn_ones, key=lambda e: e.inside):
-        mine = of[exercise.name]
-        before = [marks[e.name] for e in drawn_ones if e.name in marks]
-        found = _from_inside(mine, checked, before, helped) if exercise.inside else causes.of(mine)
-        one, wrong = _mark_pictures(exercise, mine, checked, found)
-        pictures += wrong
-        marks[exercise.name] = with_again(one, of[exercise.name], helped)
-    first = [e for e in drawn_ones if not e.inside]
-    if all(marks[e.name].status in ("pass", "missing") for e in first):
-        first = drawn_ones
-    unclear = [m for e in first if not ((m := marks[e.name]).follows or says_why(m.sureness, m.faults))]
-    shown = [(a.exercise.stage, a.case) for a in spoilt if a.reference is None]
-    marks |= {
-        m.name: m
-        for m in line_search.with_lines(unclear, right, helped.names if causes.has_second else (), pictures=shown)
-    }
+        exercises, pictures = _marked(result.seed, rubric, asked, line_search)
+    if code is not None:
+        exercises = [msgspec.structs.replace(m, code=lines_of(m, code)) for m in exercises]
     return msgspec.structs.replace(
         result,
-        exercises=tuple(_with_repair(marks[e.name], line_search, of[e.name]) for e in rubric.exercises),
+        exercises=tuple(exercises),
         pictures=tuple(pictures),
         problem=problem,
         own_seconds=round(sum(a.answer.seconds for a in asked), 4),
     )
 
 
-def _with_repair(m: Marked, line_search: LineSearch, asked: Sequence[Question]) -> Marked:
-    """The exercise with the hints of the change that repairs it, if one does, and that change as its mistake.
+def _marked(
+    seed: int, rubric: Rubric, asked: list[Question], line_search: LineSearch
+) -> tuple[list[Marked], list[Picture]]:
+    of = {e.name: [a for a in asked if a.exercise is e] for e in rubric.exercises}
+    shown = [a for a in asked if a.scene is not None]
+    for one in shown:
+        one.checked = check_picture(one)
+    marks = {e.name: _mark_stage(of[e.name]) for e in rubric.exercises if of[e.name][0].scene is None}
+    failed = [m.stage for m in marks.values() if m.status not in ("pass", "missing")]
+    replaced = ask_again(line_search.child_with, shown, failed) if line_search.code else ()
+    drawn_ones = [e for e in rubric.exercises if e.name not in marks]
+    status = {name: m.status for name, m in marks.items()}
+    status |= {e.name: _status([a.checked.part for a in of[e.name] if a.checked], of[e.name]) for e in drawn_ones}
+    wrong_stages = {e.stage for e in rubric.exercises if status[e.name] != "pass"}
+    right = [stage for stage in dict.fromkeys(e.stage for e in rubric.exercises) if stage not in wrong_stages]
+    spoilt = [a for a in shown if not a.passed]
+    beside = dict.fromkeys(a.exercise.stage for a in spoilt if not a.fixed)
+    marks |= {m.name: m for m in line_search.with_lines([*marks.values()], right, beside=[*beside])}
+    mended = [a for a in spoilt if a.exercise.stage in line_search.found]
+    causes = _Causes(shown, replaced, [m for m in marks.values() if m.stage in replaced], mended, seed)
+    pictures: list[Picture] = []
+    for exercise in drawn_ones:
+        marks[exercise.name], wrong = _mark_pictures(exercise, of[exercise.name], causes)
+        pictures += wrong
+    made = [marks[e.name] for e in drawn_ones]
+    unclear = [m for m in made if not (m.follows or says_why(m.sureness, m.faults))]
+    cases = [(a.exercise.stage, a.case) for a in spoilt if a.reference is None]
+    found = line_search.with_lines(unclear, right, replaced if causes.has_second else (), pictures=cases)
+    marks |= {m.name: m for m in found}
+    return [line_search.with_mistake(marks[e.name]) for e in rubric.exercises], pictures
 
-    What repairs pictures from outside is tried on those from inside a sphere.
-    """
-    found = line_search.found.get(m.stage)
-    if found is None or m.status == "pass" or m.because:
-        return m
-    if asked[0].exercise.inside and not line_search.mends(m.stage, [a.case for a in asked]):
-        return m
-    hints = tuple(found.hint(level) for level in (1, 2, 3))
-    return msgspec.structs.replace(m, hints=hints, mistakes=(*m.mistakes, hints[-1]))
 
-
-def _status(parts: list[MarkedPart], asked: list[Question]) -> Status:
+def _status(parts: Sequence[MarkedPart], asked: Sequence[Question]) -> Status:
     """The most telling of what became of the calls."""
     sorts = [a.answer.sort for a in asked]
     for sort in ("limit", "broken", "missing", "error"):
@@ -124,17 +104,10 @@ def _mark_stage(asked: list[Question]) -> Marked:
         stage = replace(stage, tolerance=exercise.tolerance)
     outcomes = [a.answer.problem or tuple(x.astype(float) for x in a.answer.arrays) for a in asked]
     found = judge(stage, [a.case for a in asked], outcomes)
-    parts = [
-        MarkedPart(
-            c.shows,
-            c.passed,
-            error=c.error,
-            wrong=c.wrong,
-            seconds=a.answer.seconds,
-            problem=a.answer.problem,
-        )
+    parts = tuple(
+        MarkedPart(c.shows, c.passed, 0.0, c.error, c.wrong, a.answer.seconds, a.answer.problem)
         for c, a in zip(found.cases, asked, strict=True)
-    ]
+    )
     return Marked(
         name=exercise.name,
         stage=exercise.stage,
@@ -150,7 +123,7 @@ def _mark_stage(asked: list[Question]) -> Marked:
         inputs=found.inputs,
         expected=found.expected,
         got=found.got,
-        parts=tuple(parts),
+        parts=parts,
     )
 
 
@@ -170,107 +143,85 @@ class _Found(NamedTuple):
 class _Causes:
     """The causes of wrong pictures. One tracer made them all, so they are diagnosed together.
 
-    `failed`: functions that fail alone and that pictures are made of. `mended`: pictures for which a change of the text
-    is known. Tried in this order: pictures that are correct with correct functions are `by_functions`, unless
+    `failed`: functions that fail alone and were `replaced` by correct ones. `mended`: pictures for which a change of
+    the text is known. Tried in this order: pictures that are correct with correct functions are `by_functions`, unless
     the pictures name a cause that the functions do not; `as_handed_in`, one diagnosis of all other pictures; and where
     correct functions leave less wrong (`has_second`), `second`, a diagnosis of the pictures made with them.
     """
 
     def __init__(
-        self, checked: Mapping[int, CheckedPicture], helped: Rerun, failed: list[Marked], seed: int,
-        mended: Collection[int] = (),
+        self, every: Sequence[Question], replaced: tuple[str, ...], failed: list[Marked], mended: list[Question],
+        seed: int,
     ) -> None:  # fmt: skip
-        self.checked, self.helped, self.failed, self.seed = checked, helped, failed, seed
-        self.mended, checked = mended, {k: c for k, c in checked.items() if k not in mended}
-        self.searches, self.functions = MAX_SEARCHES, " and ".join(f"`{name}`" for name in helped.names)
+        self.replaced, self.failed, self.mended, self.seed = replaced, failed, mended, seed
+        self.shown = shown = [a for a in every if a not in mended]
+        self.searches, self.functions = MAX_SEARCHES, " and ".join(f"`{name}`" for name in replaced)
         known = bool(failed) and all(m.faults or m.repair for m in failed)
-        left = [k for k, (_, again) in helped.again.items() if not (again.part.passed or k in mended)]
-        fixed_by = bool(helped.again) and not left
-        self.has_second = any(_is_nearer(checked[k], helped.again[k][1]) for k in left)
+        again = [a for a in shown if a.again is not None]
+        fixed = any(a.again for a in every) and all(a.fixed for a in again)
+        self.has_second = any(_is_nearer(a) for a in again if not a.fixed)
         self.as_handed_in: Explanation | None = None
         if not (known and self.has_second):
-            explained = helped.again if known and fixed_by else {}
-            self.as_handed_in = self._diagnosed([c for k, c in checked.items() if k not in explained])
+            explained = again if known and fixed else []
+            self.as_handed_in = self._diagnosed([a.checked for a in shown if a not in explained])
         named = self.as_handed_in is not None and self.as_handed_in.cause is not None
-        self.by_functions = fixed_by and (known or not named)
+        self.by_functions = fixed and (known or not named)
         self.second: Explanation | None = None
         if self.has_second and not named:
-            found = self._diagnosed([helped.again[k][1] if k in helped.again else c for k, c in checked.items()])
+            found = self._diagnosed([a.again or a.checked for a in shown])
             if found is not None and found.cause is not None:
                 self.second = found
             else:
-                self.as_handed_in = self.as_handed_in or self._diagnosed(list(checked.values()))
+                self.as_handed_in = self.as_handed_in or self._diagnosed([a.checked for a in shown])
 
-    def _diagnosed(self, checked: Sequence[CheckedPicture]) -> Explanation | None:
+    def _diagnosed(self, checked: Sequence[CheckedPicture | None]) -> Explanation | None:
         """None if nothing is wrong, there are no numbers, or no search is left."""
-        views = [c.view for c in checked if c.view is not None]
-        if self.searches == 0 or not _has_wrong_numbers(checked):
+        seen = [c for c in checked if c is not None and c.view is not None]
+        if self.searches == 0 or all(c.part.passed for c in seen):
             return None
         self.searches -= 1
-        return diagnose(views, self.seed)
+        return diagnose([c.view for c in seen if c.view is not None], self.seed)
 
     def of(self, asked: Sequence[Question]) -> _Found:
         """Return what is said of one exercise."""
-        mine = [self.checked[id(a)] for a in asked]
-        wrong = [a for a, c in zip(asked, mine, strict=True) if not c.part.passed]
-        if wrong and all(map(self.helped.fixed_by, wrong)) and self.failed and (self.by_functions or self.second):
+        wrong = [a for a in asked if not a.passed]
+        if wrong and all(a.fixed for a in wrong) and self.failed and (self.by_functions or self.second):
             faults = tuple(dict.fromkeys(fault for m in self.failed for fault in m.faults))
             sureness = max((m.sureness for m in self.failed), key=SUREST.index) if faults else ""
-            once = f"{self.functions} is" if len(self.helped.names) == 1 else "these are"
+            once = f"{self.functions} is" if len(self.replaced) == 1 else "these are"
             caused = f"Caused by {self.functions}. Once {once} correct, so is this picture."
-            return _Found((caused,), faults, sureness, self.helped.names)
-        if not _has_wrong_numbers(mine) or any(id(a) in self.mended for a in asked):
+            return _Found((caused,), faults, sureness, self.replaced)
+        if not any(a.checked and a.checked.view for a in wrong) or any(a in self.mended for a in asked):
             return _Found()
         found = self.second or self.as_handed_in
-        others = any(not c.part.passed for c in self.checked.values() if all(c is not one for one in mine))
-        if found is not None and found.cause is None and others:
-            found = self._diagnosed(mine) or found
+        if found is not None and found.cause is None and any(not a.passed and a not in asked for a in self.shown):
+            found = self._diagnosed([a.checked for a in asked]) or found
             # What other pictures speak against is not proved.
             found = replace(found, certainty="likely" if found.cause else "unknown")
         if found is None:
             return _Found()
         faults = ((found.cause.name, found.cause.sentence),) if found.cause else ()
-        makes = "makes" if len(self.helped.names) == 1 else "make"
+        makes = "makes" if len(self.replaced) == 1 else "make"
         beside = (f"{self.functions} {makes} it wrong, too",) if self.second is not None else ()
         said = (*student_words(found), *beside)
         alone = self.second is None and says_why(found.certainty, faults)
         return _Found(said, faults, found.certainty if faults else "", (), tuple(n for n, _ in faults) if alone else ())
 
 
-def _has_wrong_numbers(checked: Sequence[CheckedPicture]) -> bool:
-    return any(c.view is not None and not c.part.passed for c in checked)
-
-
-def _is_nearer(before: CheckedPicture, after: CheckedPicture) -> bool:
+def _is_nearer(asked: Question) -> bool:
     """Whether another picture came of correct functions, of which hardly more is wrong."""
-    if before.got is None or after.got is None:
-        return after.got is not None
+    before, after = asked.checked, asked.again
+    if before is None or after is None or before.got is None or after.got is None:
+        return after is not None and after.got is not None
     same = before.got.shape == after.got.shape and np.array_equal(before.got, after.got, equal_nan=True)
     worse = (after.part.wrong or 0.0) > WORSE_FACTOR * (1.0 if before.part.wrong is None else before.part.wrong)
     return not same and not worse
 
 
-def _from_inside(
-    asked: Sequence[Question], checked: Mapping[int, CheckedPicture], others: Sequence[Marked], helped: Rerun
-) -> _Found:
-    """What is said of pictures from inside a sphere. They tell little, so other pictures that are wrong come first."""
-    if not (wrong := [a for a in asked if not checked[id(a)].part.passed]):
-        return _Found()
-    if failed := [m for m in others if m.status not in ("pass", "missing")]:
-        first = next((m for m in failed if m.because or m.mistakes), failed[0])
-        said = f"Pictures from outside are wrong, too. Start with {first.name}."
-        return _Found((said,), (), "", first.because if all(map(helped.fixed_by, wrong)) else (), first.mistakes)
-    outcomes = [a.answer.problem or tuple(x.astype(float) for x in a.answer.arrays) for a in asked]
-    found = judge(LESSONS[asked[0].exercise.stage], [a.case for a in asked], outcomes)
-    mistakes = found.causes if says_why(found.sureness, found.faults) else ()
-    return _Found(() if found.passed else (found.sentence,), found.faults, found.sureness, (), mistakes)
-
-
-def _mark_pictures(
-    exercise: Exercise, asked: list[Question], every: Mapping[int, CheckedPicture], found: _Found
-) -> tuple[Marked, list[Picture]]:
-    checked = [every[id(a)] for a in asked]
-    parts = [c.part for c in checked]
+def _mark_pictures(exercise: Exercise, asked: list[Question], causes: _Causes) -> tuple[Marked, list[Picture]]:
+    found = causes.of(asked)
+    checked = [(a, a.checked) for a in asked if a.checked is not None]
+    parts = tuple(c.part for _, c in checked)
     status = _status(parts, asked)
     sentences = (*found.sentences, *dict.fromkeys(p.problem for p in parts if p.problem))
     if not sentences and status == "pass":
@@ -278,9 +229,11 @@ def _mark_pictures(
     made_of = tuple(dict.fromkeys(a.made_of for a in asked if a.made_of))
     sentences = (*sentences, *made_of)
     # Pixel by pixel the worst; the others stay small.
-    wrong = [(a, c.got, c) for a, c in zip(asked, checked, strict=True) if c.got is not None]
-    wrong.sort(key=lambda w: -(w[2].part.error or 0))
-    pictures = [wrong_picture(a, got, h.scale, whole=i < MAX_WHOLE_PICTURES) for i, (a, got, h) in enumerate(wrong)]
+    wrong = [(a, c, c.got) for a, c in checked if c.got is not None]
+    wrong.sort(key=lambda w: -(w[1].part.error or 0))
+    pictures = [wrong_picture(a, got, c.scale, whole=i < MAX_WHOLE_PICTURES) for i, (a, c, got) in enumerate(wrong)]
+    if status == "fail":
+        parts = tuple(msgspec.structs.replace(c.part, again=_again(a, causes.replaced)) for a, c in checked)
     marked = Marked(
         name=exercise.name,
         stage=exercise.stage,
@@ -294,16 +247,28 @@ def _mark_pictures(
         faults=found.faults,
         mistakes=() if made_of else found.mistakes,
         because=found.because,
-        fingerprint=_fingerprint(asked, checked) if status == "fail" else "",
-        parts=tuple(parts),
+        parts=parts,
     )
     return marked, pictures
 
 
-def _fingerprint(asked: list[Question], checked: list[CheckedPicture]) -> str:
-    """A fingerprint of the pictures of named scenes, the same for all; empty where one of them has no numbers."""
-    named = [(a, c) for a, c in zip(asked, checked, strict=True) if not a.drawn and a.reference is None]
-    if not named or any(c.got is None and not c.part.passed for _, c in named):
-        return ""
-    right = [a.case.expected[0] for a, _ in named]
-    return fingerprint(right, [r if c.got is None else c.got for r, (_, c) in zip(right, named, strict=True)])
+def _again(asked: Question, replaced: Sequence[str]) -> Again | None:
+    """What became of the picture with correct functions; None where it was not asked for again, or there was none."""
+    if asked.again is None or asked.answer.problem:
+        return None
+    part, needed = asked.again.part, NEEDED[asked.exercise.stage]
+    own = 1 - len(set(needed) & set(replaced)) / len(needed) if asked.made_of else 1.0
+    return Again(part.passed, part.error, part.wrong, own)
+
+
+def lines_of(m: Marked, code: Code) -> tuple[CodeLine, ...]:
+    """The lines of the submission that the hint names, or else the error, with their neighbours."""
+    found = [place for said in (*m.mistakes[-1:], *m.sentences) for place in LINE_REFERENCE.findall(said)]
+    if m.status == "pass" or not found or (found[0][1] and found[0][1] != code.file.rpartition(" ")[2]):
+        return ()
+    cell = found[0][0]
+    named = {int(n) for where, file, n in found if (where, file) == found[0][:2]}
+    text = dict(code.cells).get(cell, "") if code.cells else code.source
+    near = {n + k for n in named for k in range(-LINES_AROUND, LINES_AROUND + 1)}
+    every = enumerate(text.splitlines(), start=1)
+    return tuple(CodeLine(n, line[:MAX_LINE_CHARACTERS], n in named) for n, line in every if n in near)

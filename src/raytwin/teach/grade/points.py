@@ -9,18 +9,12 @@ from collections.abc import Sequence
 
 from msgspec.structs import replace
 
-from raytwin.teach.grade.feedback import with_feedback
 from raytwin.teach.grade.result import Marked, MarkedPart, Result
 from raytwin.teach.grade.rubric import PICTURES, Exercise, Rubric
 
 
-def marked_by(result: Result, rubric: Rubric) -> Result:
-    """Return a stored result as the rubric has it: its points, and the instructor's own sentences."""
-    return with_feedback(with_points(result, rubric), rubric)
-
-
 def with_points(result: Result, rubric: Rubric) -> Result:
-    """Return the result with the rubric's names, points, hints and bonus.
+    """Return the result with the rubric's names and points.
 
     Unchanged where it is none of these exercises, as where the grader failed.
     """
@@ -28,15 +22,13 @@ def with_points(result: Result, rubric: Rubric) -> Result:
         return result
     names = {m.name: e.name for m, e in zip(result.exercises, rubric.exercises, strict=True)}
     exercises = _paid_once([_scored(m, e) for m, e in zip(result.exercises, rubric.exercises, strict=True)], rubric)
-    exercises = [replace(m, sentences=_with_hint(m, rubric.hints)) for m in exercises]
     pictures = tuple(replace(p, exercise=names[p.exercise]) for p in result.pictures)
-    made = replace(result, title=rubric.title, exercises=tuple(exercises), pictures=pictures, bonus=0.0, speed=())
-    return _with_bonus(made, rubric)
+    return replace(result, title=rubric.title, exercises=tuple(exercises), pictures=pictures)
 
 
 def _scored(m: Marked, e: Exercise, kept: Sequence[float] = ()) -> Marked:
     """The exercise with its points. `kept`: of each part, the share that it keeps since its mistake is paid for."""
-    earned = [e.share(p.passed, p.error, p.wrong) for p in m.parts]
+    earned = [e.share(p.passed, p.error) for p in m.parts]
     shares = [max(own, more) for own, more in zip(earned, kept or earned, strict=True)]
     points, own_points = (round(e.points * sum(some) / max(1, len(some)), 4) for some in (shares, earned))
     parts = tuple(replace(p, share=share) for p, share in zip(m.parts, shares, strict=True))
@@ -76,27 +68,4 @@ def _share_again(p: MarkedPart, e: Exercise, rate: float) -> float:
     """What a picture keeps that was asked for again with correct functions in place of the failed ones."""
     if p.again is None:
         return 0.0
-    return round(rate * p.again.own * e.share(p.again.passed, p.again.error, p.again.wrong), 6)
-
-
-def _with_hint(m: Marked, level: int) -> tuple[str, ...]:
-    """The sentences with the hint of this level, whichever they were stored with."""
-    if not (m.hints and level):
-        return m.sentences
-    wanted = m.hints[level - 1]
-    old = next((h for h in m.hints if any(said.endswith(h) for said in m.sentences)), wanted)
-    return tuple(said.removesuffix(old) + wanted if said.endswith(old) else said for said in m.sentences)
-
-
-def _with_bonus(result: Result, rubric: Rubric) -> Result:
-    """The result with its seconds per drawn picture, and with the bonus if every exercise is passed."""
-    if rubric.speed is None:
-        return result
-    k = next(k for k, e in enumerate(rubric.exercises) if e.name == rubric.speed.of)
-    e, m = rubric.exercises[k], result.exercises[k]
-    drawn = m.parts[len(e.scenes) :]
-    seconds = sum(p.seconds for p in drawn) / max(1, len(drawn))
-    if m.error is None or not seconds:
-        return result
-    bonus = rubric.speed.earned(seconds) if result.all_passed else 0.0
-    return replace(result, speed=((e.name, seconds, m.error),), bonus=bonus)
+    return round(rate * p.again.own * e.share(p.again.passed, p.again.error), 6)

@@ -11,26 +11,35 @@ import numpy as np
 from raytwin.compare import Comparison
 from raytwin.errors import InputError
 from raytwin.explain.draw_scene import DRAWN_SIZE, LARGER, draw_scene
-from raytwin.explain.pixel_sample import traced_once
+from raytwin.explain.pixel_sample import SubmittedImage, traced_once
 from raytwin.images.image import Image
 from raytwin.renderers import references
 from raytwin.renderers.scene_exchange import as_arrays
-from raytwin.scene import Scene, Sphere, Tolerance
+from raytwin.scene import Scene, Tolerance
 from raytwin.teach.contract.stage import Case
 from raytwin.teach.contract.stage_table import LESSONS
+from raytwin.teach.grade.result import MarkedPart
 from raytwin.teach.grade.rubric import Exercise, Rubric
 from raytwin.teach.sandbox.sandbox import Answer
 
-INSIDE = (60, 44)
-"""Pixels of a scene that is seen from inside a sphere: little is to be seen."""
+
+@dataclass(frozen=True, eq=False)
+class CheckedPicture:
+    """A picture beside what it should be. `got`: if it is wrong and can be shown; `scale`: of its values."""
+
+    part: MarkedPart
+    view: SubmittedImage | None = None
+    got: np.ndarray | None = None
+    scale: float = 1.0
 
 
 @dataclass(eq=False)
 class Question:
-    """One call: its exercise and case, and for a picture its scene; `drawn`: from the seed, so nobody has stored it.
+    """One call: its exercise and case, and for a picture its scene.
 
-    `answer`: filled in by the call. `made_of`: see `made_of`. `reference`: of a picture at a sampled light level, which
-    `verdict`, filled in by the calls, is about.
+    `answer`: filled in by the call. `made_of`: the functions that the picture is made of, in words. `reference`: of a
+    picture at a sampled light level, which `verdict`, filled in by the calls, is about. `checked`: the picture held
+    against what it should be; `again`: the one that correct functions gave in place of those that failed.
     """
 
     exercise: Exercise
@@ -39,9 +48,20 @@ class Question:
     tolerance: Tolerance = field(default_factory=Tolerance)
     answer: Answer = field(default_factory=Answer)
     made_of: str = ""
-    drawn: bool = False
     reference: Image | None = None
     verdict: Comparison | None = None
+    checked: CheckedPicture | None = None
+    again: CheckedPicture | None = None
+
+    @property
+    def passed(self) -> bool:
+        """Whether the picture, as it was handed in, is correct."""
+        return self.checked is not None and self.checked.part.passed
+
+    @property
+    def fixed(self) -> bool:
+        """Whether the failed functions alone made this picture wrong."""
+        return self.again is not None and self.again.part.passed
 
 
 def questions_of(rubric: Rubric, seed: int) -> Iterator[Question]:
@@ -54,20 +74,9 @@ def questions_of(rubric: Rubric, seed: int) -> Iterator[Question]:
             yield _reference_question(rubric, exercise, name)
         for i in range(exercise.drawn):
             scale = LARGER if exercise.stage == "render" and i % 2 else 1.0
-            scene = draw_scene(own + i, INSIDE if exercise.inside else DRAWN_SIZE, f"random scene {i + 1}", scale)
-            if exercise.inside:
-                scene = _around_eye(scene)
+            scene = draw_scene(own + i, DRAWN_SIZE, f"random scene {i + 1}", scale)
             right = np.asarray(traced_once(scene, exercise.rung).mean, float)
-            yield replace(_picture_question(exercise, scene, right, Tolerance()), drawn=True)
-
-
-def _around_eye(scene: Scene) -> Scene:
-    """The scene within one more sphere, which holds the eye and what is near."""
-    camera = scene.camera
-    eye = -np.transpose(camera.R_cam_board) @ camera.t_cam_board
-    x, y, z = (0.5 * eye).tolist()
-    wall = Sphere((x, y, z), 0.9 * float(np.linalg.norm(eye)), (0.7, 0.55, 0.8))
-    return msgspec.structs.replace(scene, name=f"{scene.name}, from inside", spheres=(*scene.spheres, wall))
+            yield _picture_question(exercise, scene, right, Tolerance())
 
 
 def _reference_question(rubric: Rubric, exercise: Exercise, name: str) -> Question:

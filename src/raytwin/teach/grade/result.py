@@ -49,12 +49,12 @@ class Marked(Record, frozen=True):
 
     `faults`: (name, sentence) of each mistake that was made; `causes` has those, too, that explain it as well.
     `code`: lines of the submission that the sentences speak of.
-    `inputs`, `expected`, `got`: of the worst value of a stage's cases. `fingerprint`: of the wrong numbers.
-    `repair`: what was wrong where one change of the text makes all right, in an operator's words; `hints`: that change
-    in each of three levels of detail. `mistakes`: what each explains all that is wrong here, and shows elsewhere, too.
-    `because`: functions that failed on their own, with correct ones of which this picture is correct. `same_as`: the
-    exercise that pays for the same mistake. `followed`: of the points, those that are kept since it is paid for.
-    `judged_by`: the statistical test that decides in place of a tolerance; such an exercise has no fingerprint.
+    `inputs`, `expected`, `got`: of the worst value of a stage's cases.
+    `repair`: what was wrong where one change of the text makes all right, in an operator's words. `mistakes`: what each
+    explains all that is wrong here, and shows elsewhere, too. `because`: functions that failed on their own, with
+    correct ones of which this picture is correct. `same_as`: the exercise that pays for the same mistake. `followed`:
+    of the points, those that are kept since it is paid for.
+    `judged_by`: the statistical test that decides in place of a tolerance.
     """
 
     name: str
@@ -70,9 +70,7 @@ class Marked(Record, frozen=True):
     causes: tuple[str, ...] = ()
     sureness: str = ""
     faults: tuple[tuple[str, str], ...] = ()
-    fingerprint: str = ""
     repair: str = ""
-    hints: tuple[str, ...] = ()
     mistakes: tuple[str, ...] = ()
     because: tuple[str, ...] = ()
     same_as: str = ""
@@ -93,8 +91,7 @@ class Marked(Record, frozen=True):
     def named(self) -> dict[str, str]:
         """Name -> sentence of what is wrong. A line that one change repairs is surer than names that are not proved."""
         proved = {name: sentence for name, sentence in self.faults if name in self.mistakes}
-        guessed = self.repair and self.sureness != "named"
-        return proved or ({f"{self.stage}: {self.repair}": ""} if guessed else dict(self.faults))
+        return proved or ({f"{self.stage}: {self.repair}": ""} if self.repair else dict(self.faults))
 
     @property
     def follows(self) -> bool:
@@ -135,7 +132,7 @@ class Picture(Record, frozen=True):
 
 class Result(Record, frozen=True):
     """`student`: the name of what was handed in. `key`: of the content, the rubric and the seed. `problem`: why nothing
-    ran. `grader_fault`: the grader failed, not the submission; it is graded again next time. `bonus`: for speed.
+    ran. `grader_fault`: the grader failed, not the submission; it is graded again next time.
     `own_seconds`: what the submission itself took, of `seconds` in all. `open_locks`: those of the sandbox that did not
     hold. `graded`: when, to the minute, UTC."""
 
@@ -144,7 +141,6 @@ class Result(Record, frozen=True):
     title: str
     exercises: tuple[Marked, ...]
     problem: str = ""
-    bonus: float = 0.0
     seed: int = 0
     own_seconds: float = 0.0
     seconds: float = 0.0
@@ -152,13 +148,12 @@ class Result(Record, frozen=True):
     notes: tuple[str, ...] = ()
     open_locks: tuple[str, ...] = ()
     pictures: tuple[Picture, ...] = ()
-    speed: tuple[tuple[str, float, float], ...] = ()
     grader_fault: bool = False
     graded: str = ""
 
     @property
     def points(self) -> float:
-        return round(sum(e.points for e in self.exercises) + self.bonus, 4)
+        return round(sum(e.points for e in self.exercises), 4)
 
     @property
     def of(self) -> float:
@@ -196,5 +191,5 @@ class Result(Record, frozen=True):
 
 
 WORST: tuple[Status, ...] = ("limit", "broken", "error", "fail", "missing")
-SUREST = ("named", "proved", "likely", "")
-"""`sureness`, from the surest: named by the instructor; proved by a repair, or by predictions that leave nothing."""
+SUREST = ("proved", "likely", "")
+"""`sureness`, from the surest; proved: by a repair, or by predictions that leave nothing."""

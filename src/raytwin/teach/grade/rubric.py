@@ -1,4 +1,4 @@
-"""A rubric in TOML: exercises with their points, partial credit by measured error, speed against accuracy, limits.
+"""A rubric in TOML: exercises with their points, partial credit by measured error, limits.
 
     title = "The paper's pipeline"
     [[exercises]]
@@ -21,12 +21,12 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from raytwin.errors import InputError, check_one_of
+from raytwin.removed import RUBRIC_KEYS
 from raytwin.rungs import RUNGS
 from raytwin.scene import Record
 from raytwin.scene.toml_json import read_toml, to_record
 from raytwin.teach.contract.composed_tracer import NEEDED
 from raytwin.teach.contract.stage_table import LESSONS
-from raytwin.teach.grade.fingerprint import is_fingerprint
 from raytwin.teach.sandbox.sandbox import Limits
 
 PICTURES = tuple(NEEDED)
@@ -43,10 +43,9 @@ class Exercise(Record, frozen=True):
     """One row: a `stage` tested on its own cases, or a picture on `scenes` by name and on as many `drawn` ones.
 
     `tolerance`: of the stage's error, or of a picture's, relative to its scale; None: the stage's own, the scene's own.
-    `inside`: the drawn scenes are seen from inside a sphere, whose wall hides the sun.
     A case or scene that passes earns its share of the points whole; one that does not earns what `credit` says of its
-    error (`measure`: `wrong`, the share of values that are off), interpolated over the error's logarithm: the first
-    row's share below it, nothing above the last. A sampled picture that fails earns nothing.
+    error, interpolated over the error's logarithm: the first row's share below it, nothing above the last. A sampled
+    picture that fails earns nothing.
     """
 
     stage: str
@@ -54,70 +53,35 @@ class Exercise(Record, frozen=True):
     name: str = ""
     scenes: tuple[str, ...] = ()
     drawn: Annotated[int, msgspec.Meta(ge=0, le=100)] = 0
-    inside: bool = False
     rung: str = "shadow"
     tolerance: Positive | None = None
     visibility: Visibility = "visible"
     credit: tuple[tuple[Positive, Fraction], ...] = ()
-    measure: Literal["error", "wrong"] = "error"
 
     @property
     def sampled(self) -> bool:
         """Whether its pictures are noisy, and judged by the sequential verdict."""
         return self.stage == "render" and RUNGS[self.rung].noisy
 
-    def share(self, passed: bool, error: float | None, wrong: float | None) -> float:
+    def share(self, passed: bool, error: float | None) -> float:
         """What one case or scene earns, 0 to 1.
 
-        >>> Exercise("shade", 10, credit=((1e-4, 0.9), (1e-2, 0.5))).share(False, 1e-3, None)
+        >>> Exercise("shade", 10, credit=((1e-4, 0.9), (1e-2, 0.5))).share(False, 1e-3)
         0.7
         """
-        value = error if self.measure == "error" else wrong
         if passed:
             return 1.0
-        if self.sampled or not self.credit or value is None or not math.isfinite(value) or value > self.credit[-1][0]:
+        if self.sampled or not self.credit or error is None or not math.isfinite(error) or error > self.credit[-1][0]:
             return 0.0
         below = self.credit[0]
         for above in self.credit:
-            if value <= above[0]:
-                if above[0] == below[0] or value <= below[0]:
+            if error <= above[0]:
+                if above[0] == below[0] or error <= below[0]:
                     return below[1]
-                x = math.log(value / below[0]) / math.log(above[0] / below[0])
+                x = math.log(error / below[0]) / math.log(above[0] / below[0])
                 return round(below[1] + x * (above[1] - below[1]), 6)
             below = above
         return 0.0
-
-
-class Speed(Record, frozen=True):
-    """Speed against accuracy, of the drawn scenes of the exercise `of`: a leaderboard, and a bonus if wanted.
-
-    The whole `bonus` at `fast` seconds a picture or fewer, none at `slow`, in between by the logarithm; only where
-    every exercise is passed.
-    """
-
-    of: str
-    leaderboard: bool = True
-    bonus: Annotated[float, msgspec.Meta(ge=0)] = 0.0
-    fast: Positive = 0.1
-    slow: Positive = 10.0
-
-    def earned(self, seconds: float) -> float:
-        """
-        >>> Speed("image", bonus=4, fast=0.1, slow=10).earned(1.0)
-        2.0
-        """
-        x = math.log(self.slow / max(seconds, 1e-9)) / math.log(self.slow / self.fast)
-        return round(self.bonus * min(1.0, max(0.0, x)), 4)
-
-
-class Feedback(Record, frozen=True):
-    """The instructor's own `sentence` for wrong numbers of a function with this `fingerprint`, a class page's; `name`:
-    of the mistake, in its tables."""
-
-    stage: str
-    fingerprint: str
-    sentence: str
-    name: str = ""
 
 
 class Rubric(Record, frozen=True):
@@ -134,14 +98,12 @@ class Rubric(Record, frozen=True):
     title: str
     exercises: Annotated[tuple[Exercise, ...], msgspec.Meta(min_length=1)]
     seed: int = 0
-    speed: Speed | None = None
     limits: Limits = Limits()
     file: str = "tracer"
     command: str = ""
     packages: tuple[str, ...] = ()
     hints: Annotated[int, msgspec.Meta(ge=0, le=3)] = 2
     follow_through: Fraction = 0.0
-    feedback: tuple[Feedback, ...] = ()
     folder: str = "."
 
     @property
@@ -160,8 +122,8 @@ class Rubric(Record, frozen=True):
     @property
     def questions(self) -> tuple[Any, ...]:
         """What decides the answers and what is found of them: all other keys are arithmetic with stored results."""
-        exercises = [(e.stage, e.scenes, e.drawn, e.inside, e.rung, e.tolerance) for e in self.exercises]
-        return exercises, self.limits, self.file, self.command, self.packages, self.hints > 0
+        exercises = [(e.stage, e.scenes, e.drawn, e.rung, e.tolerance) for e in self.exercises]
+        return exercises, self.limits, self.file, self.command, self.packages, self.hints
 
     def seed_of(self, content: bytes) -> int:
         """Return a submission's seed, which nobody without the rubric's own can compute."""
@@ -179,28 +141,18 @@ def read_rubric(path: str | Path) -> Rubric:
     data = read_toml(path)
     if "folder" in data:
         raise InputError(f"{path}: folder", "is no known key.")
+    rows = data.get("exercises")
+    for table in (data, data.get("limits"), *(rows if isinstance(rows, list) else ())):
+        for name in RUBRIC_KEYS.keys() & table if isinstance(table, dict) else ():
+            raise InputError(f"{path}: {name}", f"was removed in 0.2.0. {RUBRIC_KEYS[name]}")
     rubric = to_record(path, data | {"folder": str(path.parent)}, Rubric)
     named = []
     for i, exercise in enumerate(rubric.exercises):
         _check(f"{path}: exercises[{i}]", exercise)
         named.append(msgspec.structs.replace(exercise, name=exercise.name or _name(exercise)))
-    for i, row in enumerate(rubric.feedback):
-        check_one_of(f"{path}: feedback[{i}].stage", row.stage, LESSONS)
-        if not is_fingerprint(row.fingerprint):
-            raise InputError(f"{path}: feedback[{i}].fingerprint", "the numbers of a class page's row", row.fingerprint)
-        if not row.sentence.strip():
-            raise InputError(f"{path}: feedback[{i}].sentence", "a sentence for the students", "none")
     names = [e.name for e in named]
     if twice := next((n for n in names if names.count(n) > 1), None):
         raise InputError(f"{path}: exercises: name", "names that differ", f"{twice!r} twice")
-    if rubric.speed is not None:
-        pictures = [e.name for e in named if e.stage in PICTURES]
-        check_one_of(f"{path}: speed.of", rubric.speed.of, pictures)
-        if not next(e for e in named if e.name == rubric.speed.of).drawn:
-            got = f"{rubric.speed.of!r}, whose pictures a submission may have stored"
-            raise InputError(f"{path}: speed.of", "an exercise with drawn scenes", got)
-        if not rubric.speed.fast < rubric.speed.slow:
-            raise InputError(f"{path}: speed.fast", "seconds below `slow`", rubric.speed.fast)
     return msgspec.structs.replace(rubric, exercises=tuple(named))
 
 
@@ -213,13 +165,11 @@ def _check(where: str, e: Exercise) -> None:
         )
     if e.stage not in PICTURES and (e.scenes or e.drawn):
         raise InputError(f"{where}.scenes", f"none: {e.stage} has cases of its own", e.scenes or e.drawn)
-    if e.inside and not (e.stage == "render" and e.drawn and not e.scenes):
-        raise InputError(f"{where}.inside", "an exercise of render with drawn scenes alone", e.stage)
     errors = [row[0] for row in e.credit]
     if errors != sorted(errors):
         raise InputError(f"{where}.credit", "rows by rising error", errors)
 
 
 def _name(e: Exercise) -> str:
-    of = ", ".join([*e.scenes, *([f"{e.drawn} drawn{' from inside' if e.inside else ''}"] if e.drawn else [])])
+    of = ", ".join([*e.scenes, *([f"{e.drawn} drawn"] if e.drawn else [])])
     return f"{e.stage} ({e.rung}: {of})" if of and e.stage == "render" else f"{e.stage} ({of})" if of else e.stage

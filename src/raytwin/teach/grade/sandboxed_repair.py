@@ -1,4 +1,4 @@
-"""The line to look at, found by changing the submission's text, and the fingerprint of its wrong numbers.
+"""The line to look at, found by changing the submission's text.
 
 Runs after grading, in a sandbox of its own, and changes no points. Numbers alone leave the sandbox, to be judged here.
 """
@@ -36,7 +36,6 @@ from raytwin.teach.contract.repair_function import STRIDES, further_probes, prob
 from raytwin.teach.contract.stage import Case, Stage
 from raytwin.teach.contract.stage_result import says_why, with_hint
 from raytwin.teach.contract.stage_table import LESSONS
-from raytwin.teach.grade.fingerprint import PROBE_SEED, fingerprint
 from raytwin.teach.grade.follow_through import REPLACE, REPLACE_DRIVER, source_of
 from raytwin.teach.grade.result import Marked
 from raytwin.teach.grade.rubric import PICTURES, Rubric
@@ -46,6 +45,10 @@ WORK_PROVED, WORK_UNNAMED, WORK_IN_ALL = 1.2e6, 3e6, 6e6
 """Most lines of Python that a search runs: for a function with a proved cause, for one without, for a submission."""
 MAX_TEXT = 100_000
 """Characters of the longest text that is searched: one of megabytes takes minutes to parse."""
+PROBE_SEED = 1_618_033
+"""Draws the cases that changes are tried in; no points depend on them, so anyone may know it."""
+MOST_RETURNED = 8
+"""Arrays that are taken of what a function returns."""
 CALLED, LINES = "raytwin_attempt", "raytwin_lines"
 REPAIR_DRIVER = f"""
 {REPLACE_DRIVER}
@@ -57,13 +60,10 @@ def {CALLED}(function, codes, lengths, names, arguments, seconds, changed):
     import numpy
     ends = numpy.cumsum(lengths).astype(int)
     chosen = [marshal.loads(codes[end - n : end].tobytes()) for end, n in zip(ends, lengths)]
-    shapes, numbers = [], []
-    for made in attempt(globals(), function, chosen, names, arguments, seconds, changed):
-        shapes.append(-1 if made is None else len(made))
-        for array in made or ():
-            shapes += [array.ndim, *array.shape]
-            numbers.append(array.ravel())
-    return numpy.array(shapes, int), numpy.concatenate([numpy.zeros(0), *numbers])
+    made = attempt(globals(), function, chosen, names, arguments, seconds, changed)
+    some = [() if one is None else one[:{MOST_RETURNED}] for one in made]
+    counts = numpy.array([-1 if one is None else len(each) for one, each in zip(made, some)], int)
+    return (counts, *(array for each in some for array in each))
 
 def {LINES}(function, arguments, seconds):
     import numpy
@@ -110,15 +110,12 @@ class LineSearch:
             self.trials.child.call(REPLACE, source_of(names), list(names))
         return self.trials.child
 
-    def mends(self, stage: str, cases: Sequence[Case]) -> bool:
-        """Whether the change that was found for a function makes these cases correct, too."""
-        change = self.found[stage].candidate
-        if change is None:
-            return False
-        self.child_with()
-        assert self.trials is not None
-        each = ((case, self.trials.run(stage, [change], case.args, False)[0]) for case in cases)
-        return all(got is not None and is_repaired(LESSONS[stage], case, got) for case, got in each)
+    def with_mistake(self, m: Marked) -> Marked:
+        """The exercise with the change that repairs it, if one does, as its mistake."""
+        found = self.found.get(m.stage)
+        if found is None or m.status == "pass" or m.because:
+            return m
+        return msgspec.structs.replace(m, mistakes=(*m.mistakes, found.hint(3)))
 
     def close(self) -> None:
         """End the process."""
@@ -133,26 +130,20 @@ class LineSearch:
         beside: Sequence[str] = (),
         pictures: Sequence[tuple[str, Case]] = (),
     ) -> list[Marked]:
-        """Return the exercises, wrong ones with the line to look at, and with a fingerprint if no cause is named.
+        """Return the exercises, wrong ones with the line to look at.
 
         `right`: functions that pass their own tests; they are not changed. `replaced`: failed functions that run as
         correct ones instead. `beside`: further wrong functions; a change that corrects one of them, too, is its line.
         `pictures`: (function, case) of wrong pictures, for mistakes that the fixed cases are too small to show.
         """
         wrong = [e for e in exercises if e.status in ("fail", "error")]
-        unnamed = {e.stage for e in wrong if self.code and not (e.faults or e.fingerprint or e.judged_by)}
         tried = [e for e in wrong if self.hints and e.stage not in self.found]
-        prints: dict[str, str] = {}
-        if tried or unnamed - set(self.found):
-            child = self.child_with(replaced)
-            if not replaced:
-                prints = {stage: _fingerprint(child, stage) for stage in unnamed}
-            if CALLED in child.functions and self.trials is not None:
-                self._repair(tried, right, replaced, beside, pictures, self.trials)
+        if tried and CALLED in self.child_with(replaced).functions and self.trials is not None:
+            self._repair(tried, right, replaced, beside, pictures, self.trials)
         return [
-            _with_hint(e, self.found.get(e.stage), self.hints, e.fingerprint or prints.get(e.stage, ""))
-            if e in wrong else e for e in exercises
-        ]  # fmt: skip
+            _with_hint(e, self.found[e.stage], self.hints) if e in wrong and e.stage in self.found else e
+            for e in exercises
+        ]
 
     def _repair(
         self, tried: Sequence[Marked], right: Sequence[str], replaced: Sequence[str], beside: Sequence[str],
@@ -207,27 +198,12 @@ def _further(stage: str) -> list[Case]:
     return further_probes(LESSONS[stage], PROBE_SEED)
 
 
-MOST_PROBES = 3
-"""Cases that a fingerprint is taken of."""
-
-
 def _is_proved(exercise: Marked) -> bool:
     return says_why(exercise.sureness, exercise.faults)
 
 
-def _fingerprint(child: Sandbox, stage: str) -> str:
-    """A fingerprint of the wrong numbers in cases that are the same for all."""
-    cases = _cases(stage)[:MOST_PROBES]
-    answers = [child.call(stage, *case.args) for case in cases]
-    got = [a.astype(float) for answer in answers for a in answer.arrays]
-    return fingerprint([a for case in cases for a in case.expected], got)
-
-
-def _with_hint(exercise: Marked, repair: Repair | None, level: int, found: str) -> Marked:
+def _with_hint(exercise: Marked, repair: Repair, level: int) -> Marked:
     """The exercise with a repair in its place among the sentences."""
-    exercise = msgspec.structs.replace(exercise, fingerprint="" if exercise.judged_by else found)
-    if repair is None:
-        return exercise
     raised = exercise.status == "error"
     sentences = with_hint(exercise.sentences, repair.hint(level), exercise.sureness, exercise.faults, raised)
     # A likely cause of pictures, which saw no text, may say something else than the line: then neither is proved.
@@ -323,14 +299,12 @@ class _Trials:
             return []
         codes, lengths = np.frombuffer(b"".join(c.code for c in chosen), np.uint8), [len(c.code) for c in chosen]
         answer = self.child.call(CALLED, function, codes, lengths, [list(c.names) for c in chosen], list(arguments),
-                                 SECONDS_A_TRY, changed)  # fmt: skip
-        if answer.problem or len(answer.arrays) != 2:
+                                 SECONDS_A_TRY, changed, most_arrays=1 + MOST_RETURNED * len(chosen))  # fmt: skip
+        counts, *arrays = answer.arrays or (np.zeros(0),)
+        if counts.shape != (len(chosen),) or counts.dtype.kind != "i":  # a problem, or the submission's own doing
             return [None] * len(chosen)
-        shapes, numbers = answer.arrays
-        try:
-            return _read([int(n) for n in shapes.ravel()], numbers.astype(float).ravel(), len(chosen))
-        except (IndexError, ValueError, OverflowError):  # the submission's own doing
-            return [None] * len(chosen)
+        each = (array.astype(float) for array in arrays)
+        return [None if n < 0 else tuple(itertools.islice(each, int(n))) for n in counts.tolist()]
 
     def lines(self, function: str, arguments: Sequence[Any]) -> Counter[tuple[str, int]] | None:
         answer = self.child.call(LINES, function, list(arguments), 10 * SECONDS_A_TRY)
@@ -342,19 +316,3 @@ class _Trials:
             return Counter({(name, int(line)): int(n) for name, (line, n) in zip(read, places, strict=False)})
         except (ValueError, TypeError):  # the submission's own doing
             return None
-
-
-def _read(shapes: list[int], numbers: np.ndarray, count: int) -> Answers:
-    """The arrays of each candidate, from the numbers of all and their shapes."""
-    made: Answers = []
-    at = start = 0
-    for _ in range(count):
-        arrays = []
-        number, at = shapes[at], at + 1
-        for _ in range(min(number, 8)):
-            shape, at = shapes[at + 1 : at + 1 + shapes[at]], at + 1 + shapes[at]
-            size = int(np.prod(shape))
-            arrays.append(numbers[start : start + size].reshape(shape))
-            start += size
-        made.append(None if number < 0 else tuple(arrays))
-    return made

@@ -27,15 +27,6 @@ LOCKS = {
 }
 """What can hold, and what it is for."""
 
-WITHOUT_LOCK = {
-    "process group": "processes that a submission leaves behind may go on",
-    "rlimits": "submissions are stopped by the clock and by the size of their folder only",
-    "other uid": "submissions run under your own user ID; the other locks hold",
-    "Landlock": "submissions can read the files that their user can",
-    "seccomp": "submissions can use the network, and leave the group of processes that is killed",
-}
-"""Every lock, and the consequence where it does not hold."""
-
 HOLDS = "holds"
 
 BYTES_OF_LIBRARIES = 1_000_000_000
@@ -47,7 +38,7 @@ SPARE_CPU_SECONDS = 1
 
 
 def lock(
-    folder: Path, submission: Path, limits: dict[str, int], hidden: Sequence[str], entries: Sequence[str], uid: bool
+    folder: Path, submission: Path, limits: dict[str, int], hidden: Sequence[str], entries: Sequence[str]
 ) -> dict[str, str]:
     """Apply every lock; return for each of them `HOLDS`, or why it does not hold.
 
@@ -58,7 +49,7 @@ def lock(
         "process group": _own_group,
         "rlimits": lambda: _limit(limits),
         "Landlock": lambda: _landlock(folder, submission, [Path(h).resolve() for h in unseen]),
-        "other uid": lambda: _drop(folder, limits["processes"]) if uid else _said("not asked for"),
+        "other uid": lambda: _drop(folder, limits["processes"]),
         "seccomp": _seccomp,
     }
     found = {}
@@ -75,10 +66,6 @@ def lock(
 
 class _Lacking(Exception):
     """A lock that this machine has not."""
-
-
-def _said(reason: str) -> None:
-    raise _Lacking(reason)
 
 
 # ------------------------------------------------------------------------------------------ group, limits, uid
@@ -150,7 +137,12 @@ def _drop(folder: Path, processes: int) -> None:
     """Change to a uid that no other process has. The folder is its alone, and it may pass through the one above."""
     if not hasattr(os, "getuid") or os.getuid() != 0:
         raise _Lacking("the grader is not root")
-    uid = uid_of(os.getpid())
+    for name in ("numpy", "encodings"):  # what lies where the uid cannot read could not be imported any more
+        file = Path(getattr(sys.modules.get(name), "__file__", None) or sys.executable).resolve()
+        for place in (file, *file.parents):
+            if not place.stat().st_mode & (0o001 if place.is_dir() else 0o004):
+                raise OSError(errno.EACCES, "another uid cannot read Python's packages", str(place))
+    uid = 60_000 + os.getpid() % 5_000
     os.chown(folder, uid, uid)
     os.chown(folder.parent, -1, uid)
     folder.parent.chmod(0o710)
@@ -162,15 +154,6 @@ def _drop(folder: Path, processes: int) -> None:
     os.setresuid(uid, uid, uid)
     if sys.platform == "linux":
         _prctl(1, 9)  # a change of uid has taken it back
-    for name in ("numpy", "encodings"):  # what lies where the uid cannot read cannot be imported any more
-        there = getattr(sys.modules.get(name), "__file__", None)
-        if there is not None and not os.access(there, os.R_OK):
-            raise OSError(errno.EACCES, "another uid cannot read Python's packages", there)
-
-
-def uid_of(pid: int) -> int:
-    """The user that a submission's process runs as, where the grader is root."""
-    return 60_000 + pid % 5_000
 
 
 def _prctl(option: int, value: int) -> None:

@@ -33,11 +33,13 @@ from raytwin.images.image_input import ENDINGS
 from raytwin.scene_folders import REFERENCES
 from raytwin.teach.sandbox import wire
 from raytwin.teach.sandbox.importable import importable
-from raytwin.teach.sandbox.lock import HOLDS, LOCKS, WITHOUT_LOCK, uid_of
+from raytwin.teach.sandbox.lock import HOLDS, LOCKS
 from raytwin.teach.sandbox.work_folder import MEGA, copy_files, excess, remove
 
 POLL = 0.1
 """Seconds between two looks at the clock and at the working folder."""
+MAX_PRINTED = 16_384
+"""Bytes that are kept of what a submission prints."""
 FORGED = "it wrote into the grader's pipe"
 PENDING = object()
 """No answer yet."""
@@ -62,7 +64,6 @@ class Limits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     file_mb: int = 64
     folder_mb: int = 128
     processes: int = 32
-    output_mb: int = 16
     answer_mb: int = 64
 
 
@@ -82,7 +83,6 @@ class Code:
     command: tuple[str, ...] = ()
     folder: Path | None = None
     asked: tuple[str, ...] = ()
-    seed: int = 0
     packages: tuple[str, ...] = ()
 
     def followed_by(self, text: str) -> "Code":
@@ -105,9 +105,7 @@ class Answer:
 class Sandbox:
     """A process with a submission in it. `functions`: those asked for that exist; `printed`: how its output begins."""
 
-    def __init__(
-        self, code: Code, limits: Limits | None = None, hidden: tuple[Path, ...] = (), uid: bool | None = None
-    ) -> None:
+    def __init__(self, code: Code, limits: Limits | None = None, hidden: tuple[Path, ...] = ()) -> None:
         self.limits, self.printed = limits or Limits(), ""
         self.functions: tuple[str, ...] = ()
         self.notes: tuple[str, ...] = ()
@@ -119,13 +117,13 @@ class Sandbox:
         """Seconds in which it was to answer, without those in which it waited for a core."""
         self._clock, self._looked_at = 0.0, 0.0
         self._hidden = tuple(str(Path(h).resolve()) for h in (*hidden, REFERENCES, _package()))
-        self._with_uid = uid if uid is not None else probe().get("other uid") == HOLDS
 
     def __enter__(self) -> "Sandbox":
         self._base = Path(tempfile.mkdtemp(prefix="raytwin-submission-"))
         self._work, self._copy = self._base / "work", self._base / "submission"
         self._work.mkdir(mode=0o700)
         self._copy.mkdir(mode=0o755)
+        self._output = (self._base / "printed").open("w+b")  # as long as any file of the submission may be
         try:
             self._start()
         except BaseException:
@@ -144,7 +142,7 @@ class Sandbox:
             [sys.executable, "-I", "-B", str(child)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            stderr=self._output,
             cwd=self._base,
             env=_environment(self._work),
             start_new_session=os.name == "posix",
@@ -162,16 +160,13 @@ class Sandbox:
         }
         job: dict[str, Any] = {"kind": code.kind, "file": code.file, "command": list(code.command)}
         job["cells"] = [list(cell) for cell in code.cells or ((code.file, code.source),)]
-        job |= {"asked": list(code.asked), "seed": code.seed, "uid": self._with_uid, "hidden": list(self._hidden)}
+        job |= {"asked": list(code.asked), "hidden": list(self._hidden)}
         job |= {"limits": limits, "folder": str(self._work), "submission": str(self._copy), "endings": list(ENDINGS)}
         job |= importable(code.packages)._asdict()
         job["packages"] = [p for p in dict.fromkeys([*sys.path, str(_package().parent)]) if p and Path(p).is_dir()]
-        stdin, stdout, stderr = self._process.stdin, self._process.stdout, self._process.stderr
+        stdin, stdout = self._process.stdin, self._process.stdout
         assert stdin is not None
         assert stdout is not None
-        assert stderr is not None
-        self._draining = threading.Thread(target=self._drain, args=(stderr,), daemon=True)
-        self._draining.start()
         threading.Thread(target=self._pump, args=(stdin, stdout, most), daemon=True).start()
         self._inbox.put(job)
         ready = self._wait(self.limits.seconds)
@@ -200,7 +195,7 @@ class Sandbox:
 
     # -------------------------------------------------------------------------------------- calls
 
-    def call(self, function: str, *arguments: Any) -> Answer:
+    def call(self, function: str, *arguments: Any, most_arrays: int = 8) -> Answer:
         """What `function(*arguments)` returned; no problem of the submission's is an exception here."""
         if self.problem.problem:
             return self.problem
@@ -208,7 +203,8 @@ class Sandbox:
             return Answer(problem=f"{function} is not written{self._failed_first()}", sort="missing")
         self._calls += 1
         before = self.spent
-        self._inbox.put({"call": self._calls, "function": function, "arguments": list(arguments)})
+        asked = {"call": self._calls, "function": function, "arguments": list(arguments)}
+        self._inbox.put(asked | {"most_arrays": most_arrays})
         answer = self._wait(self.limits.seconds_a_call)
         seconds = self.spent - before
         if not self.problem.problem and self._is_table(answer, {"call": int}):
@@ -246,20 +242,6 @@ class Sandbox:
             for stream in (requests, answers):
                 with contextlib.suppress(OSError):
                     stream.close()
-
-    def _drain(self, stderr: BinaryIO) -> None:
-        """What it prints: the first 16 kB are kept; all is taken, so that printing is no reason to hang."""
-        kept, seen = bytearray(), 0
-        with contextlib.suppress(OSError, ValueError):
-            while part := os.read(stderr.fileno(), 1 << 16):
-                kept += part[: max(0, 16_384 - len(kept))]
-                seen += len(part)
-                self.printed = kept.decode(errors="replace")  # as it comes: the thread may never end
-                if seen > self.limits.output_mb * MEGA:
-                    self._end(f"it printed more than {self.limits.output_mb} MB", "limit")
-                    break
-        with contextlib.suppress(OSError):
-            stderr.close()
 
     def _wait(self, most: float) -> Any:
         """The next answer, that may take `most` seconds; None once there can be none, and then `problem` says why."""
@@ -299,7 +281,8 @@ class Sandbox:
                 limit = most if self.spent + most <= self._cpu_seconds else self._cpu_seconds
                 return f"not done after {limit:g} s of computing: ended", "limit"
             if code < 0:
-                return f"the process was ended by {_signal_name(-code)}", "broken"
+                named = next((s.name for s in signal.Signals if s == -code), f"signal {-code}")
+                return f"the process was ended by {named}", "broken"
             return f"the process ended itself (exit code {code}) without an answer", "broken"
         return "it closed the pipe to the grader", "broken"
 
@@ -309,15 +292,12 @@ class Sandbox:
         self._kill()
 
     def _kill(self) -> None:
-        """The process and all that it has started: nobody leaves the group where seccomp holds, nor its own uid."""
+        """The process and all that it has started: nobody leaves the group where seccomp holds."""
         if os.name == "posix":
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(self._process.pid, signal.SIGKILL)
         with contextlib.suppress(OSError):
             self._process.kill()
-        if self.locks.get("other uid") == HOLDS and self.locks.get("seccomp") != HOLDS:
-            uid = uid_of(self._process.pid)
-            subprocess.run(["sh", "-c", "kill -9 -1"], user=uid, group=uid, extra_groups=(), check=False)
 
     def close(self) -> None:
         if hasattr(self, "_process"):
@@ -328,7 +308,9 @@ class Sandbox:
                 self._inbox.put_nowait("end")
             with contextlib.suppress(queue.Empty):
                 self._outbox.get_nowait()
-            self._draining.join(1.0)
+        with self._output as output:
+            output.seek(0)
+            self.printed = output.read(MAX_PRINTED).decode(errors="replace")
         remove(self._base)
 
 
@@ -339,24 +321,11 @@ class Sandbox:
 def probe() -> dict[str, str]:
     """Try every lock: return whether it works on this machine (`lock.HOLDS`), or why it does not."""
     source = "def probe():\n    import numpy.polynomial\n    return 1.0\n"
-    locks: dict[str, str] = {}
-    # Where another uid cannot read the packages, the locks without it are what is left.
-    for uid in (True, False):
-        with Sandbox(Code(source=source, asked=("probe",)), Limits(seconds=60), uid=uid) as child:
-            answer = child.call("probe")
-            reason = locks.get("other uid")
-            locks = dict(child.locks)
-        if not answer.problem:
-            return locks if uid or reason is None else locks | {"other uid": reason}
-        locks["other uid"] = (
-            answer.problem if locks.get("other uid") == HOLDS else locks.get("other uid", answer.problem)
-        )
-    raise InputError("sandbox", "a process that answers", answer.problem)
-
-
-def lacking(locks: dict[str, str]) -> list[str]:
-    """What is not as it might be on this machine, by what it means for a class."""
-    return [WITHOUT_LOCK[name] for name in LOCKS if locks.get(name) != HOLDS]
+    with Sandbox(Code(source=source, asked=("probe",))) as child:
+        answer = child.call("probe")
+    if answer.problem:
+        raise InputError("sandbox", "a process that answers", answer.problem)
+    return child.locks
 
 
 def lock_rows(locks: dict[str, str]) -> list[tuple[str, str]]:
@@ -381,10 +350,3 @@ def _environment(work: Path) -> dict[str, str]:
 def plain(text: Any) -> str:
     """At most 2000 characters that can be printed: what a submission says is shown in terminals and pages."""
     return "".join(c if c.isprintable() or c == "\n" else " " for c in str(text)[:2000])
-
-
-def _signal_name(number: int) -> str:
-    try:
-        return signal.Signals(number).name
-    except ValueError:
-        return f"signal {number}"

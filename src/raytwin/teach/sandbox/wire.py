@@ -1,8 +1,7 @@
 """Messages between the grader and a submission's process: 8 bytes of length, a JSON head, then the arrays' bytes.
 
-Nothing in them is run when they are read, and none is longer than the reader allows: `read` takes what a hostile
-process wrote. `read_trusted` takes what the grader wrote. Standard library and NumPy alone: a submission's process
-loads this file, and nothing else of raytwin.
+Nothing in them is run when they are read, and none is longer than the reader allows: a hostile process may have written
+them. Standard library and NumPy alone: a submission's process loads this file, and nothing else of raytwin.
 """
 
 import json
@@ -13,7 +12,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-MOST_ARRAYS = 64
+MOST_ARRAYS = 1 << 10
 """Arrays per message: more are refused."""
 MOST_HEAD = 1 << 20
 """Bytes of a message's head: more are refused."""
@@ -34,20 +33,16 @@ def write(stream: BinaryIO, value: Any) -> None:
     stream.flush()
 
 
-def read_trusted(take: Callable[[int], bytearray], most: int) -> Any:
-    """Return the grader's next message: its head and its number of arrays are as large as the message allows."""
-    return read(take, most, most_head=most, most_arrays=most)
+def read(take: Callable[[int], bytearray], most: int, trusted: bool = False) -> Any:
+    """Return the next message; `take(n)` gives exactly n bytes or raises EOFError. WireError for anything else.
 
-
-def read(
-    take: Callable[[int], bytearray], most: int, most_head: int = MOST_HEAD, most_arrays: int = MOST_ARRAYS
-) -> Any:
-    """Return the next message; `take(n)` gives exactly n bytes or raises EOFError. WireError for anything else."""
+    `trusted`: the grader wrote it, with as large a head and as many arrays as the message allows.
+    """
     size = int.from_bytes(take(8), "little")
     if not 8 <= size <= most:
         raise WireError(f"a message of {size} bytes, where at most {most} are taken")
     headed = int.from_bytes(take(8), "little")
-    if headed > min(size - 8, most_head):
+    if headed > (size - 8 if trusted else min(size - 8, MOST_HEAD)):
         raise WireError("a head longer than its message")
     try:
         head = json.loads(take(headed))
@@ -56,7 +51,7 @@ def read(
     except (ValueError, TypeError, KeyError, RecursionError) as error:
         raise WireError(f"a head that cannot be read ({type(error).__name__})") from None
     sizes = [math.prod(shape) * kind.itemsize for kind, shape in layout]
-    if len(layout) > most_arrays or sum(sizes) + headed + 8 != size:
+    if (len(layout) > MOST_ARRAYS and not trusted) or sum(sizes) + headed + 8 != size:
         raise WireError("arrays that do not fill their message")
     data = [np.frombuffer(take(n), kind).reshape(shape) for (kind, shape), n in zip(layout, sizes, strict=True)]
     try:

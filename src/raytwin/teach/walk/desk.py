@@ -6,11 +6,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raytwin import twin
+from raytwin.explain.textbook import tracer_with
 from raytwin.images.image import Image
 from raytwin.images.photo_files import list_photos, read_photo
+from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.scene.scene_files import scene_and_photos
 from raytwin.scene_folders import find_scene
-from raytwin.tracer import intersect_rectangle
 
 PHOTOS = 8
 """Photos of the desk: enough for a camera, and quickly searched."""
@@ -33,7 +34,7 @@ class Desk:
     """A board of tags on a table, photographed, and two spheres that are not there.
 
     After `calibrated`: `K`, `dist`, `width`, `height`, `R`, `t` of the camera. The rest is in the board's frame, m:
-    `centers` (M, 3), `radii` (M,), `albedos` (M, 3) of the spheres; `to_light` (3,) unit, `irradiance` and `sky` (3,).
+    `centers` (M, 3) and `radii` (M,) of the spheres; `to_light` (3,) unit, `irradiance` and `sky` (3,).
     """
 
     def __init__(self, width: int = 160, scene: str = "desk") -> None:
@@ -42,7 +43,7 @@ class Desk:
 
         self.scene, asked = scene_and_photos(scene)
         assert asked is not None  # the desk's camera is to be found
-        folder, spheres, planes = find_scene(scene).parent, self.scene.spheres, self.scene.planes
+        folder = find_scene(scene).parent
         self.board = boards.read_board(folder / asked.board)
         taken = list_photos(folder / asked.photos)[:PHOTOS]
         self.photo_name = asked.photo if asked.photo in [p.name for p in taken] else taken[0].name
@@ -50,13 +51,6 @@ class Desk:
         self._found, _ = detect_photos(taken, self.board.family)
         self._name = str(folder / asked.photos / self.photo_name)
         self._width = width
-        self.centers = np.array([s.center for s in spheres])
-        self.radii = np.array([s.radius for s in spheres])
-        self.albedos = np.array([s.albedo for s in spheres])
-        self.irradiance, self.sky = np.array(self.scene.sun.irradiance), np.array(self.scene.sky_radiance)
-        self.to_light = np.array(self.scene.sun.to_light)
-        self.planes = planes
-        self._plane_albedos = np.array([p.albedo for p in planes])
 
     @property
     def corners(self) -> np.ndarray:
@@ -87,26 +81,25 @@ class Desk:
         camera = camera.resized(self._width, round(self._width * sizes[1] / sizes[0]))
         self.scene = self.scene.with_camera(camera)
         self.width, self.height = camera.image_size
-        self.K, self.dist = np.array(camera.K), np.array(camera.coefficients)
-        self.R, self.t, self.eye = np.array(camera.R_cam_board), np.array(camera.t_cam_board), np.array(camera.eye)
+        given = as_arrays(self.scene)
+        self.K, self.dist, self.R, self.t = (given[key] for key in ("K", "dist", "R_cam_board", "t_cam_board"))
+        self.eye = -self.R.T @ self.t
+        self.to_light, self.irradiance = given["sun"]["to_light"], given["sun"]["irradiance"]
+        self.sky = given["sky"]["radiance"]
+        spheres, self.things = given["spheres"], [*given["spheres"], *given["planes"]]
+        self.centers, self.radii = (np.array([sphere[key] for sphere in spheres]) for key in ("center", "radius"))
         return self
 
     def first_hits(self, origins: np.ndarray, directions: np.ndarray, intersect_sphere: Callable[..., Any]) -> Hits:
         """What the rays (N, 3) meet first: the spheres by the given function, the sheet and the table by raytwin's."""
-        o, d = np.broadcast_to(origins, directions.shape), directions
-        ts = [np.asarray(intersect_sphere(o, d, c, float(r))) for c, r in zip(self.centers, self.radii, strict=True)]
+        o = np.broadcast_to(origins, directions.shape)
+        tracer = tracer_with({"intersect_sphere": intersect_sphere})
         with np.errstate(all="ignore"):
-            ts += [np.asarray(intersect_rectangle(_parts(o), _parts(d), plane)) for plane in self.planes]
-        all_t = np.array(ts)
-        which, t = all_t.argmin(axis=0), all_t.min(axis=0)
-        points = o + np.where(np.isfinite(t), t, 0)[:, None] * d
-        flat = np.array([(0.0, 0.0, 0.0)] * len(self.centers) + [plane.normal for plane in self.planes])
-        middle = np.concatenate([self.centers, np.zeros((len(self.planes), 3))])[which]
-        is_sphere = (which < len(self.centers))[:, None]
-        normals = np.where(is_sphere, points - middle, flat[which])
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        normals = np.where(((normals * d).sum(axis=1) > 0)[:, None], -normals, normals)
-        return Hits(t, points, normals, np.concatenate([self.albedos, self._plane_albedos])[which])
+            every_t = tracer.intersect_all(o, directions, self.things)
+        which, t = every_t.argmin(axis=0), every_t.min(axis=0)
+        points = o + np.where(np.isfinite(t), t, 0)[:, None] * directions
+        albedo = np.array([thing["albedo"] for thing in self.things])
+        return Hits(t, points, tracer.normals_at(points, which, o, self.things), albedo[which])
 
     def picture(self, values: np.ndarray, hits: Hits | None = None) -> np.ndarray:
         """(N, 3) as an image (H, W, 3); the sky where the rays met nothing."""
@@ -128,8 +121,3 @@ def around(normals: np.ndarray, local: np.ndarray) -> np.ndarray:
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     v = np.cross(normals, u)
     return np.asarray(local[:, :1] * u + local[:, 1:2] * v + local[:, 2:] * normals)
-
-
-def _parts(v: np.ndarray) -> tuple[Any, Any, Any]:
-    x, y, z = v.T
-    return x, y, z

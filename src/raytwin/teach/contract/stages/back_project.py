@@ -1,34 +1,16 @@
 """Pixels to rays: u = fx x' + cx, v = fy y' + cy, where (x', y') is (x, y) as the lens distorts it."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from raytwin.explain.textbook import tracer_with
 from raytwin.scene.lens import undone
 from raytwin.teach.contract.stage import Arrays, Case, Stage, textbook_variants
 from raytwin.tracer import undistort
 
-
-def back_project(K: Any, dist: Any, width: int, height: int) -> Any:
-    """Unit rays (H, W, 3) in the camera frame through the pixels' centres.
-
-    The camera frame is OpenCV's: x right, y down, z forward. Pixel (0, 0) is the centre of the top-left pixel, so row v
-    and column u of the result belong to the pixel (u, v).
-
-    K: (3, 3), [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels.
-    dist: (5,), the distortion k1, k2, p1, p2, k3 in OpenCV's order, to be undone.
-    width, height: whole numbers, in pixels.
-    """
-    return _through(K, dist, width, height, undistort)
-
-
-def _through(K: Any, dist: Any, width: int, height: int, undo: Callable[..., Any]) -> np.ndarray:
-    u, v = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
-    x, y = undo((u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.asarray(dist, float).tolist())
-    rays = np.stack([x, y, np.ones_like(x)], axis=-1)
-    return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
-
+back_project = tracer_with({"undistort": undistort}).back_project
+"""The textbook's, with a lens undone to the last digit."""
 
 LENSES = {
     "a pinhole": (0, 0, 0, 0, 0),

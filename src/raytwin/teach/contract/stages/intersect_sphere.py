@@ -1,28 +1,13 @@
 """Rays against a sphere: |o + t d - c|² = r², so a t² + 2 b t + c = 0: a = d·d, b = f·d, c = f·f - r², f = o - c."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from raytwin.scene import Sphere
-from raytwin.teach.contract.stage import Arrays, Case, Stage, Variant, instead, textbook_variants, unit
-from raytwin.tracer import intersect_sphere as tracers
+from raytwin.explain import textbook
+from raytwin.teach.contract.stage import Arrays, Case, Stage, quiet, textbook_variants, unit
 
-
-def intersect_sphere(origins: Any, directions: Any, center: Any, radius: float) -> Any:
-    """The smallest t > 0 where each ray, origin + t direction, meets the sphere: (N,); np.inf for a miss.
-
-    Directions need not be unit, and t counts in their lengths. A ray that starts inside meets the sphere once.
-
-    origins, directions: (N, 3); center: (3,); radius: metres.
-    """
-    length = np.linalg.norm(directions, axis=-1)
-    x, y, z = (float(c) for c in center)
-    sphere = Sphere((x, y, z), float(radius))
-    unit = np.asarray(directions, float) / length[:, None]
-    with np.errstate(all="ignore"):
-        return np.asarray(tracers(tuple(np.asarray(origins, float).T), tuple(unit.T), sphere) / length)
+intersect_sphere = quiet(textbook.intersect_sphere)
 
 
 def cases(seed: int) -> list[Case]:
@@ -69,8 +54,8 @@ def errors(case: Case, got: Arrays) -> np.ndarray:
     return np.where(np.isnan(t), np.inf, np.where(np.isinf(right) != np.isinf(t), 1.0, off))
 
 
-def marked_misses(drawn: Sequence[Case], got: Sequence[Arrays]) -> Variant | None:
-    """The variant that marks misses by other numbers, where all is correct once these are read as infinity.
+def marked_misses(drawn: Sequence[Case], got: Sequence[Arrays]) -> tuple[str, str] | None:
+    """The mistake of marking misses by other numbers, where all is correct once these are read as infinity.
 
     One number, or one for rays that pass the sphere and one for a sphere behind the ray.
     """
@@ -84,7 +69,7 @@ def marked_misses(drawn: Sequence[Case], got: Sequence[Arrays]) -> Variant | Non
             return None
     named = " or ".join(f"{mark:.5g}" for mark in marks)
     said = f"a miss has to be np.inf, not {named}: where the discriminant is negative, and where t is not positive"
-    return Variant("misses-not-infinite", said, instead(intersect_sphere))
+    return "misses-not-infinite", said
 
 
 T_TOLERANCE = 1e-4

@@ -2,13 +2,12 @@
 
 A sampler is judged by what it draws, not by its formula. Every map of the unit square with the density that is asked
 for is correct: for cos θ / π Malley's map, Shirley and Chiu's concentric one, or one that swaps the two numbers.
-To add a sampler, write its function, its row of SAMPLERS and of SAMPLER_STAGES, and its mistakes in sampler_faults.tsv.
+To add a sampler, write its function, its row of SAMPLERS and of SAMPLER_STAGES, and its mistakes in stage_faults.tsv.
 """
 
 import inspect
 from collections.abc import Callable, Sequence
 from functools import cache, partial
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +15,7 @@ from scipy.integrate import trapezoid
 from scipy.stats import chi2
 
 from raytwin.teach.contract.loading import arrays_of
-from raytwin.teach.contract.stage import Arrays, Case, Stage, Variant, instead
+from raytwin.teach.contract.stage import Arrays, Case, Stage, read_faults
 
 DRAWS = 16384
 """Directions per case."""
@@ -78,39 +77,18 @@ SAMPLERS = {
 
 
 def sample_cosine(u: Any) -> Any:
-    """Unit directions (N, 3) about the normal (0, 0, 1), pdf (N,), weight (N,); u: (N, 2), numbers in [0, 1).
-
-    They are drawn with the density cos θ / π per steradian, which is their pdf. What is sampled is a white Lambertian
-    BRDF times the cosine, cos θ / π. The weight is that divided by the pdf.
-    """
     return SAMPLERS["sample_cosine"](u)
 
 
 def sample_hemisphere(u: Any) -> Any:
-    """Unit directions (N, 3) about the normal (0, 0, 1), pdf (N,), weight (N,); u: (N, 2), numbers in [0, 1).
-
-    They are even over the hemisphere: their pdf is 1 / 2π per steradian. What is sampled is a white Lambertian BRDF
-    times the cosine, cos θ / π. The weight is that divided by the pdf.
-    """
     return SAMPLERS["sample_hemisphere"](u)
 
 
 def sample_cone(u: Any, cos_max: float) -> Any:
-    """Unit directions (N, 3) to a sphere light, pdf (N,), weight (N,); u: (N, 2), numbers in [0, 1).
-
-    The light fills the cone cos θ ≥ cos_max about (0, 0, 1), where directions are even over its 2π (1 - cos_max)
-    steradians: their pdf is 1 divided by that. What is sampled is the light's radiance, 1. The weight is that divided
-    by the pdf.
-    """
     return SAMPLERS["sample_cone"](u, cos_max)
 
 
 def sample_phong(u: Any, exponent: float) -> Any:
-    """Unit directions (N, 3) about the mirror's, (0, 0, 1), pdf (N,), weight (N,); u: (N, 2), numbers in [0, 1).
-
-    They are drawn with the density (n + 1) / 2π cosⁿ α per steradian, which is their pdf, n being the exponent. What
-    is sampled is Phong's lobe, (n + 2) / 2π cosⁿ α. The weight is that divided by the pdf.
-    """
     return SAMPLERS["sample_phong"](u, exponent)
 
 
@@ -210,31 +188,23 @@ def _close(found: np.ndarray, expected: np.ndarray) -> bool:
 
 @cache
 def faults(stage: str) -> tuple[tuple[str, str, tuple[Sampler, ...]], ...]:
-    """The mistakes of a sampler in sampler_faults.tsv: name, sentence, and for each way what the textbook becomes.
-
-    A mistake's line is the samplers, its name and its sentence. A way's begins with a tab: part, expression, ...
-    """
-    made: list[tuple[str, str, list[Sampler]]] = []
-    for line in Path(__file__).with_name("sampler_faults.tsv").read_text(encoding="utf-8").splitlines():
-        samplers, *fields = line.split("\t")
-        if samplers:
-            concerned = stage in samplers.split()
-            made += [(fields[0], fields[1], [])] if concerned else []
-        elif concerned:
-            made[-1][2].append(SAMPLERS[stage]._replace(**dict(zip(fields[::2], fields[1::2], strict=True))))
-    return tuple((name, sentence, tuple(ways)) for name, sentence, ways in made)
+    """The mistakes of a sampler: name, sentence, and for each way, part, expression, ..., what the textbook becomes."""
+    return tuple(
+        (name, sentence, tuple(SAMPLERS[stage]._replace(**dict(zip(way[::2], way[1::2], strict=True))) for way in ways))
+        for name, sentence, ways in read_faults(stage)
+    )
 
 
-def _named(stage: str, cases: Sequence[Case], got: Sequence[Arrays]) -> Variant | None:
+def _named(stage: str, cases: Sequence[Case], got: Sequence[Arrays]) -> tuple[str, str] | None:
     """The mistake that predicts what was drawn and claimed in all cases, whatever the formula; None if none does."""
     drawn = [Drawn(SAMPLERS[stage], case, arrays) for case, arrays in zip(cases, got, strict=True)]
     if not all(np.isfinite(one.directions).all() for one in drawn):
         return None
     if not all(one.unit for one in drawn):
-        return Variant("not unit", "the directions are not unit: x² + y² + z² = 1", instead(SAMPLERS[stage].__call__))
+        return "not unit", "the directions are not unit: x² + y² + z² = 1"
     for name, sentence, ways in faults(stage):
         if any(all(one.fits(way) for one in drawn) for way in ways):
-            return Variant(name, sentence, instead(ways[0].__call__))
+            return name, sentence
     return None
 
 

@@ -1,27 +1,11 @@
 """Lambert's law under sun and open sky: L = albedo/π E max(0, n·l) + albedo Lₛ."""
 
-from typing import Any
-
 import numpy as np
 
-from raytwin.teach.contract.stage import Arrays, Case, Stage, textbook_variants, unit
-from raytwin.tracer import lambert
+from raytwin.explain import textbook
+from raytwin.teach.contract.stage import Arrays, Case, Stage, quiet, textbook_variants, unit
 
-
-def shade(points: Any, normals: Any, albedo: Any, to_light: Any, irradiance: Any, sky: Any) -> Any:
-    """The radiance (N, 3) of each point: albedo / pi * irradiance * max(0, n·l) + albedo * sky.
-
-    points: (N, 3), metres, never (H, W, 3); the sun is so far away that they do not matter.
-    normals: (N, 3), unit, on the side from which the point is seen.
-    albedo: (N, 3), or (3,) for all points.
-    to_light: (3,), unit, from the surface to the sun.
-    irradiance: (3,), never (N, 3): what a surface that faces the sun receives. In shadow, call it with zeros.
-    sky: (3,), the sky's radiance, the same in every direction.
-    """
-    n, to_sun = tuple(np.asarray(normals, float).T), tuple(to_light)
-    channels = np.broadcast_to(albedo, np.shape(normals)).T
-    L = [lambert(a, n, to_sun, E, 1.0, s) for a, E, s in zip(channels, irradiance, sky, strict=True)]
-    return np.stack(L, axis=-1)
+shade = quiet(textbook.shade)
 
 
 def cases(seed: int) -> list[Case]:

@@ -8,7 +8,7 @@ import pytest
 from measure.noise_models import picture, quantised, render
 
 from raytwin.compare import compare
-from raytwin.compare.scale import Bound, scale_of, unit_of
+from raytwin.compare.exact import Bound, scale_of, unit_of
 from raytwin.images.image import Image
 from raytwin.images.stored_precision import half_code
 

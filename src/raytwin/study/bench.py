@@ -1,4 +1,7 @@
-"""Scenes, methods and sizes in; a Bench per scene out, within a budget of seconds."""
+"""Every method's seconds beside its error, on scenes and at sizes, within a budget of seconds.
+
+RENDERERS -> references -> first calls -> rounds in random order -> Measurement -> frontier -> report
+"""
 
 import gc
 import math
@@ -15,19 +18,20 @@ import msgspec
 import numpy as np
 
 from raytwin import twin
-from raytwin.compare import METRICS, Comparison
+from raytwin.compare import METRICS, Comparison, Verdict
 from raytwin.errors import InputError
 from raytwin.images.image import Image
+from raytwin.notebook import InNotebook
 from raytwin.photos.find_camera import find_camera
 from raytwin.progress import Progress, silent
 from raytwin.renderers.renderer import Call, Renderer
 from raytwin.renderers.renderer_table import RENDERERS, renderers_of
 from raytwin.rungs import RUNGS
 from raytwin.scene import Camera, Scene, Tolerance
+from raytwin.scene.record_base import Row
 from raytwin.scene.scene_files import scene_and_photos
-from raytwin.study.bench.bench_record import Bench, Measurement
-from raytwin.study.bench.frontier import on_frontier
-from raytwin.study.beside_twin import compare_with_twin
+from raytwin.scene.toml_json import write_json
+from raytwin.study.compare_scene import compare_with_twin
 from raytwin.study.converged import Reference, converged
 from raytwin.teach.contract.subject import method as as_method
 
@@ -43,7 +47,86 @@ OUT_OF_TIME = "no time"
 
 clock = time.perf_counter
 OnImage = Callable[["_Run", Image], None]
-"""Takes each image of a method."""
+Picture = Callable[[str, Image], None]
+"""Takes the name and the first image of a method, or of a reference."""
+
+
+class Measurement(Row, frozen=True):
+    """Seconds and error of one method at one size, against the converged reference `truth` ("shadow-center").
+
+    `seconds_median`, `seconds_iqr` of the warm calls; `compile_seconds`: what only the first call cost. `rmse`,
+    `relmse` and `p999_abs` are means over the images of independent seeds, `rmse_sigma` is the standard error of the
+    mean of `rmse` (None: one image). `truth_floor`: the reference's own RMSE, below which `rmse` tells nothing.
+    `on_frontier`: among the methods measured against the same reference. `verdict` of the first image beside the twin
+    at the method's own light level; `reason`: its first reason, in words.
+    """
+
+    method: str
+    engine: str
+    precision: str
+    rung: str
+    trim: str | None
+    speculation: int
+    samples: int
+    width: int
+    height: int
+    seconds_median: float
+    seconds_iqr: float
+    compile_seconds: float
+    truth: str
+    rmse: float
+    rmse_sigma: float | None
+    relmse: float
+    p999_abs: float
+    truth_floor: float
+    on_frontier: bool
+    verdict: Verdict
+    reason: str
+
+
+class Bench(Row, InNotebook, frozen=True):
+    """A whole run at `sizes` (width, height).
+
+    `rows`: each method against its own light level; `errors`: against the highest one.
+    `left_out`: the methods that were not measured at some size -> why. `subjects`: the names of the methods that were
+    given themselves, not by a pattern.
+    """
+
+    scene: str
+    machine: dict[str, str]
+    versions: dict[str, str]
+    budget: float
+    seconds: float
+    sizes: tuple[tuple[int, int], ...]
+    rows: tuple[Measurement, ...]
+    errors: tuple[Measurement, ...]
+    left_out: dict[str, str]
+    subjects: tuple[str, ...] = ()
+
+    @property
+    def exit_code(self) -> int:
+        """1 if a subject fails, else 2 if one is undecided or was not measured, else 0: nothing else decides."""
+        verdicts = [row.verdict for row in self.rows if row.method in self.subjects]
+        if "fail" in verdicts:
+            return 1
+        measured = {row.method for row in self.rows}
+        return 2 if "undecided" in verdicts or not measured.issuperset(self.subjects) else 0
+
+    def table(self) -> list[dict[str, Any]]:
+        """Return a row per method and size: what `pandas.DataFrame` takes."""
+        return [row.to_dict() for row in self.rows]
+
+    def __repr__(self) -> str:
+        return f"<raytwin.bench of {self.scene}: {len(self.rows)} measurements, {len(self.left_out)} left out>"
+
+
+def write_bench(benches: Sequence[Bench], path: str | os.PathLike[str]) -> None:
+    """As JSON: one scene's result, or a list of several; NaN and infinity, which JSON lacks, become null."""
+    write_json(path, benches[0] if len(benches) == 1 else list(benches))
+
+
+def no_picture(name: str, image: Image) -> None:
+    """Images are not kept."""
 
 
 def bench(
@@ -55,6 +138,7 @@ def bench(
     repeats: int = 15,
     truth_samples: int = 4096,
     progress: Progress = silent,
+    picture: Picture = no_picture,
 ) -> Bench:
     """Measure each method's time and error on a scene (`path`: its folder, name, or a Scene), at each of `sizes`
     (megapixels), and judge its picture beside the twin's.
@@ -63,10 +147,11 @@ def bench(
     scene, and what `method` returns. `budget`: seconds for all, preparing and references too; methods that do not fit
     are named in `left_out`, and InputError says so if none does. `repeats`: most timed calls of each. `truth_samples`:
     most samples per pixel of each reference. `table()` of what is returned has a row per method and size: seconds,
-    errors, verdict, and whether it is on the frontier. `progress(stage, done, total)` is called as work goes on.
+    errors, verdict, and whether it is on the frontier. `progress(stage, done, total)` is called as work goes on,
+    `picture(name, image)` with the images at the first size.
     """
     check_numbers("--sizes", sizes or (0,), most=1000)
-    for where, number in (("--budget", budget), ("--repeats", repeats), ("--truth-samples", truth_samples)):
+    for where, number in (("--budget", budget), ("repeats", repeats), ("truth_samples", truth_samples)):
         check_numbers(where, (number,))
     chosen, subjects = chosen_methods(methods)
     twin.activate()
@@ -79,7 +164,7 @@ def bench(
     for i, camera in enumerate(cameras):
         own, whole, missing = measure_size(
             scene.with_camera(camera), scene.tolerance, chosen, subjects, start + budget * (i + 1) / len(sizes),
-            repeats, truth_samples, progress,
+            repeats, truth_samples, progress, no_picture if i else picture,
         )  # fmt: skip
         rows, errors, left = rows + own, errors + whole, missing | left
     if not rows:
@@ -96,16 +181,22 @@ def bench_scenes(
     *,
     methods: Sequence[str | Renderer | Callable[..., Any]] = ("*",),
     budget: float = 300.0,
+    picture: Picture = no_picture,
     **options: Any,
 ) -> tuple[Bench, ...]:
-    """Measure on each scene, in turn: see `bench`. `budget`: seconds for all scenes, each of which has an equal share.
+    """Measure on each scene, in turn: see `bench`. `budget`: seconds for all scenes, each of which has an equal share;
+    `picture`: of the first.
 
     Raises InputError for a scene or a method that cannot be, before anything is measured.
     """
     chosen_methods(methods)
     check_names("SCENE", [scene_and_photos(path)[0].name for path in paths])
+    pictures = picture, *[no_picture] * len(paths)
     share = budget / max(len(paths), 1)
-    return tuple(bench(path, methods=methods, budget=share, **options) for path in paths)
+    return tuple(
+        bench(path, methods=methods, budget=share, picture=of_scene, **options)
+        for path, of_scene in zip(paths, pictures, strict=False)
+    )
 
 
 def chosen_methods(
@@ -174,7 +265,7 @@ def reference_of(method: Renderer) -> str:
 
 def measure_size(
     scene: Scene, tolerance: Tolerance, methods: Sequence[Renderer], subjects: Collection[str], deadline: float,
-    repeats: int, truth_samples: int, progress: Progress,
+    repeats: int, truth_samples: int, progress: Progress, picture: Picture,
 ) -> tuple[list[Measurement], list[Measurement], dict[str, str]]:  # fmt: skip
     """Measure all methods at one size: rows against their own references and the one with all light, and why not."""
     references: dict[str, Reference] = {}
@@ -187,6 +278,7 @@ def measure_size(
         seconds = REFERENCE_SHARE * given / len(names)
         known = converged(scene, rung, sampling, samples=truth_samples, seconds=seconds, clock=clock)
         references[name] = known
+        picture(f"reference {name}", known.image)
         twins[name] = known.image if RUNGS[rung].noisy else twin.render(scene, rung, sampling=sampling)
     progress("references", len(names), len(names))
 
@@ -196,6 +288,7 @@ def measure_size(
             found = [METRICS[metric].function(image.mean, references[name].image.mean) for metric in ERRORS]
             run.errors.setdefault(name, []).append([math.nan if value is None else value for value in found])
         if run.judged is None:
+            picture(run.method.name, image)
             if run.method.noisy and image.variance is None:
                 image = replace(image, batches=1)  # or one sample would count as free of noise
             run.judged = compare_with_twin(image, twins[own], scene, tolerance)
@@ -304,6 +397,35 @@ def measurements(runs: Sequence[_Run], name: str, floor: float, size: tuple[int,
         )  # fmt: skip
     flags = on_frontier([row.seconds_median for row in rows], [row.rmse for row in rows], floor)
     return [msgspec.structs.replace(row, on_frontier=flag) for row, flag in zip(rows, flags, strict=True)]
+
+
+# ------------------------------------------------------------------------------------------ frontier
+
+NEAR_TIME, NEAR_ERROR = 1.1, 1.05
+"""Times within this ratio, or errors, are a tie: another run might turn them round."""
+
+
+def on_frontier(seconds: Sequence[float], errors: Sequence[float], floor: float = 0.0) -> list[bool]:
+    """Which methods no other clearly beats: none is as accurate and clearly faster, or as fast and clearly better.
+
+    Errors below `floor` count as `floor`: the truth cannot tell them apart. Ties share the frontier, so that noise of a
+    few per cent does not push a method off it.
+    """
+    t, e = np.asarray(seconds, float), np.maximum(np.asarray(errors, float), floor)
+    e = np.where(np.isfinite(e), e, np.inf)
+    faster = (t[None] * NEAR_TIME < t[:, None]) & (e[None] <= e[:, None] * NEAR_ERROR)
+    better = (e[None] * NEAR_ERROR < e[:, None]) & (t[None] <= t[:, None] * NEAR_TIME)
+    return [bool(b) for b in ~(faster | better).any(axis=1) & np.isfinite(e)]
+
+
+def staircase(seconds: Sequence[float], errors: Sequence[float], floor: float = 0.0) -> list[int]:
+    """Indices of the methods that no other beats at all, from the fastest to the most accurate: the line to draw."""
+    found, best = [], np.inf
+    for i in sorted(range(len(seconds)), key=lambda i: (seconds[i], errors[i])):
+        if max(errors[i], floor) < best:
+            best = max(errors[i], floor)
+            found.append(i)
+    return found
 
 
 # ------------------------------------------------------------------------------------------ sizes, machine
