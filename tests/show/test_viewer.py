@@ -318,7 +318,7 @@ def test_noise_is_shown_in_sigmas_and_as_means_where_not_every_pixel_fits(make_r
     mean[40:48, 60:68] += 0.03
     test, reference = Image(mean, variance, 64), Image(result.twin.mean, 0 * variance, 1 << 20)
     pair = replace(result, test=test, reference=reference, report=Report("s", "", compare(test, reference)))
-    shown = PairView(pair, "s", view_of(result).names, result.tolerance)
+    shown = PairView(pair, "s", view_of(result).names)
     write_report(shown, tmp_path / "page.html")
     script = """
       viewer.keep(62, 44);
