@@ -176,7 +176,6 @@ def test_of_wishes_in_a_row_only_the_first_and_the_last_are_rendered(slow):
     for count in range(1, 5):
         wait_for(lambda count=count: len(messages) == count)  # none before the page has answered the last
         worker.answer(messages[-1]["sent"], send)
-    assert worker.rendered == [1, 7]
     assert [head["number"] for head in messages] == [1, 7, 7, 7]  # the first was stopped between two of its passes
 
 

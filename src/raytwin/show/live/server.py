@@ -145,8 +145,6 @@ class Worker:
         self.send: Send | None = None
         self.sent = self.answered = 0
         self.stopped = False
-        self.rendered: list[int] = []
-        """The numbers of the latest wishes that were begun."""
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         self.loop = loop
@@ -192,7 +190,6 @@ class Worker:
                     return
                 done = number, wanted = self.wanted
                 send = self.send
-                self.rendered = [*self.rendered[-99:], number]
             try:
                 for event in self.session.passes(wanted):
                     self._send(send, number, *event)

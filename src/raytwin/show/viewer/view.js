@@ -64,7 +64,6 @@ class View extends Colours {
   set(changes) {
     const s = Object.assign(this.state, changes);
     s.exposure = clamp(s.exposure, -20, 20);
-    s.gamma = clamp(s.gamma, 0.2, 5);
     s.scale = clamp(s.scale, -8, 8);
     s.wipe = clamp(s.wipe, 0, 1);
     this.show();
