@@ -9,6 +9,7 @@ from raytwin import tracer
 from raytwin.errors import InputError
 from raytwin.images.exr import write_exr
 from raytwin.images.image import Image
+from raytwin.photos.denoise import non_local_means
 from raytwin.renderers.renderer_table import RENDERERS
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.teach.contract.subject import find_subject, method
@@ -115,3 +116,14 @@ def test_a_row_of_the_table_is_a_subject_and_tells_what_its_rays_met(single, pac
         find_subject("nothing.py:f", "shadow")
     with pytest.raises(InputError, match=r"expected a function of back_project, .*, got none"):
         find_subject(__file__, "shadow")
+
+
+def test_non_local_means_smooth_guesses_and_keep_what_is_even_and_where_edges_are(overlap):
+    rng, even = np.random.default_rng(3), np.full((40, 48, 3), 0.5, np.float32)
+    even[:, 24:] = 2.0
+    np.testing.assert_allclose(non_local_means(even), even, atol=2 / 65535)
+    noisy = (even + 0.02 * rng.normal(size=even.shape)).astype(np.float32)
+    assert np.abs(non_local_means(noisy) - even).max() < 0.02
+    small = overlap.with_(size=(160, 120))
+    guessed, smooth = (RENDERERS[f"numpy32-shadow-paper4{end}"](small, 0) for end in ("", "-nlm"))
+    np.testing.assert_array_equal(smooth.mean, non_local_means(guessed.mean))

@@ -80,7 +80,6 @@ SCALAR = "removed in 0.2.0. Use llvm_ad_rgb: pip install 'raytwin[llvm]' brings 
 
 RENDERERS: dict[str, str] = {
     "*-inplace": "Use the same name with conic.",
-    "*-nlm": "Use the same name without nlm.",
     "loop-*": "Use numpy64 in the place of loop.",
     "mitsuba-*": "Use twin-llvm-direct-N or twin-llvm-path-N: the same Mitsuba, with its variance.",
     "twin-scalar-*": "Use the same name with llvm.",

@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from raytwin.compare.alpha import alpha_findings
 from raytwin.compare.blocks import Pixels
 from raytwin.compare.comparison import Comparison, Perceptual, Radiance, Verdict
 from raytwin.compare.exact import Bound, scale_of, unit_of
@@ -25,7 +26,6 @@ SURE_SHIFT = 0.5
 """A shift whose standard deviation is larger, pixels, is not reported."""
 
 TIED = "both are equally far, either is correct, and these were not compared"
-ALPHA = "alpha was not compared"
 
 
 # Finite values near float32's end may overflow when squared: infinite errors fail, and need no warning.
@@ -85,6 +85,8 @@ def compare(
     asked = RadianceTest(test, reference, judging, bound, unit, look, (mine, theirs), excused, shift)
     outcome = asked.exactly() if noise == "none" else asked.run()
     findings += outcome.findings
+    different, unknown = alpha_findings(test, reference, judging, half_steps)
+    findings += different
     doubts = () if misplaced else outcome.doubts
     if findings and all(f.kind == "below zero" for f in findings):
         doubts, findings = (*(f"undecided: {f.text}" for f in findings), *doubts), []
@@ -102,8 +104,7 @@ def compare(
         failing=outcome.failing if findings and not outcome.doubts else (),
     )
     tie = (f"{plural(tied, 'pixel')} on the common edge of two objects: {TIED}",) if tied else ()
-    transparent = any(i.alpha is not None and (i.alpha != 1).any() for i in (test, reference))
-    return comparison.saying(*tie, *([ALPHA] if transparent else []))
+    return comparison.saying(*tie, *unknown)
 
 
 def _made(

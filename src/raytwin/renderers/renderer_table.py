@@ -26,6 +26,7 @@ RENDERERS: dict[str, Renderer] = {
         *(PathTraced(rung, engine, n) for engine in ("drjit32", "cuda32") for rung in ("sky", "path") for n in COUNTS),
         # The paper's speculation, and ours.
         *(Speculated(engine="numpy32", way=way, step=n) for way in ("paper", "careful") for n in (1, 2, 4, 8, 16)),
+        Speculated(engine="numpy32", way="paper", step=4, smoothed=True),
         *(Twin("shadow", variant) for variant in VARIANTS),
         *(Twin(rung, variant, n) for variant in VARIANTS for rung in ("sky", "path") for n in COUNTS),
     )

@@ -121,18 +121,31 @@ class Supersampled(_ByEngine):
 
 @dataclass(frozen=True)
 class Speculated(_ByEngine):
-    """Every `step`-th pixel traced and the others interpolated, in a `way` of speculation's WAYS."""
+    """Every `step`-th pixel traced and the others interpolated, in a `way` of speculation's WAYS.
+
+    `smoothed`: the whole picture by non-local means, as the paper does it.
+    """
 
     way: str = "careful"
     step: int = 8
+    smoothed: bool = False
 
     @property
     def name(self) -> str:
-        return f"{self.engine}-{self.rung}-{self.way}{self.step}"
+        return f"{self.engine}-{self.rung}-{self.way}{self.step}" + ("-nlm" if self.smoothed else "")
 
     def prepare(self, scene: Scene) -> Call:
         self.ready()
-        return lambda seed: Image(speculate(scene, self.step, self.rung, self.engine, self.way)[0])
+
+        def call(seed: int) -> Image:
+            guess = speculate(scene, self.step, self.rung, self.engine, self.way)[0]
+            if self.smoothed:
+                from raytwin.photos.denoise import non_local_means  # with OpenCV
+
+                guess = non_local_means(guess)
+            return Image(guess)
+
+        return call
 
 
 @dataclass(frozen=True)
