@@ -188,6 +188,7 @@ def test_a_page_that_does_not_read_is_told_nothing_more_once_another_takes_over(
         begun.set()
         while not read.is_set():
             await asyncio.sleep(0.01)
+        begun.clear()
 
     session.go.set()
     worker.want(7, ViewRequest(), never)
@@ -196,6 +197,7 @@ def test_a_page_that_does_not_read_is_told_nothing_more_once_another_takes_over(
     wait_for(lambda: messages)
     assert messages[0]["number"] == 1
     read.set()
+    wait_for(lambda: not begun.is_set())
 
 
 def test_an_error_that_ends_threads_is_told_and_the_worker_goes_on(slow, capsys):
