@@ -1,4 +1,4 @@
-"""Results to report on: the tracer in float64 beside itself in float32, and a made-up calibration."""
+"""Results to report on: the tracer in float64 beside itself in float32, and the desk's calibration."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,12 +11,14 @@ from browser import opened
 from scene_of import changed
 
 from raytwin.compare import Report, compare
+from raytwin.compare.comparison import Part
+from raytwin.explain.ledger import Ledger
 from raytwin.fast import trace
 from raytwin.images.image import Image, Surface
 from raytwin.images.photo_files import list_photos, to_bytes
 from raytwin.photos import boards
 from raytwin.photos.camera import Calibration, calibrate
-from raytwin.photos.camera.calibration_result import CalibrationWarning, View
+from raytwin.photos.camera.calibration_result import CalibrationWarning
 from raytwin.scene import Scene
 from raytwin.scene.scene_files import read_scene
 from raytwin.show.compare_page import write_report
@@ -24,7 +26,7 @@ from raytwin.study.compare_scene import Result
 
 
 @pytest.fixture(scope="session")
-def make_result(scenes) -> Callable[..., Result]:
+def make_result(scenes, calibration) -> Callable[..., Result]:
     """`make_result(size=(160, 120), photos=False, spoil=None)`; `spoil(tracer's image)`."""
 
     def make(size=(160, 120), photos=False, spoil=None) -> Result:
@@ -49,14 +51,17 @@ def make_result(scenes) -> Callable[..., Result]:
             settings={"light level of the tracer": rung, "sphere solver": "robust", "trim boxes": "on"},
             versions={"python": "3.11.2", "raytwin": "0.1.0", "numpy": "2.4.6"},
         )
-        return photographed(result) if photos else result
+        return photographed(result, calibration) if photos else result
 
     return make
 
 
 @pytest.fixture(scope="session")
 def spoiled(make_result, tmp_path_factory) -> tuple[Result, Path]:
-    """(result, page) with photos, where the tracer errs: a bright block, three pixels of another object, one NaN."""
+    """(result, page) with photos, where the tracer errs: a bright block, three pixels of another object, one NaN.
+
+    And with a ledger that has one part, of every second pixel.
+    """
 
     def spoil(image: Image) -> Image:
         image.mean[60:64, 20:30] *= 1.5
@@ -65,6 +70,11 @@ def spoiled(make_result, tmp_path_factory) -> tuple[Result, Path]:
         return image
 
     result = make_result(photos=True, spoil=spoil)
+    picture = np.zeros((60, 80, 3), np.float32)
+    picture[:50, :40], picture[:50, 40:] = 0.02, -0.03
+    rows = (Part("sun's shadow", rmse=0.02, noise=0.001), Part("bounce 1", rmse=0.0), Part("noise", rmse=0.001))
+    ledger = Ledger(rows, {"sun's shadow": picture, "bounce 1": np.zeros_like(picture)}, picture, 2)
+    result = replace(result, ledger=ledger, report=msgspec.structs.replace(result.report, ledger=rows))
     page = tmp_path_factory.mktemp("spoiled") / "report.html"
     write_report(result, page)
     return result, page
@@ -77,39 +87,32 @@ def calibration(scenes) -> Calibration:
     return calibrate(list_photos(folder / "photos"), boards.read_board(folder / "board.toml"))
 
 
+@pytest.fixture(scope="session")
+def base(scenes) -> Scene:
+    """96 x 72 pixels of the scene `overlap`: what the live page is tested with."""
+    written = read_scene(scenes / "overlap")
+    return written.with_camera(written.camera.resized(96, 72))
+
+
 def copied(image: Image) -> Image:
     s = image.surface
     return Image(image.mean.copy(), None, 1, Surface(s.ids.copy(), s.depth.copy(), s.normal.copy()))
 
 
-def photographed(result: Result) -> Result:
-    """With a noisy photo of its planes, a calibration of twelve views and the truth."""
+def photographed(result: Result, calibration: Calibration) -> Result:
+    """With a noisy photo of its planes, and the desk's calibration with a warning."""
     scene: Scene = result.scene
-    width, height = scene.camera.image_size
     rng = np.random.default_rng(7)
     empty = trace(changed(scene, objects=scene.planes), "lambert", "numpy32")
     photo = to_bytes(np.clip(empty.mean + rng.normal(0, 0.01, empty.mean.shape), 0, 1).astype(np.float32))
     planes = tuple(msgspec.structs.replace(p, in_photo=True) for p in scene.planes)
     scene = changed(scene, objects=(*scene.spheres, *planes))
-    camera = scene.camera
-    R, t = camera.R_cam_board, camera.t_cam_board
-    views = tuple(View(f"photo_{i:02d}.jpg", 35 - i % 3, 0.11 + 0.03 * rng.random(), R, t) for i in range(1, 13))
-    sigma = {"fx": 0.42, "fy": 0.43, "cx": 0.31, "cy": 0.35, "k1": 0.0006, "k2": 0.0031}
-    calibration = Calibration(
-        (width, height), "k1k2", camera.K, (0.0803, -0.1624), sigma, 0.1274, views,
-        warnings=(CalibrationWarning("few_views", "12 photos: 15 or more would halve the standard deviations."),),
-    )  # fmt: skip
+    warning = CalibrationWarning("few_views", "12 photos: 15 or more would halve the standard deviations.")
     seen = result.subject.surface.ids
     drawn = (seen >= 0) & (seen < len(scene.spheres))
     augmented = np.where(drawn[..., None], to_bytes(result.subject.mean), photo)
-    return replace(
-        result,
-        scene=scene,
-        photo=photo,
-        augmented=augmented,
-        calibration=calibration,
-        pose=views[2],
-    )
+    told = msgspec.structs.replace(calibration, warnings=(warning,))
+    return replace(result, scene=scene, photo=photo, augmented=augmented, calibration=told, pose=told.views[2])
 
 
 # ------------------------------------------------------------------------------------------ a browser

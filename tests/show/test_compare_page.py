@@ -101,10 +101,10 @@ def test_a_twin_of_another_size_or_kind_fails_and_such_a_surface_is_left_out(mak
 
 @pytest.fixture
 def pair(tmp_path):
-    def write(other, **options):
+    def write(other):
         for name, mean in (("a.exr", A), ("b.exr", other)):
             write_exr(tmp_path / name, Image(mean))
-        found = diff(tmp_path / "a.exr", tmp_path / "b.exr", **options)
+        found = diff(tmp_path / "a.exr", tmp_path / "b.exr")
         write_diff(found, tmp_path / "out")
         return found, tmp_path / "out"
 
@@ -127,24 +127,12 @@ def test_the_images_are_called_a_and_b_and_nothing_else(pair):
     assert (colours[0, 0] == 255).all()
 
 
-@pytest.mark.parametrize("other", [A[:-1], A.transpose(1, 0, 2)])
-def test_other_sizes_give_a_page_that_shows_both(pair, other):
-    _, out = pair(np.ascontiguousarray(other))
+def test_other_sizes_give_a_page_that_shows_both(pair):
+    _, out = pair(np.ascontiguousarray(A.transpose(1, 0, 2)))
     text = text_of(out / "report.html")
-    h, w = other.shape[:2]
-    assert f"the test image is 36 x 24 pixels, the reference {w} x {h}" in text
-    assert f"{w} × {h} pixels" in text
+    assert "the test image is 36 x 24 pixels, the reference 24 x 36" in text
     page = (out / "report.html").read_text(encoding="utf-8")
     assert page.count('<img class="alone" src="data:image/') == 2
     assert "RMSE" not in text  # no number of theirs means anything
     assert "<script" not in page
     assert not (out / "heatmap.png").exists()
-
-
-def test_flip_is_one_row_of_the_page_where_it_was_asked_for(pair):
-    pytest.importorskip("OpenImageIO")
-    for flip in (False, True):
-        found, out = pair(B, flip=flip)
-        assert ("FLIP, mean" in text_of(out / "report.html")) == flip
-        assert (found.comparison.perceptual.flip_mean is None) != flip
-        assert found.metrics["flip_hdr"] == found.comparison.perceptual.flip_mean

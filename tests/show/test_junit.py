@@ -1,4 +1,4 @@
-"""What CI servers read: JUnit XML, and the table of summary.md."""
+"""JUnit XML as CI servers parse it."""
 
 import xml.etree.ElementTree as ET
 
@@ -9,7 +9,6 @@ from raytwin.compare import Comparison, Report, compare
 from raytwin.compare.finding import notes
 from raytwin.errors import InputError
 from raytwin.images.image import Image
-from raytwin.show import check_page
 from raytwin.show.junit import Case, write_junit
 
 ONES = np.ones((4, 5, 3), np.float32)
@@ -54,14 +53,3 @@ def test_names_that_xml_cannot_hold_are_replaced(tmp_path):
     case = ET.parse(tmp_path / "x.xml").getroot().find("testsuite/testcase")
     expected = "a\ufffd\ufffd\ufffd<>&\"'é\ufffd\ufffd\U0001f600"
     assert case.get("name").strip() == case.findtext("system-out").strip() == expected
-
-
-def test_a_cell_of_a_summary_holds_no_markup():
-    for text, cell in (
-        ("a | b", "a \\| b"),
-        ("<b>", "&lt;b&gt;"),
-        ("*x* `y` [z](w)", "\\*x\\* \\`y\\` \\[z\\](w)"),
-        ("two\nlines", "two lines"),
-    ):
-        assert check_page.cell(text) == cell
-    assert check_page.cell("a", "", "b") == "a<br>b"

@@ -91,14 +91,10 @@ def test_a_method_is_described_in_words():
         assert words(row) == said
 
 
-def test_the_summary_has_a_line_per_method_and_part_and_marks_the_choice():
-    lines = levels_summary(FOUND).splitlines()
+def test_the_summary_has_a_line_per_method_and_part_and_the_chart_a_point_and_both_mark_the_choice():
+    lines, chart = levels_summary(FOUND).splitlines(), error_chart(FOUND)
     assert [line.split()[-1] for line in lines if line.startswith("*")] == ["drjit32-path-depth4-16"]
     assert any("2.0 ms" in line and "0.0144" in line and line.endswith("drjit32-shadow-conic") for line in lines)
     assert any("+2 %" in line and line.endswith("shadows of the sun") for line in lines)
-
-
-def test_the_chart_sets_error_against_rays_and_marks_the_choice():
-    chart = error_chart(FOUND)
     assert {(p.x, p.y) for p in chart.points} == {(1.5, 0.0144), (35.0, 0.0076), (36.0, 0.0074)}  # not the fill's 0
     assert [p.name for p in chart.points if p.strong] == ["drjit32-path-depth4-16"]

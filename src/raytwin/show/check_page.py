@@ -24,7 +24,7 @@ from raytwin.show import data_urls, laws_page, viewer
 from raytwin.show.compare_page import write_report
 from raytwin.show.page import write_page
 from raytwin.show.terminal_text import counted
-from raytwin.show.view import Names, PairView, in_radiance, numbered, tiles
+from raytwin.show.view import Names, PairView, numbered
 from raytwin.study.diff_files import Compared
 
 if TYPE_CHECKING:
@@ -169,15 +169,12 @@ def cell(*texts: str) -> str:
 
 
 def _view(test: str, notes: tuple[str, ...], pair: Compared) -> PairView:
-    tolerance = in_radiance(pair)
     settings = {"test": test, "samples of the reference": str(pair.reference.samples)}
     return PairView(
         pair=replace(pair, report=pair.report.saying(*(f"note: {n}" for n in notes)), settings=settings),
         title=", ".join(filter(None, (pair.report.scene, pair.report.rung))),
         about=("test", test.rpartition("/")[2]),
         names=NAMES,
-        tolerance=tolerance,
         motto="a renderer compared with its reference",
-        tiles=tiles(pair, tolerance),
         objects=numbered(pair.reference),
     )

@@ -3,8 +3,11 @@
 write_class(results, rubric, folder)    # index.html, students/*.html, shared/*, results.csv, results.json
 """
 
+import csv
 import hashlib
+import io
 import itertools
+import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -17,7 +20,6 @@ from raytwin.safe_write import write_text
 from raytwin.scene.toml_json import plain, write_json
 from raytwin.show import viewer
 from raytwin.show.page import asset, write_page
-from raytwin.show.spreadsheet import write_csv
 from raytwin.show.student_page import STATUS, SURENESS, of_points, seen_as, student_page, styles
 from raytwin.teach.grade.result import SUREST, Marked, Result
 from raytwin.teach.grade.rubric import Rubric
@@ -179,3 +181,26 @@ def csv_rows(results: Sequence[Result], rubric: Rubric) -> Iterator[Sequence[str
 
 
 CSV_ENDS = ("causes", "problem", "certainty", "seconds", "graded")
+
+
+def write_csv(path: Path, rows: Iterable[Sequence[str]]) -> None:
+    """Write a line per row; a cell's line ends become blanks."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([tame(" ".join(cell.split())) for cell in row] for row in rows)
+    write_text(path, text.getvalue())
+
+
+def tame(cell: str) -> str:
+    """Put an apostrophe before what a spreadsheet takes for a formula; numbers stay as they are.
+
+    >>> tame("=1+1"), tame("-2.5"), tame("@x"), tame("Ada")
+    ("'=1+1", '-2.5', "'@x", 'Ada')
+    """
+    return f"'{cell}" if cell[:1] in ("=", "+", "-", "@", "\t", "\r") and not _is_number(cell) else cell
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return math.isfinite(float(cell))
+    except ValueError:
+        return False

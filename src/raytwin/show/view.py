@@ -1,6 +1,7 @@
 """What a page shows of two images: the tracer beside its twin, or any A beside any B."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -40,7 +41,7 @@ class Tile(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PairView:
-    """How a page shows two images: their names, the large numbers, and the tolerance.
+    """How a page shows two images: their names, the large numbers, and the tolerance in radiance.
 
     `about` is a word and the name it introduces (light level, shadow). `objects`
     names `surface.ids` from 0 on. `metrics`: further ones by name, value, formula.
@@ -49,10 +50,8 @@ class PairView:
     pair: Compared
     title: str
     names: Names
-    tolerance: Tolerance
     motto: str = ""
     about: tuple[str, str] = ("", "")
-    tiles: tuple[Tile, ...] = ()
     objects: tuple[str, ...] = ()
     metrics: tuple[tuple[str, float | None, str], ...] = ()
 
@@ -77,10 +76,36 @@ class PairView:
     def comparison(self) -> Comparison:
         return self.pair.comparison
 
-    @property
+    @cached_property
+    def tolerance(self) -> Tolerance:
+        """As the comparison of the two images holds it, where they are pictures."""
+        pictures = showable(self.reference) and showable(self.test)
+        return scaled(self.pair.tolerance, self.reference, self.test) if pictures else self.pair.tolerance
+
+    @cached_property
     def scale(self) -> float:
         """What the tolerance is relative to."""
         return scale_of(self.reference, self.test)
+
+    @property
+    def tiles(self) -> tuple[Tile, ...]:
+        """The large numbers: errors with their limits, and seconds where they were measured."""
+        g, r, seconds_of = self.comparison.geometry, self.comparison.radiance, self.report.seconds
+        found = []
+        if (apart := g.mask_mismatch_pixels) is not None:
+            unit = "pixel differs" if apart == 1 else "pixels differ"
+            found.append(Tile("Silhouettes", shown(apart), unit, f"limit {self.tolerance.mask_pixels}"))
+        limit = "noise included" if self.pair.noisy else f"limit {short(self.tolerance.p999_abs)}"
+        found.append(Tile("Radiance error, 99.9 %", shown(r.p999_abs), below=limit))
+        if (noise := self.comparison.statistics.noise_of_samples) is not None:
+            title, unit = "This image has the noise of about", "samples per pixel"
+            found.append(Tile(title, shown(noise, 2), unit, "of the reference's renderer"))
+        if "tracer" in seconds_of:
+            found.append(Tile("Tracer", seconds(seconds_of["tracer"]), below=f"RMSE {shown(r.rmse)}"))
+            below = f"{counted(self.reference.samples, 'sample')} per pixel"
+            return *found, Tile("Twin", seconds(seconds_of.get("twin")), below=below)
+        found.append(Tile("RMSE", shown(r.rmse), below=f"worst {shown(r.max_abs)}"))
+        return *found, Tile("Ratio of means", shown(r.mean_ratio, 5), below="mean(test) / mean(reference)")
 
     @property
     def alike(self) -> bool:
@@ -107,44 +132,15 @@ def view_of(pair: "Result | Diff") -> PairView:
 
 def _of_scene(result: "Result") -> PairView:
     """The tracer beside its twin."""
-    about, tolerance = result.report, in_radiance(result)
+    about = result.report
     return PairView(
         pair=result,
         title=about.scene,
         about=("light level", about.rung) if about.rung else ("of", "a Mitsuba file"),
         names=Names("tracer", "twin", "Tracer's image", "Twin's image"),
-        tolerance=tolerance,
         motto=f"{result.settings.get('subject', 'a ray tracer')} beside its Mitsuba twin",
         objects=result.scene.names,
-        tiles=tiles(result, tolerance),
     )
-
-
-def in_radiance(pair: Compared) -> Tolerance:
-    """The tolerance as the comparison of the two images holds it, where they are pictures."""
-    pictures = showable(pair.reference) and showable(pair.test)
-    return scaled(pair.tolerance, pair.reference, pair.test) if pictures else pair.tolerance
-
-
-def tiles(pair: Compared, tolerance: Tolerance) -> tuple[Tile, ...]:
-    """The large numbers: errors with their limits, and seconds where they were measured."""
-    g, r, seconds_of = pair.comparison.geometry, pair.comparison.radiance, pair.report.seconds
-    noise = pair.comparison.statistics.noise_of_samples
-    found = []
-    if (apart := g.mask_mismatch_pixels) is not None:
-        unit = "pixel differs" if apart == 1 else "pixels differ"
-        found.append(Tile("Silhouettes", shown(apart), unit, f"limit {tolerance.mask_pixels}"))
-    limit = "noise included" if pair.noisy else f"limit {short(tolerance.p999_abs)}"
-    found.append(Tile("Radiance error, 99.9 %", shown(r.p999_abs), below=limit))
-    if noise is not None:
-        title, unit = "This image has the noise of about", "samples per pixel"
-        found.append(Tile(title, shown(noise, 2), unit, "of the reference's renderer"))
-    if "tracer" in seconds_of:
-        found.append(Tile("Tracer", seconds(seconds_of["tracer"]), below=f"RMSE {shown(r.rmse)}"))
-        below = f"{counted(pair.reference.samples, 'sample')} per pixel"
-        return *found, Tile("Twin", seconds(seconds_of.get("twin")), below=below)
-    found.append(Tile("RMSE", shown(r.rmse), below=f"worst {shown(r.max_abs)}"))
-    return *found, Tile("Ratio of means", shown(r.mean_ratio, 5), below="mean(test) / mean(reference)")
 
 
 def numbered(*images: Image) -> tuple[str, ...]:
@@ -156,15 +152,12 @@ def numbered(*images: Image) -> tuple[str, ...]:
 def _of_diff(found: Diff) -> PairView:
     """Any image A beside any image B."""
     known = found.comparison.radiance.__struct_fields__
-    tolerance = in_radiance(found)
     return PairView(
         pair=found,
         title=found.a,
         about=("against", found.b),
         names=Names("A", "B", f"A: {found.a}", f"B: {found.b}"),
-        tolerance=tolerance,
         motto="any image beside its reference",
-        tiles=tiles(found, tolerance),
         objects=numbered(found.test, found.reference),
         metrics=tuple(
             (name, value, METRICS[name].formula)

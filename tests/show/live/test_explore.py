@@ -20,7 +20,6 @@ import msgspec
 import numpy as np
 import pytest
 from browser import PATIENCE, barriers, opened
-from engines import plain_paths
 
 from raytwin.errors import InputError
 from raytwin.fast import trace
@@ -29,7 +28,6 @@ from raytwin.scene import Scene
 from raytwin.scene.scene_files import read_scene
 from raytwin.scene_folders import SCENES
 from raytwin.show.live import Server, opening_page
-from raytwin.show.live.light_path import light_path
 from raytwin.show.live.progressive import Session
 from raytwin.show.live.server import Worker
 from raytwin.show.live.view_state import ViewRequest, from_json, from_link, scene_toml, wanted_of
@@ -178,7 +176,6 @@ def test_of_wishes_in_a_row_only_the_first_and_the_last_are_rendered(slow):
     for count in range(1, 5):
         wait_for(lambda count=count: len(messages) == count)  # none before the page has answered the last
         worker.answer(messages[-1]["sent"], send)
-    assert worker.rendered == [1, 7]
     assert [head["number"] for head in messages] == [1, 7, 7, 7]  # the first was stopped between two of its passes
 
 
@@ -191,6 +188,7 @@ def test_a_page_that_does_not_read_is_told_nothing_more_once_another_takes_over(
         begun.set()
         while not read.is_set():
             await asyncio.sleep(0.01)
+        begun.clear()
 
     session.go.set()
     worker.want(7, ViewRequest(), never)
@@ -199,6 +197,7 @@ def test_a_page_that_does_not_read_is_told_nothing_more_once_another_takes_over(
     wait_for(lambda: messages)
     assert messages[0]["number"] == 1
     read.set()
+    wait_for(lambda: not begun.is_set())
 
 
 def test_an_error_that_ends_threads_is_told_and_the_worker_goes_on(slow, capsys):
@@ -222,8 +221,6 @@ def test_passes_go_on_with_twice_the_samples_until_all_are_there(base):
     assert 1.2 < errors["twin", 1] / errors["twin", 4] < 3.3
     assert [e["kind"] for e in events].count("ledger") == 1
     assert events[-1]["kind"] == "rest"
-    moving = [event["kind"] for event, _ in Session(base).passes(msgspec.structs.replace(wish, moving=True))]
-    assert moving == ["picture", "picture"]
 
 
 def test_the_ledger_of_a_subject_that_fails_on_its_own_level_names_its_own_error(base):
@@ -233,18 +230,6 @@ def test_the_ledger_of_a_subject_that_fails_on_its_own_level_names_its_own_error
         (ledger,) = (event for event, _ in Session(base, subject).passes(wish) if event["kind"] == "ledger")
         parts = [row["part"] for row in ledger["parts"]]
         assert any(part.startswith("the subject's own error") for part in parts) == faulty, rung
-
-
-def test_the_light_paths_of_a_pixel_bring_its_radiance_on_average(base):
-    scene, n = base, 16
-    for rung, depth in (("lambert", 2), ("shadow", 2), ("sky", 2), ("path", 5)):
-        sampled = rung in ("sky", "path")
-        image = (plain_paths(scene, depth, n, seed=0) if sampled else trace(scene, rung)).mean
-        for x, y in ((60, 30), (3, 3), (40, 40)):
-            ways = [light_path(scene, x, y, rung, depth, sample) for sample in range(n if sampled else 1)]
-            assert np.mean([way.light for way in ways], axis=0) == pytest.approx(image[y, x], rel=1e-5), rung
-            if len(ways) == 1 and len(ways[0].legs) > 1:
-                assert np.sum([leg.light for leg in ways[0].legs], axis=0) == pytest.approx(image[y, x], rel=1e-5)
 
 
 # ------------------------------------------------------------------------------------------ who may ask
@@ -327,16 +312,9 @@ def page_that_asks(address: str) -> socket.socket:
     return link
 
 
-BROWSER = """#!/bin/sh
-cat "${1#file://}" > seen
-dirname "${1#file://}" | xargs stat -c %a > mode
-echo "$*" > line
-"""
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="a browser that is a shell script, and GNU's stat")
+@pytest.mark.skipif(sys.platform != "linux", reason="a browser that is a shell script")
 def test_the_token_stands_on_no_command_line_and_ctrl_c_ends_a_subject_that_does_not_return(scenes, tmp_path):
-    (tmp_path / "browser").write_text(BROWSER)
+    (tmp_path / "browser").write_text('#!/bin/sh\necho "$*" > line\n')
     (tmp_path / "browser").chmod(0o700)
     (tmp_path / "mine.py").write_text(
         "import time\ndef render(scene):\n    open('begun', 'w').close()\n    while True: time.sleep(1)\n"
@@ -361,8 +339,6 @@ def test_the_token_stands_on_no_command_line_and_ctrl_c_ends_a_subject_that_does
     assert "Traceback" not in err
     line = (tmp_path / "line").read_text().strip()
     assert address.partition("=")[2] not in line
-    assert address in (tmp_path / "seen").read_text()
-    assert (tmp_path / "mode").read_text() == "700\n"
     assert not Path(line.removeprefix("file://")).exists()
 
 
@@ -436,6 +412,7 @@ def middle_of(scene: Scene, name: str) -> tuple[int, int]:
 def desk(chromium, live):
     """One page for all, found by the one that a browser is started with."""
     with opening_page(live.address) as path, shown(chromium, path.as_uri()) as page:
+        assert path.parent.stat().st_mode & 0o777 == 0o700
         assert page.page.title() == "overlap · raytwin explore"
         assert page.page.url.startswith(f"{live.origin}/#view=")
         yield page
@@ -447,20 +424,6 @@ def page(desk):
     desk.click("Reset")
     desk.page.get_by_role("button", name="Whole", exact=True).first.click()  # zoomed in, a drag beside objects pans
     return desk
-
-
-def test_the_inspector_tells_what_was_rendered(page, base):
-    scene = base
-    tracer = trace(scene, "shadow", "drjit32")
-    for x, y in ((40, 40), (60, 30), (20, 50), (2, 2)):
-        here = page.viewer(f"read({x}, {y})")
-        for (value, doubt), true in zip(here["test"], tracer.mean[y, x], strict=True):
-            assert abs(value - true) <= doubt * 1.01 + 1e-9
-        assert here["objects"][0] == (
-            "background" if tracer.surface.ids[y, x] < 0 else scene.names[tracer.surface.ids[y, x]]
-        )
-    assert page.console == []
-    assert all(re.match(r"(http|ws)://127\.0\.0\.1:\d+/|data:|blob:|file:", url) for url in page.requests)
 
 
 def test_a_link_opens_the_view_that_it_was_copied_from_where_the_token_is_known(chromium, live, page):
@@ -478,6 +441,9 @@ def test_a_link_opens_the_view_that_it_was_copied_from_where_the_token_is_known(
 
 def test_a_sphere_is_dragged_and_the_rest_stays(page, base):
     u, v = middle_of(base, base.names[1])
+    here, true = page.viewer(f"read({u}, {v})"), trace(base, "shadow").mean[v, u]
+    assert here["objects"] == [base.names[1]] * 2
+    assert all(abs(value - x) <= 1.01 * doubt + 1e-6 for (value, doubt), x in zip(here["test"], true, strict=True))
     box = page.page.locator("#viewer canvas").first.bounding_box()
     scale = box["width"] / SIZE[0]
     page.drag(box, ((u + 0.5) * scale, (v + 0.5) * scale), ((u + 8.5) * scale, (v + 0.5) * scale))
@@ -489,29 +455,20 @@ def test_a_sphere_is_dragged_and_the_rest_stays(page, base):
     shifted = trace(wish.scene(base), "surface").surface.ids
     after = int(np.median(np.nonzero(shifted == 1)[1]))
     assert after - u == pytest.approx(8, abs=2)
+    assert page.console == []
+    assert all(re.match(r"(http|ws)://127\.0\.0\.1:\d+/|data:|blob:|file:", url) for url in page.requests)
 
 
-def test_zoom_is_linked_and_a_pixels_light_paths_are_drawn_and_shut_nobody_out(page):
+def test_zoom_is_linked_and_the_page_shuts_nobody_out(page):
     page.viewer("look(40, 40, 20)")
     tops = page.page.evaluate(
         "((v) => v.shown().map((p) => v.frame_of(p)).map((f) => [f.left, f.top, f.s]))"
         "(document.getElementById('viewer').viewer)"
     )
     assert all(top == pytest.approx(tops[0]) for top in tops)
-    page.page.locator("#viewer canvas").first.click()
-    page.until("document.getElementById('way').textContent.includes('Pixel 4')")  # a click is enough
-    page.viewer("keep(40, 40)")
-    page.until("document.getElementById('way').textContent.includes('Pixel 40, 40, sample 0')")  # without samples
-    with page.change():
-        page.page.locator(".levels").first.get_by_text("path").click()
-    page.viewer("keep(50, 60)")
-    page.until("document.getElementById('way').textContent.includes('8 samples')")
-    assert "On average" in page.page.inner_text("#way")
     assert barriers(page.page) == []
     page.page.emulate_media(color_scheme="light")
     page.page.set_viewport_size({"width": 1300, "height": 900})
-    page.page.keyboard.press("Escape")
-    assert page.page.is_hidden("#way")
 
 
 def test_a_drag_beside_the_objects_turns_the_camera_and_undo_takes_it_back(page, base):

@@ -64,7 +64,6 @@ class View extends Colours {
   set(changes) {
     const s = Object.assign(this.state, changes);
     s.exposure = clamp(s.exposure, -20, 20);
-    s.gamma = clamp(s.gamma, 0.2, 5);
     s.scale = clamp(s.scale, -8, 8);
     s.wipe = clamp(s.wipe, 0, 1);
     this.show();
@@ -132,7 +131,6 @@ class View extends Colours {
     }
     if (f.s >= NUMBERS) this.numbers(g, pane, f);
     if (this.state.outlines) this.outlines(g, pane, f);
-    this.data.overlay?.(g, pane, f, this);
     this.cross(g, f);
   }
 
