@@ -20,6 +20,7 @@ import msgspec
 import numpy as np
 import pytest
 from browser import PATIENCE, barriers, opened
+from engines import plain_paths
 
 from raytwin.errors import InputError
 from raytwin.fast import trace
@@ -28,6 +29,7 @@ from raytwin.scene import Scene
 from raytwin.scene.scene_files import read_scene
 from raytwin.scene_folders import SCENES
 from raytwin.show.live import Server, opening_page
+from raytwin.show.live.light_path import light_path
 from raytwin.show.live.progressive import Session
 from raytwin.show.live.server import Worker
 from raytwin.show.live.view_state import ViewRequest, from_json, from_link, scene_toml, wanted_of
@@ -230,6 +232,18 @@ def test_the_ledger_of_a_subject_that_fails_on_its_own_level_names_its_own_error
         (ledger,) = (event for event, _ in Session(base, subject).passes(wish) if event["kind"] == "ledger")
         parts = [row["part"] for row in ledger["parts"]]
         assert any(part.startswith("the subject's own error") for part in parts) == faulty, rung
+
+
+def test_the_light_paths_of_a_pixel_bring_its_radiance_on_average(base):
+    scene, n = base, 16
+    for rung, depth in (("lambert", 2), ("shadow", 2), ("sky", 2), ("path", 5)):
+        sampled = rung in ("sky", "path")
+        image = (plain_paths(scene, depth, n, seed=0) if sampled else trace(scene, rung)).mean
+        for x, y in ((60, 30), (3, 3), (40, 40)):
+            ways = [light_path(scene, x, y, rung, depth, sample) for sample in range(n if sampled else 1)]
+            assert np.mean([way.light for way in ways], axis=0) == pytest.approx(image[y, x], rel=1e-5), rung
+            if len(ways) == 1 and len(ways[0].legs) > 1:
+                assert np.sum([leg.light for leg in ways[0].legs], axis=0) == pytest.approx(image[y, x], rel=1e-5)
 
 
 # ------------------------------------------------------------------------------------------ who may ask
@@ -459,16 +473,27 @@ def test_a_sphere_is_dragged_and_the_rest_stays(page, base):
     assert all(re.match(r"(http|ws)://127\.0\.0\.1:\d+/|data:|blob:|file:", url) for url in page.requests)
 
 
-def test_zoom_is_linked_and_the_page_shuts_nobody_out(page):
+def test_zoom_is_linked_and_a_pixels_light_paths_are_drawn_and_shut_nobody_out(page):
     page.viewer("look(40, 40, 20)")
     tops = page.page.evaluate(
         "((v) => v.shown().map((p) => v.frame_of(p)).map((f) => [f.left, f.top, f.s]))"
         "(document.getElementById('viewer').viewer)"
     )
     assert all(top == pytest.approx(tops[0]) for top in tops)
+    page.page.locator("#viewer canvas").first.click()
+    page.until("document.getElementById('way').textContent.includes('Pixel 4')")  # a click is enough
+    page.viewer("keep(40, 40)")
+    page.until("document.getElementById('way').textContent.includes('Pixel 40, 40, sample 0')")  # without samples
+    with page.change():
+        page.page.locator(".levels").first.get_by_text("path").click()
+    page.viewer("keep(50, 60)")
+    page.until("document.getElementById('way').textContent.includes('8 samples')")
+    assert "On average" in page.page.inner_text("#way")
     assert barriers(page.page) == []
     page.page.emulate_media(color_scheme="light")
     page.page.set_viewport_size({"width": 1300, "height": 900})
+    page.page.keyboard.press("Escape")
+    assert page.page.is_hidden("#way")
 
 
 def test_a_drag_beside_the_objects_turns_the_camera_and_undo_takes_it_back(page, base):

@@ -1,4 +1,4 @@
-"""What the live page is sent: pixels as the viewer would show them."""
+"""What the live page is sent: pixels as the viewer would show them, and light paths that end before the eye."""
 
 import io
 
@@ -8,6 +8,7 @@ import pytest
 from PIL import Image as Pillow
 
 from raytwin.fast import trace
+from raytwin.show.live.light_path import NEAR_METRES, _project
 from raytwin.show.live.progressive import Session, picture, to_screen
 from raytwin.show.live.view_state import Look, wanted_of
 
@@ -40,3 +41,16 @@ def test_while_the_view_moves_two_pictures_are_sent_and_no_surface_is_kept(base)
         for wish in (still, moving):
             tracer = session.tracer(msgspec.structs.replace(wish, rung=level), 1)
             assert tracer.surface == (wish is still)
+
+
+def test_a_path_that_runs_to_the_eyes_plane_or_behind_it_ends_before_it(base):
+    camera = msgspec.structs.replace(base.camera, dist=())
+    (fx, _, cx), (_, fy, cy) = camera.K[:2]
+    start = (0.5, 0.2, 1.0)
+    assert _project(camera, (0.3, -0.2, 2.0), start) == pytest.approx((fx * 0.15 + cx, -fy * 0.1 + cy))
+    for x, z in ((-0.3, -1.0), (0.0, -1.0), (0.3, -1.0), (0.0, 0.0)):
+        # The line from `start` to (x, 0, z) meets NEAR_METRES after this share of it.
+        share = (1 - NEAR_METRES) / (1 - z)
+        end = (0.5 + (x - 0.5) * share) / NEAR_METRES, (0.2 - 0.2 * share) / NEAR_METRES
+        expected = fx * end[0] + cx, fy * end[1] + cy
+        assert _project(camera, (x, 0.0, z), start) == pytest.approx(expected), (x, z)

@@ -31,7 +31,7 @@ document.title = `${about.scene} · raytwin explore`;
 const SVG = "http://www.w3.org/2000/svg";
 let wanted = structuredClone(about.first);
 let selected = wanted.spheres.length ? 0 : -1;
-let number = 0, shown = 0, socket = null;
+let sample = 0, paths = 8, traced = false, way = null, number = 0, shown = 0, socket = null;
 const points = { now: [], past: [] };
 
 const seconds = (s) => (s >= 1 ? `${s.toFixed(2)} s` : `${(1000 * s).toPrecision(s < 0.01 ? 2 : 3)} ms`);
@@ -40,7 +40,7 @@ const seconds = (s) => (s >= 1 ? `${s.toFixed(2)} s` : `${(1000 * s).toPrecision
 
 const viewer = mount($("viewer"), {
   width: about.width, height: about.height, names: { test: "tracer", reference: "twin" }, surfaces: true,
-  objects: about.names,
+  objects: about.names, overlay,
   panes: [
     { key: "test", kind: "radiance", title: "Tracer", tab: "tracer", alt: `${about.scene} by the tracer` },
     { key: "reference", kind: "radiance", title: "Twin", tab: "twin", alt: `${about.scene} by the twin` },
@@ -77,7 +77,20 @@ function ask(moving = false) {
     began.set(number, change);
     socket.send(JSON.stringify({ number, wanted }));
     if (!wanted.moving) keep_link();
+    ask_way();
   });
+}
+
+// The light paths of the clicked pixel, until they are cleared.
+function ask_way() {
+  if (traced && socket?.readyState === 1) socket.send(JSON.stringify({ pixel: viewer.kept, sample, paths: wanted.moving ? 1 : paths }));
+}
+
+function clear_way() {
+  traced = false;
+  way = null;
+  tell_way();
+  viewer.show();
 }
 
 const unsent = [];
@@ -139,6 +152,12 @@ const handlers = {
     ledger(event.parts);
     viewer.arrange();
   },
+  way(event) {
+    if (!traced) return;
+    way = event;
+    tell_way();
+    viewer.show();
+  },
   refused(event) {
     say(event.text, true);
   },
@@ -175,10 +194,11 @@ function say(text, bad = false) {
 
 const updates = []; // bring the controls to what is wanted
 
-function range(label, low, high, step, get, set, show = (x) => digits(x)) {
+// `tell(moving)`: who is told of a change, the server by default.
+function range(label, low, high, step, get, set, show = (x) => digits(x), tell = ask) {
   const input = el("input", { type: "range", min: low, max: high, step }), said = el("output");
-  input.oninput = () => { set(input.valueAsNumber); refresh(); ask(true); };
-  input.onchange = () => ask();
+  input.oninput = () => { set(input.valueAsNumber); refresh(); tell(true); };
+  input.onchange = () => tell();
   let last;
   updates.push(() => {
     const x = get();
@@ -349,6 +369,10 @@ function build() {
     el("div", { className: "buttons" }, step("Undo", "Take the last change back (Ctrl + Z)", () => past.length > 1, undo), step("Redo", "Make it again (Ctrl + Shift + Z)", () => future.length, redo)),
     el("div", { className: "buttons" }, button("Save scene.toml", "The scene as it is now", save), button("Copy link", "To this view: reload it, or pass it to raytwin explore --view", copy), button("Reset", "As it was first", () => restore(structuredClone(about.first)))),
   );
+  $("way").querySelector("form").append(
+    range("paths", 0, 6, 1, () => Math.log2(paths), (x) => { paths = 2 ** x; ask_way(); }, (x) => String(2 ** x), () => {}),
+    button("Other samples", "Other random numbers", () => { sample += paths; ask_way(); }), button("Clear", "Draw no light paths (Escape)", clear_way));
+  $("way").querySelector("form").onsubmit = (event) => event.preventDefault();
   refresh();
 }
 
@@ -518,6 +542,46 @@ for (const type of ["pointerup", "pointercancel"])
     held = null;
     $("viewer").classList.remove("grabbed");
   }, true);
+const keep = viewer.keep.bind(viewer);
+viewer.keep = (x, y) => { keep(x, y); sample = 0; traced = true; ask_way(); };
+document.addEventListener("keydown", (event) => { if (event.key === "Escape") clear_way(); });
+
+// ------------------------------------------------------------------------------------------ one pixel's light
+
+const WAYS = { eye: ["#ffffff", "seen"], bounce: ["#7c3aed", "on to"], sun: ["#f59e0b", "the sun"], shadow: ["#111827", "the sun, hidden"], sky: ["#0ea5e9", "the sky"] };
+
+function overlay(g, pane, f) {
+  if (!way || !["test", "reference"].includes(pane.key)) return;
+  const legs = way.ways.flatMap(({ legs }) => legs), many = way.ways.length > 1;
+  g.globalAlpha = many ? Math.max(0.25, 1.6 / Math.sqrt(way.ways.length)) : 1;
+  for (const { kind, start, end } of legs) {
+    const [a, b] = [f.at(...start), f.at(...end)];
+    for (const [colour, width] of [["#fffc", many ? 3 : 5], [WAYS[kind][0], many ? 1.4 : 2]]) {
+      g.strokeStyle = colour;
+      g.lineWidth = width;
+      g.setLineDash(kind === "shadow" || kind === "sky" ? [6, 5] : []);
+      g.beginPath();
+      if (kind === "eye") g.arc(...a, 5, 0, 2 * Math.PI);
+      else { g.moveTo(...a); g.lineTo(...b); }
+      g.stroke();
+    }
+    g.setLineDash([]);
+  }
+  g.globalAlpha = 1;
+}
+
+// One path leg by leg; of many, what each kind of leg brings on average.
+function tell_way() {
+  $("way").hidden = !way;
+  if (!way) return;
+  const { ways } = way, light = (colour) => colour.map((c) => digits(c)).join(", "), mean = (list) => [0, 1, 2].map((c) => list.reduce((sum, l) => sum + l[c], 0) / ways.length);
+  const brings = ways.flatMap(({ legs }) => legs).filter(({ kind }) => kind !== "eye" && kind !== "bounce");
+  const kinds = ways.length > 1 ? [...new Set(brings.map(({ kind }) => kind))].map((kind) => ({ kind, light: mean(brings.filter((leg) => leg.kind === kind).map((leg) => leg.light)) })) : brings;
+  const first = `Pixel ${way.pixel.join(", ")}, ${ways.length > 1 ? `${ways.length} samples from ${way.sample} on` : `sample ${way.sample}: ${ways[0].met.join(" → ")}`}`;
+  $("way").querySelector("div").replaceChildren(
+    el("p", { textContent: first }), el("ol", {}, ...kinds.map(({ kind, light: brought }) => el("li", { textContent: `${WAYS[kind][1]}: ${light(brought)}` }))),
+    el("p", { textContent: `${ways.length > 1 ? "On average" : "In all"} ${light(mean(ways.map((one) => one.light)))} (radiance in red, green, blue)` }));
+}
 
 // ------------------------------------------------------------------------------------------ chart and ledger
 

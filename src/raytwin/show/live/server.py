@@ -20,7 +20,7 @@ import traceback
 from collections.abc import Callable, Coroutine, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 from tornado.httpserver import HTTPServer
@@ -31,7 +31,8 @@ from raytwin.errors import InputError
 from raytwin.rungs import RUNGS
 from raytwin.scene.toml_json import plain
 from raytwin.show import viewer
-from raytwin.show.live.progressive import TWIN_EVERY, Session, as_message
+from raytwin.show.live.light_path import light_path
+from raytwin.show.live.progressive import TWIN_EVERY, Event, Session, as_message
 from raytwin.show.live.view_state import ViewRequest, from_json, scene_toml, wanted_of
 from raytwin.show.page import asset, render_page
 from raytwin.tracer import SOLVERS
@@ -39,6 +40,8 @@ from raytwin.tracer import SOLVERS
 HOST = "127.0.0.1"
 MOST_BYTES = 1 << 20
 """Bytes of one message from the page."""
+MOST_PATHS = 64
+"""Light paths of a pixel that are drawn at once."""
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -55,11 +58,14 @@ Send = Callable[[bytes], Coroutine[Any, Any, None]]
 
 
 class Asked(msgspec.Struct, forbid_unknown_fields=True):
-    """A message from the page: a wish, or the answer to what it was sent."""
+    """A message from the page: a wish, the answer to what it was sent, or a pixel whose light paths it wants."""
 
     number: int = 0
     wanted: ViewRequest | None = None
     answered: int | None = None
+    pixel: tuple[int, int] | None = None
+    sample: int = 0
+    paths: Annotated[int, msgspec.Meta(ge=1, le=MOST_PATHS)] = 1
 
 
 class Server:
@@ -325,6 +331,7 @@ class _Socket(_Guarded, WebSocketHandler):
 
     def open(self, *_: str, **__: str) -> None:
         self.set_nodelay(True)
+        self.last: ViewRequest | None = None
         self.server.open.add(self)
 
     def drop(self) -> None:
@@ -347,8 +354,21 @@ class _Socket(_Guarded, WebSocketHandler):
             if asked.answered is not None:
                 worker.answer(asked.answered, self.send)
             if asked.wanted is not None:
-                worker.want(asked.number, asked.wanted.check(), self.send)
+                self.last = asked.wanted.check()
+                worker.want(asked.number, self.last, self.send)
+            if asked.pixel is not None and self.last is not None:
+                event, _ = await asyncio.to_thread(self.paths, self.last, asked.pixel, asked.sample, asked.paths)
+                await self.send(as_message(event, ()))
         except msgspec.DecodeError as error:
             await self.send(as_message({"kind": "refused", "text": f"a message that says nothing: {error}"}, ()))
         except InputError as error:
             await self.send(as_message({"kind": "refused", "text": str(error)}, ()))
+
+    def paths(self, wanted: ViewRequest, pixel: tuple[int, int], sample: int, count: int) -> Event:
+        """Return the paths of `count` samples; one where the level has no samples."""
+        scene = wanted.scene(self.server.session.base)
+        x, y = (min(max(p, 0), side - 1) for p, side in zip(pixel, scene.camera.image_size, strict=True))
+        some = range(sample, sample + (count if RUNGS[wanted.rung].noisy else 1))
+        found = [light_path(scene, x, y, wanted.rung, wanted.depth, k) for k in some]
+        ways = [way._asdict() | {"legs": [leg._asdict() for leg in way.legs]} for way in found]
+        return {"kind": "way", "pixel": (x, y), "sample": sample, "ways": ways}, ()

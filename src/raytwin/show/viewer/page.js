@@ -3,7 +3,7 @@
 // Pixel (x, y) covers x - 1/2 .. x + 1/2, y down. `data` is what packing.py makes, with `names` {test, reference},
 // `panes` [{key, kind, title, alt, note, aside}] (aside: not among all, large alone), `objects`, `bound` {share, scale,
 // held} or null, `noisy`, `places` [{x, y, width, height}], `failing` [[x, y, width, height]], `marks` [[x, y]],
-// `parts` of the error, `exposure` (stops), `address` (whether the
+// `parts` of the error, `overlay(g, pane, frame, viewer)` (draws more), `exposure` (stops), `address` (whether the
 // page's address says where to look).
 // Kinds of panes: radiance (key test or reference), map (of their difference), objects (what each pixel sees), picture
 // (8 bits: `url`). All panes show the same part of the frame.

@@ -131,6 +131,7 @@ class View extends Colours {
     }
     if (f.s >= NUMBERS) this.numbers(g, pane, f);
     if (this.state.outlines) this.outlines(g, pane, f);
+    this.data.overlay?.(g, pane, f, this);
     this.cross(g, f);
   }
 
