@@ -57,25 +57,6 @@ def test_the_catalogue_has_its_faults_each_under_its_own_name_and_stage():
     assert all((f.ways or f.alone) and f.sentence for f in FAULTS)
 
 
-@pytest.mark.parametrize("scene", SCENES, ids=SIZES)
-def test_without_a_fault_the_steps_are_the_tracer(scene):
-    made = planted(NO_MISTAKE, scene)
-    assert np.abs(made - trace(scene).mean).max() < 1e-6
-
-
-def test_every_fault_shows_on_drawn_scenes_but_for_those_that_a_stage_alone_shows():
-    hidden = {"sign-of-zero", "t-of-other-rays"}
-    thin = [predictor(draw_scene.draw_scene(seed), shadows, 5) for seed in range(2) for shadows in (True, False)]
-    right = [one.radiance() for one in thin]
-    for f in (f for f in FAULTS if f.ways and f.name not in hidden):
-        shows = (
-            (~(np.abs(one.picture(way) - r) <= 1e-4)).mean() > 1e-3
-            for way in f.ways
-            for one, r in zip(thin, right, strict=True)
-        )
-        assert any(shows), f.name
-
-
 ALIKE = {
     "half-pixel": (SCENES, {"half-pixel"}),
     "sky-missing": (SCENES, {"sky-missing"}),

@@ -13,7 +13,8 @@ from starter_submissions import LOOPS, RIGHT, SLIPS
 from raytwin.explain.attempt import attempt, lines_run
 from raytwin.explain.edit import names_in
 from raytwin.explain.edits import edits
-from raytwin.explain.repair import AT_ONCE, LINES_A_TRY, Repair, Runner, Work, candidates, repair
+from raytwin.explain.function_text import statements_of
+from raytwin.explain.repair import AT_ONCE, LINES_A_TRY, Candidate, Repair, Runner, Work, repair
 from raytwin.explain.textbook import TEXT
 from raytwin.teach.contract.check_function import is_repaired, is_right, judge_function, repair_function
 from raytwin.teach.contract.repair_function import _bounded_memory, further_probes, repair_here
@@ -24,6 +25,12 @@ from raytwin.teach.contract.stage_table import CONTRACT
 def tried(space, chosen, arguments, seconds=1.0, changed=False, name="f"):
     codes = [marshal.loads(c.code) for c in chosen]
     return attempt(space, name, codes, [c.names for c in chosen], arguments, seconds, changed)
+
+
+def candidates(text):
+    (statement,) = ast.parse(text).body
+    made = [Candidate("", statement, edit) for rare in (False, True) for edit in edits(statement, rare=rare)]
+    return [one for one in made if one.code]
 
 
 def module(source):
@@ -67,9 +74,7 @@ def test_hints_say_where_then_what_then_what_to_write():
 
 def test_a_change_that_does_not_end_is_given_up_and_names_are_put_back():
     space = {"f": len}
-    made = tried(
-        space, list(candidates([("", "def f(n):\n    while n < 0:\n        n += 1\n    return n")], "f")), (1,), 0.02
-    )
+    made = tried(space, candidates("def f(n):\n    while n < 0:\n        n += 1\n    return n"), (1,), 0.02)
     assert None in made
     assert any(one is not None and one[0] == 1 for one in made)
     assert space["f"] is len
@@ -141,7 +146,7 @@ def test_a_change_that_brings_in_what_the_correct_form_does_not_use_is_no_repair
 
 def test_a_name_that_nothing_reads_is_missing_before_one_that_is_read():
     text = "def f(a, b, c):\n    k, m = a + b, a - b\n    return m * c + a\n"
-    order = [c.edit.after for c in candidates([("", text)], "f")]
+    order = [c.edit.after for c in candidates(text)]
     places = [order.index(f"{one}") for one in ("m * k", "(a + b) * m")]
     assert places[0] < min(200, places[1])
 
@@ -150,7 +155,7 @@ def test_a_change_that_asks_for_too_much_memory_is_none():
     import resource
 
     before = resource.getrlimit(resource.RLIMIT_AS)
-    code = candidates([("", "import numpy as np\ndef f(n):\n    return np.ones(n * 40000)[:1]")], "f")
+    code = candidates("def f(n):\n    return np.ones(n * 40000)[:1]")
     chosen = [c for c in code if "n ** 40000" in c.edit.after or "n * 40000 ** 2" in c.edit.after]
     with _bounded_memory():
         made = tried({"np": np, "f": np.ones}, chosen, (7,))
@@ -161,7 +166,7 @@ def test_a_change_that_asks_for_too_much_memory_is_none():
 def test_what_is_right_by_its_own_test_is_not_changed():
     bodies = {"lens": "undo(x)", "undo": "x / 2", "ray": "lens(x)", "hit": "ray(x) + 1", "other": "-x"}
     text = "\n".join(f"def {name}(x):\n    return {value}" for name, value in bodies.items())
-    assert {name for c in candidates([("", text)], "hit", ("lens",)) for name in c.names} == {"hit", "ray"}
+    assert {statement.name for _, statement in statements_of([("", text)], "hit", ("lens",))} == {"hit", "ray"}
 
 
 def test_a_change_that_is_right_by_chance_in_the_first_cases_is_no_proof():
@@ -263,34 +268,6 @@ def test_a_number_may_lack_its_sign_a_list_be_reversed_and_nothing_is_computed_w
     assert ("the entries are in the wrong order", "[a, b, c, 7 * d]", "[7 * d, c, b, a]") in made
     assert ("a factor 2 is missing", "7", "2 * 7") in made
     assert not [after for _, before, after in made if before == "'dark'"]
-
-
-NEAREST = """
-def f(things):
-    balls, sheets = things
-    best, first = 1e9, -1
-    for ball in balls:
-        t = ball[0]
-        if t < best:
-            best = t
-            first = ball[1]
-    for sheet in sheets:
-        t = sheet[0]
-        if t < best:
-            best = t
-            first = sheet[1]
-    return best + 100 * first
-"""
-
-
-@pytest.mark.parametrize("lost", ["            best = t\n", "            first = sheet[1]\n"])
-def test_a_line_that_is_missing_is_found_in_a_block_like_it(lost):
-    exec(NEAREST, correct := {})
-    before, _, after = NEAREST.rpartition(lost)
-    things = ([(3, 1)], [(2, 5), (2.5, 6)]), ([(3, 1), (2, 2)], [(4, 3), (1, 4)]), ([(1, 1)], [])
-    found = repaired_here(before + after, correct["f"], things)
-    assert found.operator == f"`{lost.strip()}` is missing"
-    assert found.line in (13, 14)
 
 
 def test_no_change_binds_a_name_of_the_function_around_or_one_that_is_only_read():

@@ -33,12 +33,8 @@ FORMS: Mapping[float, str] = {
         all entries are the same list: [A] * B -> [A for _ in range(B)]
         there are too few steps: range(A) -> range(100)
         five steps, the default, are too few for a strong lens: cv2.undistortPoints(A, B, C) -> cv2.undistortPoints(A, B, C, criteria=(3, 100, 1e-12))
-        five steps, the default, are too few for a strong lens: cv2.undistortPoints(A, B, C) -> cv2.undistortPointsIter(A, B, C, None, None, (3, 100, 1e-12))
         five steps, the default, are too few for a strong lens: cv2.undistortPoints(A, B, C, P=D) -> cv2.undistortPoints(A, B, C, P=D, criteria=(3, 100, 1e-12))
-        five steps, the default, are too few for a strong lens: cv2.undistortPoints(A, B, C, P=D) -> cv2.undistortPointsIter(A, B, C, None, D, (3, 100, 1e-12))
         use the rotation vector: A.from_euler(B, C) -> A.from_rotvec(C)
-        use the rotation vector: A.from_quat(B) -> A.from_rotvec(B)
-        use the rotation vector: A.as_euler(B) -> A.as_rotvec()
     """,
     USUAL: """
         the sign is wrong: A + B <-> A - B
@@ -60,7 +56,6 @@ FORMS: Mapping[float, str] = {
         the operands are swapped: A - B -> B - A
         the operands are swapped: A / B -> B / A
         the operands are swapped: A @ B -> B @ A
-        the operands are swapped: A ** B -> B ** A
         the brackets are wrong: (A << B) >> C -> A << (B >> C)
         the brackets are wrong: A << (B >> C) -> (A << B) >> C
         the brackets are wrong: -A + B <-> -(A + B)

@@ -30,11 +30,9 @@ FACES_AWAY = (("return visible", "return visible & (np.sum(normals * to_light, a
 
 
 class Seen(NamedTuple):
-    """(N,) `ids` (-1: nothing), `cos` n·l and `visible`, the sun; (N, 3) `points`, `albedo`, 0 for none."""
+    """(N,) `ids` (-1: nothing), `cos` n·l, and `visible`, the sun."""
 
     ids: Array
-    points: Array
-    albedo: Array
     cos: Array
     visible: Array
 
@@ -179,15 +177,13 @@ class Predictor:
         """What the eye's rays meet first, and how the sun falls on it."""
         scene, space = self.described(pipeline), self.functions(pipeline)
         eye, which, points = self._met(scene, space)
-        things, to_light = scene["things"], scene["sun"]["to_light"]
-        hit = which >= 0
-        albedo = np.array([*(thing["albedo"] for thing in things), np.zeros(3)])[which]
+        things, to_light, hit = scene["things"], scene["sun"]["to_light"], which >= 0
         normals, visible = np.zeros(points.shape), np.ones(len(which), bool)
         if hit.any():
             normals[hit] = space["normals_at"](points[hit], which[hit], eye, things)
             if self.shadows and scene["sun"]["irradiance"].any():
                 visible[hit] = space["sun_visible"](points[hit], normals[hit], which[hit], to_light, eye, things)
-        return Seen(which, np.where(hit[:, None], points, 0), albedo, normals @ to_light, visible)
+        return Seen(which, normals @ to_light, visible)
 
     @QUIET
     def radiance(self, pipeline: Pipeline = NO_MISTAKE) -> Array:
