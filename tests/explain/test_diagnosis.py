@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
-from scene_of import changed
+from scene_of import changed, small
 from tracers_by_students import CORRECT, MISTAKES, mistaken, run
 
-from raytwin import scene_folders
 from raytwin.explain import draw_scene
 from raytwin.explain.catalogue import ACNE, AVERAGED, FAULTS
 from raytwin.explain.changes import FAULT_STAGES
@@ -16,19 +15,12 @@ from raytwin.images.image import Image
 from raytwin.images.photo_files import srgb_decode, srgb_encode
 from raytwin.images.stored_precision import half_code
 from raytwin.renderers.scene_exchange import as_arrays
-from raytwin.scene.scene_files import read_scene
-from raytwin.scene_folders import find_scene
 from raytwin.tracer import trace
 
 SIZES = {"eclipse": (80, 60), "overlap": (88, 66), "distorted": (88, 66)}
 
 
-def small(name):
-    scene = read_scene(find_scene(scene_folders.SCENES / name))
-    return scene.with_camera(scene.camera.resized(*SIZES[name]))
-
-
-SCENES = [small(name) for name in SIZES]
+SCENES = [small(name, size) for name, size in SIZES.items()]
 DRAWN = [draw_scene.draw_scene(seed, (60, 44)) for seed in (1, 2)]
 
 
@@ -232,7 +224,7 @@ def test_a_row_and_a_column_that_are_left_out_are_named_and_no_others():
 def test_acne_that_darkens_most_of_a_table_is_named_and_nothing_is_searched(monkeypatch):
     """Points in single precision, tested for shadows at t > 0: nearly all of the table, and half of the spheres."""
     monkeypatch.delattr("raytwin.explain.diagnosis.Search")
-    scene = small("distorted")
+    scene = small("distorted", SIZES["distorted"])
     right = trace(scene, "shadow").mean
     dark = planted(ACNE.ways[1], scene)
     rng = np.random.default_rng(3)
