@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from raytwin.explain.edit import Edit, all_names, blocks, changed, code, code_children, form, names_in, renamed
+from raytwin.explain.edit import Edit, blocks, changed, code, code_children, form, names_in, renamed
 from raytwin.explain.forms import (
     COPIED,
     COUNTERPARTS,
@@ -126,7 +126,6 @@ class Scope:
         lists: list[Sequence[ast.AST]] = [block for n in [unit, *nodes] for block in blocks(n)]
         lists += [n.elts for n in nodes if isinstance(n, ast.Tuple | ast.List)]
         self.parallel = list(_parallel(lists))
-        self.suspects = _suspects(self.parallel)
 
     def _donors(self, nodes: Iterable[ast.AST]) -> Iterator[str]:
         for n in nodes:
@@ -323,9 +322,7 @@ def _name(n: ast.Name, scope: Scope) -> Found:
     leftover = n.id in scope.loops and n.id not in around
     for other in scope.names if n.id in scope.names else ():
         words, weight = f"`{n.id}` should be `{other}`", _apart(n.id, other)
-        if other in scope.suspects.get(id(n), set()):
-            words, weight = f"in the copied line {words}", COPIED
-        elif leftover and weight > USUAL:
+        if leftover and weight > USUAL:
             words, weight = f"`{n.id}` is left over from a loop: it should be `{other}`", USUAL
         elif other in scope.unread and weight > USUAL:
             words, weight = f"{words}, which is never used", USUAL
@@ -490,23 +487,6 @@ def _parallel(lists: Iterable[Sequence[ast.AST]]) -> Iterator[tuple[list[ast.AST
                 first, second = slice(k, k + size), slice(k + size, k + 2 * size)
                 if forms[first] == forms[second]:
                     yield list(items[first]), list(items[second])
-
-
-def _suspects(pairs: Iterable[tuple[list[ast.AST], list[ast.AST]]]) -> dict[int, set[str]]:
-    """Where a copied line was not changed throughout: id of a name -> what stands there elsewhere for its counterpart.
-
-    After `x = (u - cx) * a + u * b` stands `y = (v - cy) * a + u * b`: of the two `u` one became `v`.
-    """
-    found: dict[int, set[str]] = {}
-    for pair in pairs:
-        for one, other in (pair, pair[::-1]):
-            names = [[n for part in run for n in all_names(part)] for run in (one, other)]
-            images: dict[str, set[str]] = {}
-            for a, b in zip(*names, strict=True):
-                images.setdefault(a.id, set()).add(b.id)
-            for a, b in zip(*names, strict=True):
-                found.setdefault(id(b), set()).update(images[a.id] - {b.id})
-    return found
 
 
 # ------------------------------------------------------------------------------------------ in several places
