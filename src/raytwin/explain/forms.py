@@ -33,7 +33,9 @@ FORMS: Mapping[float, str] = {
         all entries are the same list: [A] * B -> [A for _ in range(B)]
         there are too few steps: range(A) -> range(100)
         five steps, the default, are too few for a strong lens: cv2.undistortPoints(A, B, C) -> cv2.undistortPoints(A, B, C, criteria=(3, 100, 1e-12))
+        five steps, the default, are too few for a strong lens: cv2.undistortPoints(A, B, C) -> cv2.undistortPointsIter(A, B, C, None, None, (3, 100, 1e-12))
         five steps, the default, are too few for a strong lens: cv2.undistortPoints(A, B, C, P=D) -> cv2.undistortPoints(A, B, C, P=D, criteria=(3, 100, 1e-12))
+        five steps, the default, are too few for a strong lens: cv2.undistortPoints(A, B, C, P=D) -> cv2.undistortPointsIter(A, B, C, None, D, (3, 100, 1e-12))
         use the rotation vector: A.from_euler(B, C) -> A.from_rotvec(C)
     """,
     USUAL: """

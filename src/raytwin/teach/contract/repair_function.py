@@ -106,7 +106,7 @@ def _cells(function: Function, source: str) -> Cells:
 
 WITHOUT_MEANING = {
     "np", "axis", "keepdims", "dtype", "float", "None", "True", "False", "newaxis", "copy", "range", "len", "nan",
-    "inf", "full", "full_like", "cv2",
+    "inf", "full", "full_like", "cv2", "undistortPointsIter",
 }  # fmt: skip
 """Words that any function may have: layout, copies, kinds of numbers, marks of a miss."""
 SYNONYMS = [
