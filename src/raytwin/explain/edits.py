@@ -446,12 +446,10 @@ def _function(n: ast.FunctionDef, scope: Scope) -> Found:
 
 
 OPERATORS: tuple[tuple[Any, Callable[[Any, Scope], Found]], ...] = (
-    (ast.expr, _around), (ast.BoolOp, _conditions), (ast.Call, _call),
-    (ast.Tuple | ast.List, _sequence), (ast.Constant, _constant),
-    (ast.Attribute, _attribute), (ast.Name, _name),
-    (ast.Assign, _assign), (ast.AugAssign, _augmented),
-    (ast.Expr, _expression), (ast.If, _condition), (ast.For | ast.While, _loop), (ast.Break | ast.Continue, _jump),
-    (ast.Return, _return), (ast.FunctionDef, _function),
+    (ast.expr, _around), (ast.BoolOp, _conditions), (ast.Call, _call), (ast.Tuple | ast.List, _sequence),
+    (ast.Constant, _constant), (ast.Attribute, _attribute), (ast.Name, _name), (ast.Assign, _assign),
+    (ast.AugAssign, _augmented), (ast.Expr, _expression), (ast.If, _condition), (ast.For | ast.While, _loop),
+    (ast.Break | ast.Continue, _jump), (ast.Return, _return), (ast.FunctionDef, _function),
 )  # fmt: skip
 """Which nodes an operator is for, and the operator."""
 
@@ -551,7 +549,7 @@ def _running(statement: ast.AST, runs: Callable[[ast.stmt], bool]) -> Iterator[a
 def _binds_own_names(edit: Edit, scope: Scope) -> bool:
     """Whether its statements bind none but names of the innermost function around: another's would no longer be it."""
     some = [one for _, new in edit.parts for one in (new if isinstance(new, list) else [new])]
-    stored = {name.rstrip("_") for one in some if isinstance(one, ast.stmt) for name in names_in(one, ast.Store)}
+    stored = {name for one in some if isinstance(one, ast.stmt) for name in names_in(one, ast.Store)}
     around: ast.AST | None = edit.old
     while stored and not isinstance(around, ast.FunctionDef | ast.Lambda | None):
         around = scope.parents.get(id(around))
