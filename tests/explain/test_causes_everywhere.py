@@ -8,9 +8,9 @@ from raytwin import scene_folders
 from raytwin.compare import Comparison
 from raytwin.compare.finding import Finding, notes
 from raytwin.explain.diagnosis import explain
-from raytwin.explain.formula_causes import rounding_cause
 from raytwin.explain.noisy_values import noisy_cause
 from raytwin.explain.predict import NO_MISTAKE, written
+from raytwin.explain.rounding_cause import rounding_cause
 from raytwin.fast import trace
 from raytwin.images.image import Image, Surface
 from raytwin.scene.scene_files import read_scene

@@ -1,6 +1,4 @@
-"""Causes that one formula gives, pixel by pixel, without a search: of depths, of rounding, of alpha, of values.
-
-Rounding: the tracer in single precision, or with a solver that cancels, shows the same errors.
+"""Causes that one formula gives, pixel by pixel, without a search: of depths, of colours under alpha, of values.
 
 One curve through all values, as of gamma and tone mapping, is an effect, not a mistake: it is told where no cause
 explains the image exactly. A curve that rises holds wherever no value is below that of a darker one, beyond what
@@ -11,17 +9,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from raytwin.compare.finding import Finding
-from raytwin.errors import MachineError
 from raytwin.explain.catalogue import FAULTS
-from raytwin.explain.pixel_sample import FLOAT32_DIGITS, MATCH_WITHIN, MAX_PIXELS_UNTHINNED, SubmittedImage
+from raytwin.explain.pixel_sample import FLOAT32_DIGITS, MATCH_WITHIN, SubmittedImage
 from raytwin.explain.predict import NO_MISTAKE, Array, written
-from raytwin.fast import trace
 from raytwin.images.image import BACKGROUND, Image, Surface
 from raytwin.images.stored_precision import Rounding
-from raytwin.rungs import RUNGS
 from raytwin.scene import Scene
-from raytwin.tracer import RADIANCE
 
 FEWEST_PIXELS_TO_AGREE = 10
 """Pixels that have to show the ratio."""
@@ -30,16 +23,6 @@ RATIO_WITHIN = 1e-4
 VARIES_BY = 1e-3
 """Relative: how much the formula has to differ from 1."""
 ALONG_AXIS = "depths are measured along the camera's axis, z: t along the unit ray is z · √(x² + y² + 1)"
-SHARE_BY_ROUNDING = 0.9
-"""Share of the squared error that the same rounding has to explain."""
-HOW = {
-    ("numpy32", "robust"): "single precision (float32)",
-    ("numpy64", "textbook"): "the textbook quadratic, whose b² - 4ac cancels",
-    ("numpy32", "textbook"): "the textbook quadratic in single precision (float32), whose b² - 4ac cancels",
-    ("numpy32", "paper"): "the paper's quadratic in single precision (float32)",
-    ("numpy32", "stable"): "the stable quadratic in single precision (float32)",
-}
-"""Engine and solver, in the order of trial."""
 EXACT_WITHIN = 1e-4
 """Share of the reference's largest value by which a prediction may be off."""
 FEWEST_WRONG_PIXELS, PREDICTED_FROM_SHARE = 6, 0.99
@@ -75,29 +58,6 @@ def depth_cause(test: Surface | None, reference: Surface | None, scene: Scene) -
         if np.abs(formula - 1).max() > VARIES_BY and np.quantile(off, 0.999) < RATIO_WITHIN:
             return words
     return ""
-
-
-def rounding_cause(test: Image, reference: Image, scene: Scene, rung: str) -> tuple[Finding, ...]:
-    """Which rounding has made the errors of the test; nothing where none explains them."""
-    if rung not in RADIANCE or not RUNGS[rung].lit or reference.variance is not None or not scene.objects:
-        return ()
-    if test.mean.shape != reference.mean.shape or not np.isfinite(test.mean).all():
-        return ()
-    step = int(np.ceil(np.sqrt(scene.camera.width * scene.camera.height / MAX_PIXELS_UNTHINNED)))
-    thin = scene.with_camera(scene.camera.every(step))
-    off = (test.mean[::step, ::step] - reference.mean[::step, ::step]).astype(float)
-    before = float(np.square(off).sum())
-    if not before:
-        return ()
-    exact = trace(thin, rung).mean
-    for (engine, solver), how in HOW.items():
-        try:
-            rounded = trace(thin, rung, engine, solver).mean
-        except MachineError:
-            continue
-        if np.square(off - (rounded.astype(float) - exact)).sum() < (1 - SHARE_BY_ROUNDING) * before:
-            return (Finding("rounding", f"rounding: {how}; float64 and the robust solver keep the digits"),)
-    return ()
 
 
 def alpha_cause(test: Image, reference: Image, rounding: Rounding, of_reference: Rounding) -> str:

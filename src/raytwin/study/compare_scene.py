@@ -242,7 +242,7 @@ def _explained(job: Job, made: Image, reference: Image, comparison: Comparison) 
 def find_causes(made: Image, reference: Image, scene: Scene, rung: str) -> tuple[Finding, ...]:
     """Return why `made` is not its reference, on the same rung."""
     from raytwin.explain.diagnosis import explain  # what passes needs no cause
-    from raytwin.explain.formula_causes import rounding_cause
+    from raytwin.explain.rounding_cause import rounding_cause
 
     rounded = rounding_cause(made, reference, scene, rung)
     return rounded or explain(made, reference, scene, rung, rounding_of(made))
