@@ -7,8 +7,11 @@ from hypothesis import assume
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from raytwin import scene_folders
 from raytwin.scene import Camera, Environment, Scene, Shape, Sky, Sun
 from raytwin.scene.lens import undone
+from raytwin.scene.scene_files import read_scene
+from raytwin.scene_folders import find_scene
 
 
 def scene_of(
@@ -24,6 +27,12 @@ def changed(scene: Scene, lights: Iterable[Sun | Sky | Environment] | None = Non
         others["sun"] = next((light for light in lights if isinstance(light, Sun)), None)
         others["sky"] = next((light for light in lights if not isinstance(light, Sun)), None)
     return scene.with_(**others)
+
+
+def small(name: str, size: tuple[int, int]) -> Scene:
+    """A shipped scene as a smaller picture."""
+    scene = read_scene(find_scene(scene_folders.SCENES / name))
+    return scene.with_camera(scene.camera.resized(*size))
 
 
 def reals(low: float, high: float) -> st.SearchStrategy[float]:

@@ -13,7 +13,8 @@ from starter_submissions import LOOPS, RIGHT, SLIPS
 from raytwin.explain.attempt import attempt, lines_run
 from raytwin.explain.edit import names_in
 from raytwin.explain.edits import edits
-from raytwin.explain.repair import AT_ONCE, LINES_A_TRY, Repair, Runner, Work, candidates, repair
+from raytwin.explain.function_text import statements_of
+from raytwin.explain.repair import AT_ONCE, LINES_A_TRY, Candidate, Repair, Runner, Work, repair
 from raytwin.explain.textbook import TEXT
 from raytwin.teach.contract.check_function import is_repaired, is_right, judge_function, repair_function
 from raytwin.teach.contract.repair_function import _bounded_memory, further_probes, repair_here
@@ -24,6 +25,12 @@ from raytwin.teach.contract.stage_table import CONTRACT
 def tried(space, chosen, arguments, seconds=1.0, changed=False, name="f"):
     codes = [marshal.loads(c.code) for c in chosen]
     return attempt(space, name, codes, [c.names for c in chosen], arguments, seconds, changed)
+
+
+def candidates(text):
+    (statement,) = ast.parse(text).body
+    made = [Candidate("", statement, edit) for rare in (False, True) for edit in edits(statement, rare=rare)]
+    return [one for one in made if one.code]
 
 
 def module(source):
@@ -67,9 +74,7 @@ def test_hints_say_where_then_what_then_what_to_write():
 
 def test_a_change_that_does_not_end_is_given_up_and_names_are_put_back():
     space = {"f": len}
-    made = tried(
-        space, list(candidates([("", "def f(n):\n    while n < 0:\n        n += 1\n    return n")], "f")), (1,), 0.02
-    )
+    made = tried(space, candidates("def f(n):\n    while n < 0:\n        n += 1\n    return n"), (1,), 0.02)
     assert None in made
     assert any(one is not None and one[0] == 1 for one in made)
     assert space["f"] is len
@@ -141,7 +146,7 @@ def test_a_change_that_brings_in_what_the_correct_form_does_not_use_is_no_repair
 
 def test_a_name_that_nothing_reads_is_missing_before_one_that_is_read():
     text = "def f(a, b, c):\n    k, m = a + b, a - b\n    return m * c + a\n"
-    order = [c.edit.after for c in candidates([("", text)], "f")]
+    order = [c.edit.after for c in candidates(text)]
     places = [order.index(f"{one}") for one in ("m * k", "(a + b) * m")]
     assert places[0] < min(200, places[1])
 
@@ -150,7 +155,7 @@ def test_a_change_that_asks_for_too_much_memory_is_none():
     import resource
 
     before = resource.getrlimit(resource.RLIMIT_AS)
-    code = candidates([("", "import numpy as np\ndef f(n):\n    return np.ones(n * 40000)[:1]")], "f")
+    code = candidates("def f(n):\n    return np.ones(n * 40000)[:1]")
     chosen = [c for c in code if "n ** 40000" in c.edit.after or "n * 40000 ** 2" in c.edit.after]
     with _bounded_memory():
         made = tried({"np": np, "f": np.ones}, chosen, (7,))
@@ -161,7 +166,7 @@ def test_a_change_that_asks_for_too_much_memory_is_none():
 def test_what_is_right_by_its_own_test_is_not_changed():
     bodies = {"lens": "undo(x)", "undo": "x / 2", "ray": "lens(x)", "hit": "ray(x) + 1", "other": "-x"}
     text = "\n".join(f"def {name}(x):\n    return {value}" for name, value in bodies.items())
-    assert {name for c in candidates([("", text)], "hit", ("lens",)) for name in c.names} == {"hit", "ray"}
+    assert {statement.name for _, statement in statements_of([("", text)], "hit", ("lens",))} == {"hit", "ray"}
 
 
 def test_a_change_that_is_right_by_chance_in_the_first_cases_is_no_proof():
@@ -243,54 +248,19 @@ def test_a_repair_may_spoil_no_pixels_though_a_picture_with_a_few_passes():
     ("p[hit] = t[hit, None] * d[hit]", "p[hit] = t[hit, None] * d[hit] + o"),
     ("H = Td @ G @ Ts", "H = np.linalg.inv(Td) @ G @ Ts"),
     ("y = np.empty_like(v)", "y = np.empty_like(v, dtype=float)"),
-    ("off = self.power", "off = self.power.copy()"),
+    ("off = self.power", "off = self.power.copy()"), ("y = [o, d, t, 7 * c]", "y = [7 * c, t, d, o]"),
+    ("y = 7 * d", "y = -7 * d"), ("y = 7 * d", "y = 2 * 7 * d"),
 ])  # fmt: skip
 def test_usual_changes_undo_what_is_often_forgotten(wrong, right):
     (statement,) = ast.parse(f"def f(self, o, d, t, hit, c, i, n, Td, G, Ts, v):\n    {wrong}\n    return o").body
-    made = [ast.fix_missing_locations(edit.applied(statement)) for edit in edits(statement)]
+    some = [*edits(statement), *edits(statement, rare=True)]
+    made = [ast.fix_missing_locations(edit.applied(statement)) for edit in some]
     assert right in {"; ".join(map(ast.unparse, tree.body[:-1])) for tree in made}
 
 
-def test_an_index_is_not_another_one_by_its_sign():
-    (statement,) = ast.parse("def f(H):\n    return H[:, 2]").body
-    assert all(edit.operator != "the sign is wrong" for edit in edits(statement) if "-2" in edit.after)
-
-
-def test_a_number_may_lack_its_sign_a_list_be_reversed_and_nothing_is_computed_with_a_text():
-    (statement,) = ast.parse("def f(a, b, c, d):\n    dark = 'dark'\n    return [a, b, c, 7 * d]").body
-    made = {(edit.operator, edit.before, edit.after) for rare in (False, True) for edit in edits(statement, rare=rare)}
-    assert ("the number is wrong", "7", "-7") in made
-    assert ("the entries are in the wrong order", "[a, b, c, 7 * d]", "[7 * d, c, b, a]") in made
-    assert ("a factor 2 is missing", "7", "2 * 7") in made
-    assert not [after for _, before, after in made if before == "'dark'"]
-
-
-NEAREST = """
-def f(things):
-    balls, sheets = things
-    best, first = 1e9, -1
-    for ball in balls:
-        t = ball[0]
-        if t < best:
-            best = t
-            first = ball[1]
-    for sheet in sheets:
-        t = sheet[0]
-        if t < best:
-            best = t
-            first = sheet[1]
-    return best + 100 * first
-"""
-
-
-@pytest.mark.parametrize("lost", ["            best = t\n", "            first = sheet[1]\n"])
-def test_a_line_that_is_missing_is_found_in_a_block_like_it(lost):
-    exec(NEAREST, correct := {})
-    before, _, after = NEAREST.rpartition(lost)
-    things = ([(3, 1)], [(2, 5), (2.5, 6)]), ([(3, 1), (2, 2)], [(4, 3), (1, 4)]), ([(1, 1)], [])
-    found = repaired_here(before + after, correct["f"], things)
-    assert found.operator == f"`{lost.strip()}` is missing"
-    assert found.line in (13, 14)
+def test_an_index_keeps_its_sign_and_nothing_is_computed_with_a_text():
+    made = [c.edit for c in candidates("def f(H):\n    dark = 'dark'\n    return H[:, 2]")]
+    assert not [e for e in made if (e.operator == "the sign is wrong" and "-2" in e.after) or e.before == "'dark'"]
 
 
 def test_no_change_binds_a_name_of_the_function_around_or_one_that_is_only_read():

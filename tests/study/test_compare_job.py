@@ -16,7 +16,7 @@ from raytwin.explain.ledger import Ledger
 from raytwin.fast import trace
 from raytwin.photos.find_camera import find_camera
 from raytwin.renderers.scene_exchange import as_scene
-from raytwin.renderers.subject_renderers import Traced, fast_engine
+from raytwin.renderers.subject_renderers import PathTraced, Traced, fast_engine
 from raytwin.scene import Camera, Scene, Sky, Sphere
 from raytwin.scene.lens import Folds
 from raytwin.scene.scene_files import read_scene
@@ -155,6 +155,14 @@ def test_a_subjects_error_is_its_own_in_the_ledger_and_named_on_the_first_line(s
     parts = {part.part: part.share_of_error for part in made.report.ledger}
     assert parts["the subject's own error"] > 0.5
     assert abs(parts["numerics"]) < 1e-3
+
+
+def test_bounces_that_a_path_tracer_does_not_follow_are_called_missing(scenes):
+    shallow = PathTraced("path", fast_engine(twin.activate().variant), depth=2, samples=64, surface=True)
+    made = compare_scene(scenes / "overlap", subject=shallow, rung="path", size=(80, 60), samples=64, cache=False)
+    assert made.verdict == "fail"
+    assert not made.cause
+    assert any(reason.endswith("; as if bounce 1 and more were missing") for reason in made.reasons)
 
 
 FORGOTTEN = """

@@ -12,10 +12,9 @@ import numpy as np
 from raytwin.compare.finding import Finding
 from raytwin.explain.catalogue import ACNE, FACTS, FAULTS
 from raytwin.explain.changes import ORDER, OUTPUT, Fault
-from raytwin.explain.curve import curve_cause
-from raytwin.explain.distances import depth_cause
 from raytwin.explain.evidence import NOTHING_LEFT, are_alike, fit_of, is_firm, is_likelier
 from raytwin.explain.explanation import Cause, Certainty, Explanation
+from raytwin.explain.formula_causes import alpha_cause, curve_cause, depth_cause
 from raytwin.explain.localize import border_alone, points_of_misses, whereabouts
 from raytwin.explain.noisy_values import noisy_cause
 from raytwin.explain.parametric_faults import FAMILIES, ParametricFault
@@ -27,7 +26,6 @@ from raytwin.explain.pixel_sample import (
     sample_pixels,
 )
 from raytwin.explain.predict import NO_MISTAKE, Pipeline
-from raytwin.explain.premultiplied import alpha_cause
 from raytwin.explain.search import Hypothesis, Search
 from raytwin.explain.tolerance_mask import doubtful
 from raytwin.images.image import Image

@@ -5,14 +5,13 @@ for what is in forms.py. Here is what depends on the text around: its names, num
 """
 
 import ast
-import copy
 import itertools
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from raytwin.explain.edit import Edit, all_names, blocks, changed, code, code_children, form, names_in, renamed
+from raytwin.explain.edit import Edit, blocks, changed, code, code_children, form, names_in, renamed
 from raytwin.explain.forms import (
     COPIED,
     COUNTERPARTS,
@@ -25,7 +24,6 @@ from raytwin.explain.forms import (
     rewritten,
     rows_for,
     same,
-    short,
     template,
 )  # fmt: skip
 
@@ -59,12 +57,11 @@ MAX_LINES_COPIED = 6
 class File:
     """What a statement's file has: its name for NumPy, the texts it reads entries by, and its own functions.
 
-    `methods`: what is called on each name (`Rotation`: from_rotvec, from_euler); `arity`: function -> its arguments.
+    `arity`: function -> its arguments.
     """
 
     numpy: str = "np"
     words: tuple[str, ...] = ()
-    methods: Mapping[str, frozenset[str]] = field(default_factory=dict)
     arity: Mapping[str, int] = field(default_factory=dict)
     own_words: frozenset[str] = frozenset()
     """All words of the text."""
@@ -90,9 +87,8 @@ def edits(
         nodes = list(_running(unit, runs))
         by_node = {id(node): [Edit(words, weight, node, new) for words, weight, new in _of_node(node, scope)]
                    for node in nodes}  # fmt: skip
-        of_blocks = [edit for n in nodes for block in blocks(n) for edit in _in_block(block, scope)]
+        of_blocks = [edit for n in nodes for block in blocks(n) for edit in _in_block(block)]
         made += [e for e in itertools.chain(*by_node.values(), of_blocks) if _binds_own_names(e, scope)]
-        made += [edit for items in scope.lists for pair in itertools.pairwise(items) for edit in _unlike(*pair, scope)]
         groups = [*_repeated(unit), *_counterparts(scope)]
         made += [e for group in groups for e in _at_all(group, by_node) if not e.operator.startswith("the sign")]
     made = [edit for edit in made if (edit.weight > RARE) == rare and not same(edit.old, edit.new)]
@@ -120,23 +116,16 @@ class Scope:
         self.values = {id(value) for n in nodes for value in _values(n)}
         read = {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Load)}
         self.unread = [name for name in self.names if name not in read]
-        fors = [n for n in nodes if isinstance(n, ast.For)]
-        self.loops = {name for n in fors for name in names_in(n.target)} - {"_"}
-        self.counts = [f"len({text})" for text in dict.fromkeys(_iterated(n.iter) for n in fors)]
-        self.arguments = {n.arg for n in nodes if isinstance(n, ast.arg)}
-        self.stores = [n for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)]
-        self.steps = [n for n in nodes if isinstance(n, ast.AugAssign)]
+        self.loops = {name for n in nodes if isinstance(n, ast.For) for name in names_in(n.target)} - {"_"}
         divisors = (n.right for n in nodes if isinstance(n, ast.BinOp) and isinstance(n.op, ast.Div))
         self.divisors = {ast.unparse(n): n for n in divisors if not isinstance(n, ast.Constant)}
         self.attributes: dict[str, set[str]] = {}
         self.entries: dict[str, int] = {}
         """By what is indexed: the largest number that it is indexed by."""
         self.donors = dict.fromkeys(self._donors(nodes))
-        self.blocks = [block for n in [unit, *nodes] for block in blocks(n)]
-        self.lists: list[Sequence[ast.AST]] = [*self.blocks]
-        self.lists += [n.elts for n in nodes if isinstance(n, ast.Tuple | ast.List)]
-        self.parallel = list(_parallel(self.lists))
-        self.suspects = _suspects(self.parallel)
+        lists: list[Sequence[ast.AST]] = [block for n in [unit, *nodes] for block in blocks(n)]
+        lists += [n.elts for n in nodes if isinstance(n, ast.Tuple | ast.List)]
+        self.parallel = list(_parallel(lists))
 
     def _donors(self, nodes: Iterable[ast.AST]) -> Iterator[str]:
         for n in nodes:
@@ -224,9 +213,6 @@ def _around(node: ast.expr, scope: Scope) -> Found:
 
 
 def _conditions(n: ast.BoolOp, scope: Scope) -> Found:
-    for k, value in enumerate(n.values if len(n.values) > 2 else ()):
-        rest = n.values[:k] + n.values[k + 1 :]
-        yield f"remove the condition `{short(value)}`", RARE, ast.BoolOp(n.op, rest)
     for name in scope.names if isinstance(n.op, ast.And) else ():
         more = filled("A > 0", A=template(name))
         yield f"the condition `{name} > 0` is missing", RARE, ast.BoolOp(n.op, [*n.values, more])
@@ -241,8 +227,6 @@ def _call(n: ast.Call, scope: Scope) -> Found:
             yield f"remove `{called}`", USUAL, one
     for other in SIMILAR.get(called, ()):
         yield f"`{called}` should be `{other}`", USUAL, _calling(n, other)
-    for other in sorted(scope.file.methods.get(base, frozenset()) - {called}):
-        yield f"call `{other}`, not `{called}`", RARE, _calling(n, other)
     for other, count in scope.file.arity.items() if not base and called in scope.file.arity else ():
         if other != called and count == scope.file.arity[called]:
             weight = USUAL if other.partition("_")[0] == called.partition("_")[0] else RARE
@@ -257,18 +241,6 @@ def _call(n: ast.Call, scope: Scope) -> Found:
         yield "the array holds only whole numbers", weight, typed
     if called in OVER_AN_AXIS:
         yield from _axes(n, called)
-
-
-def _counts_and_letters(n: ast.Call, scope: Scope) -> Found:
-    """Where `enumerate` begins; two letters of one operand of `np.einsum` swapped."""
-    for count in scope.counts if ast.unparse(n.func) == "enumerate" else ():
-        yield "counting starts at the wrong number", USUAL, changed(n, args=[n.args[0], template(count)], keywords=[])
-    for k, one in enumerate(n.args):
-        if isinstance(one, ast.Constant) and isinstance(one.value, str) and "->" in one.value:
-            for term in re.finditer(r"\w+", one.value):
-                for i, j in itertools.combinations(range(*term.span()), 2):
-                    letters = ast.Constant("".join(_swapped(one.value, i, j)))
-                    yield "the indices are swapped", USUAL, changed(n, args=[*n.args[:k], letters, *n.args[k + 1 :]])
 
 
 def _axes(n: ast.Call, called: str) -> Found:
@@ -350,16 +322,12 @@ def _name(n: ast.Name, scope: Scope) -> Found:
     leftover = n.id in scope.loops and n.id not in around
     for other in scope.names if n.id in scope.names else ():
         words, weight = f"`{n.id}` should be `{other}`", _apart(n.id, other)
-        if other in scope.suspects.get(id(n), set()):
-            words, weight = f"in the copied line {words}", COPIED
-        elif leftover and weight > USUAL:
+        if leftover and weight > USUAL:
             words, weight = f"`{n.id}` is left over from a loop: it should be `{other}`", USUAL
         elif other in scope.unread and weight > USUAL:
             words, weight = f"{words}, which is never used", USUAL
         if other != n.id:
             yield words, weight, template(other)
-    for text in scope.counts if n.id in scope.loops else ():
-        yield f"the term `{text}` is missing", USUAL, filled("B + A", A=n, B=template(text))
 
 
 def _apart(a: str, b: str) -> float:
@@ -370,23 +338,6 @@ def _apart(a: str, b: str) -> float:
         return COPIED
     beginning = (a.startswith(b) or b.startswith(a)) and abs(len(a) - len(b)) <= 2
     return USUAL if alike or len(a) == len(b) == 1 or beginning else FAR
-
-
-def _hiding(n: ast.For | ast.ListComp | ast.GeneratorExp, scope: Scope) -> Found:
-    """The loop's variable has the name of another value, which is wanted behind the loop, or at one place in it."""
-    own, target = all_names(n), n.target if isinstance(n, ast.For) else n.generators[0].target
-    elsewhere = scope.arguments | {one.id for one in scope.stores if not any(one is other for other in own)}
-    for name in sorted(names_in(target) & elsewhere):
-        places = [one for one in own if one.id == name]
-        read = [one for one in places if isinstance(one.ctx, ast.Load)]
-        for kept in [
-            *([None] if isinstance(n, ast.For) else []),
-            *(read if 1 < len(read) <= MAX_NAMES else []),
-        ]:
-            made = copy.deepcopy(n)
-            for one, like in zip(places, [one for one in all_names(made) if one.id == name], strict=True):
-                like.id = name if one is kept else f"{name}_"
-            yield f"the loop's `{name}` overwrites the earlier `{name}`", RARE, made
 
 
 # ------------------------------------------------------------------------------------------ statements
@@ -409,9 +360,6 @@ def _assign(n: ast.Assign, scope: Scope) -> Found:
     if isinstance(target, ast.Subscript) and isinstance(inner := target.value, ast.Subscript):
         place = changed(inner, slice=filled("A[B]", A=inner.slice, B=target.slice))
         yield "a copy of the entries is changed, not the array", COPIED, _assigned(place, value)
-    if isinstance(value, ast.Call) and any(k.arg == "out" for k in value.keywords):
-        rest = [k for k in value.keywords if k.arg != "out"]
-        yield SHARED, COPIED, changed(n, value=changed(value, keywords=rest))
     if isinstance(value, ast.Tuple) and all(isinstance(one, ast.Name) for one in value.elts):
         copies = [filled("A.copy()", A=one) for one in value.elts]
         yield "a copy is missing", COPIED, changed(n, value=changed(value, elts=copies))
@@ -464,9 +412,6 @@ def _loop(n: ast.For | ast.While, scope: Scope) -> Found:
     if isinstance(last, ast.Return):
         words = "the return is one level too deep: it ends the loop"
         yield words, COPIED, [changed(n, body=others or [ast.Pass()]), last]
-    for step in scope.steps:
-        if step not in n.body:
-            yield f"`{short(step)}` is missing in the loop", FAR, changed(n, body=[*n.body, step])
     if others:
         yield "the last line belongs after the loop", FAR, [changed(n, body=others), last]
         for one in [s for s in n.body[:3] if isinstance(s, SIMPLE)]:
@@ -496,21 +441,15 @@ def _function(n: ast.FunctionDef, scope: Scope) -> Found:
         if isinstance(default, ast.List | ast.Dict | ast.Set | ast.Call):
             first = ast.copy_location(_assigned(template(argument.arg), default), n.body[0])
             yield "the default value is kept between calls", USUAL, [changed(n, body=[first, *n.body])]
-    if not isinstance(n.body[-1], ast.Return) and n.name != "__init__":
-        for name in sorted(names_in(n, ast.Store)):
-            last = ast.copy_location(ast.Return(template(name)), n.body[-1])
-            yield f"`return {name}` is missing", USUAL, [changed(n, body=[*n.body, last])]
     if n.decorator_list:
         yield BETWEEN_CALLS, RARE, [changed(n, decorator_list=[])]
 
 
 OPERATORS: tuple[tuple[Any, Callable[[Any, Scope], Found]], ...] = (
-    (ast.expr, _around), (ast.BoolOp, _conditions), (ast.Call, _call),
-    (ast.Call, _counts_and_letters), (ast.Tuple | ast.List, _sequence), (ast.Constant, _constant),
-    (ast.Attribute, _attribute), (ast.Name, _name),
-    (ast.For | ast.ListComp | ast.GeneratorExp, _hiding), (ast.Assign, _assign), (ast.AugAssign, _augmented),
-    (ast.Expr, _expression), (ast.If, _condition), (ast.For | ast.While, _loop), (ast.Break | ast.Continue, _jump),
-    (ast.Return, _return), (ast.FunctionDef, _function),
+    (ast.expr, _around), (ast.BoolOp, _conditions), (ast.Call, _call), (ast.Tuple | ast.List, _sequence),
+    (ast.Constant, _constant), (ast.Attribute, _attribute), (ast.Name, _name), (ast.Assign, _assign),
+    (ast.AugAssign, _augmented), (ast.Expr, _expression), (ast.If, _condition), (ast.For | ast.While, _loop),
+    (ast.Break | ast.Continue, _jump), (ast.Return, _return), (ast.FunctionDef, _function),
 )  # fmt: skip
 """Which nodes an operator is for, and the operator."""
 
@@ -518,8 +457,8 @@ OPERATORS: tuple[tuple[Any, Callable[[Any, Scope], Found]], ...] = (
 # ------------------------------------------------------------------------------------------ lines beside one another
 
 
-def _in_block(block: list[ast.stmt], scope: Scope) -> Iterator[Edit]:
-    """A line that belongs elsewhere, or that is missing beside one like it."""
+def _in_block(block: list[ast.stmt]) -> Iterator[Edit]:
+    """A line that belongs elsewhere."""
     into = "the line belongs inside the loop"
     for k, (one, after) in enumerate(itertools.pairwise(block)):
         if isinstance(one, SIMPLE) and isinstance(after, SIMPLE):
@@ -535,41 +474,6 @@ def _in_block(block: list[ast.stmt], scope: Scope) -> Iterator[Edit]:
                     yield Edit(into, RARE, first, [before, first], moved=before)
         if isinstance(one, ast.Return):
             yield Edit("it returns too early", COPIED, one, [ast.Pass()])
-    yield from _lost(block, scope)
-
-
-def _lost(block: list[ast.stmt], scope: Scope) -> Iterator[Edit]:
-    """A line that a block of the same kind has, in this one's names.
-
-    What is missing is mostly written elsewhere in the text (Barr and others, The plastic surgery hypothesis, 2014).
-    """
-    forms, here = _forms(block), set(map(ast.unparse, block))
-    for other in scope.blocks:
-        theirs = _forms(other)
-        if other is block or not set(forms) & set(theirs):
-            continue
-        both = itertools.product(zip(other, theirs, strict=True), zip(block, forms, strict=True))
-        pairs: list[tuple[ast.AST, ast.AST]] = [
-            (a, b) for (a, p), (b, q) in both if p == q and ast.unparse(a) not in here
-        ]
-        one_loop, this_loop = (next(scope.loops_around(some[0]), None) for some in (other, block))
-        pairs += [(one_loop.target, this_loop.target)] if one_loop and this_loop else []
-        names = {x.id: y.id for a, b in pairs for x, y in zip(all_names(a), all_names(b), strict=False) if x.id != y.id}
-        for k, one in enumerate(other):
-            line = renamed(one, names) if ast.unparse(one) not in here else one
-            if not isinstance(one, SIMPLE) or ast.unparse(line) in here:
-                continue
-            here.add(ast.unparse(line))
-            behind = [mine for mine, form in zip(block, forms, strict=True) if form in theirs[k + 1 :]]
-            before = [mine for mine, form in zip(block, forms, strict=True) if form in theirs[:k]]
-            at = [*behind[:1], *before[-1:], block[0]][0]
-            first = bool(behind or not before)
-            yield Edit(f"`{short(line)}` is missing", USUAL, at, [line, at] if first else [at, line])
-
-
-def _forms(block: list[ast.stmt]) -> list[str]:
-    """The form of each simple statement."""
-    return [form(one) if isinstance(one, SIMPLE) else repr(id(one)) for one in block]
 
 
 def _parallel(lists: Iterable[Sequence[ast.AST]]) -> Iterator[tuple[list[ast.AST], list[ast.AST]]]:
@@ -581,50 +485,6 @@ def _parallel(lists: Iterable[Sequence[ast.AST]]) -> Iterator[tuple[list[ast.AST
                 first, second = slice(k, k + size), slice(k + size, k + 2 * size)
                 if forms[first] == forms[second]:
                     yield list(items[first]), list(items[second])
-
-
-def _suspects(pairs: Iterable[tuple[list[ast.AST], list[ast.AST]]]) -> dict[int, set[str]]:
-    """Where a copied line was not changed throughout: id of a name -> what stands there elsewhere for its counterpart.
-
-    After `x = (u - cx) * a + u * b` stands `y = (v - cy) * a + u * b`: of the two `u` one became `v`.
-    """
-    found: dict[int, set[str]] = {}
-    for pair in pairs:
-        for one, other in (pair, pair[::-1]):
-            names = [[n for part in run for n in all_names(part)] for run in (one, other)]
-            images: dict[str, set[str]] = {}
-            for a, b in zip(*names, strict=True):
-                images.setdefault(a.id, set()).add(b.id)
-            for a, b in zip(*names, strict=True):
-                found.setdefault(id(b), set()).update(images[a.id] - {b.id})
-    return found
-
-
-def _unlike(one: ast.AST, other: ast.AST, scope: Scope) -> Iterator[Edit]:
-    """Two lines, or entries of a tuple, that differ in form at one place: there one is as the other, name by name."""
-    place, names = _difference(one, other)
-    if place is not None:
-        for (old, like), counterparts in ((place, {b: a for a, b in names}), (place[::-1], dict(names))):
-            letters = str.maketrans({b: a for b, a in counterparts.items() if len(a) == len(b) == 1})
-            spelled = {name: name.translate(letters) for name in names_in(like)}
-            known = {name: to for name, to in spelled.items() if to in scope.names}
-            words = "it does not match the line beside it"
-            yield Edit(words, COPIED, old, renamed(like, known | counterparts))
-
-
-def _difference(one: ast.AST, other: ast.AST) -> tuple[tuple[ast.AST, ast.AST] | None, list[tuple[str, str]]]:
-    """The innermost expressions in which the two differ in form, and the names that stand for each other elsewhere."""
-    children = list(ast.iter_child_nodes(one)), list(ast.iter_child_nodes(other))
-    if type(one) is type(other) and len(children[0]) == len(children[1]):
-        pairs = list(zip(*children, strict=True))
-        apart = [pair for pair in pairs if form(pair[0]) != form(pair[1])]
-        if len(apart) == 1 and all(isinstance(part, ast.expr) for part in apart[0]):
-            alike = [pair for pair in pairs if pair is not apart[0]]
-            names = [(a.id, b.id) for x, y in alike for a, b in zip(all_names(x), all_names(y), strict=True)]
-            place, more = _difference(*apart[0])
-            return place, names + more
-    expressions = isinstance(one, ast.expr) and isinstance(other, ast.expr)
-    return ((one, other) if expressions and form(one) != form(other) else None), []
 
 
 # ------------------------------------------------------------------------------------------ in several places
@@ -689,20 +549,13 @@ def _running(statement: ast.AST, runs: Callable[[ast.stmt], bool]) -> Iterator[a
 def _binds_own_names(edit: Edit, scope: Scope) -> bool:
     """Whether its statements bind none but names of the innermost function around: another's would no longer be it."""
     some = [one for _, new in edit.parts for one in (new if isinstance(new, list) else [new])]
-    stored = {name.rstrip("_") for one in some if isinstance(one, ast.stmt) for name in names_in(one, ast.Store)}
+    stored = {name for one in some if isinstance(one, ast.stmt) for name in names_in(one, ast.Store)}
     around: ast.AST | None = edit.old
     while stored and not isinstance(around, ast.FunctionDef | ast.Lambda | None):
         around = scope.parents.get(id(around))
     if not stored or around is None:
         return stored <= scope.stored
     return stored <= names_in(around, ast.Store) | {n.arg for n in ast.walk(around) if isinstance(n, ast.arg)}
-
-
-def _iterated(node: ast.expr) -> str:
-    """What a loop runs over, without `enumerate`, `range(len(` and `zip` around it."""
-    while isinstance(node, ast.Call) and node.args:
-        node = node.args[0]
-    return ast.unparse(node)
 
 
 def _values(n: ast.AST) -> list[ast.expr]:

@@ -37,8 +37,6 @@ FORMS: Mapping[float, str] = {
         five steps, the default, are too few for a strong lens: cv2.undistortPoints(A, B, C, P=D) -> cv2.undistortPoints(A, B, C, P=D, criteria=(3, 100, 1e-12))
         five steps, the default, are too few for a strong lens: cv2.undistortPoints(A, B, C, P=D) -> cv2.undistortPointsIter(A, B, C, None, D, (3, 100, 1e-12))
         use the rotation vector: A.from_euler(B, C) -> A.from_rotvec(C)
-        use the rotation vector: A.from_quat(B) -> A.from_rotvec(B)
-        use the rotation vector: A.as_euler(B) -> A.as_rotvec()
     """,
     USUAL: """
         the sign is wrong: A + B <-> A - B
@@ -60,7 +58,6 @@ FORMS: Mapping[float, str] = {
         the operands are swapped: A - B -> B - A
         the operands are swapped: A / B -> B / A
         the operands are swapped: A @ B -> B @ A
-        the operands are swapped: A ** B -> B ** A
         the brackets are wrong: (A << B) >> C -> A << (B >> C)
         the brackets are wrong: A << (B >> C) -> (A << B) >> C
         the brackets are wrong: -A + B <-> -(A + B)

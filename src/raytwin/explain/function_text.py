@@ -5,29 +5,23 @@ import re
 import warnings
 from collections.abc import Sequence
 
-from raytwin.explain.edits import MODULES, File
+from raytwin.explain.edits import File
 
 Cells = Sequence[tuple[str, str]]
 """(name, text): a Python file has one, a notebook several."""
 
 
 def file_of(cells: Cells, reached: Sequence[ast.stmt]) -> File:
-    """Collect what the operators need: NumPy's name, words, methods, and the number of arguments of each function."""
+    """Collect what the operators need: NumPy's name, words, and the number of arguments of each function."""
     nodes = [n for s in reached for n in ast.walk(s)]
     words = {n.value for n in nodes if isinstance(n, ast.Constant) and isinstance(n.value, str)}
-    methods: dict[str, set[str]] = {}
-    for n in nodes:
-        if isinstance(n, ast.Call) and isinstance(n.func, ast.Attribute) and isinstance(n.func.value, ast.Name):
-            methods.setdefault(n.func.value.id, set()).add(n.func.attr)
     top = [s for _, text in cells for s in _parsed(text).body]
     numpy = next((a.asname or a.name for s in top if isinstance(s, ast.Import) for a in s.names
                   if a.name == "numpy"), "np")  # fmt: skip
     arity = {s.name: len(s.args.args) for s in top if isinstance(s, ast.FunctionDef)}
-    libraries = {numpy, *MODULES}
     return File(
         numpy,
         tuple(sorted(word for word in words if word.isidentifier())),
-        {base: frozenset(some) for base, some in methods.items() if base not in libraries},
         arity,
         frozenset(re.findall(r"[A-Za-z_]\w*", "\n".join(text for _, text in cells))),
     )

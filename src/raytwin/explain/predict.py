@@ -12,10 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytwin.explain import fast_textbook
+from raytwin import tracer
 from raytwin.explain.textbook import FUNCTIONS, Changes, namespace, slipped
 from raytwin.renderers.scene_exchange import as_arrays
 from raytwin.scene import Camera, Scene
+from raytwin.scene.lens import newton_step
 
 Array = np.ndarray
 Pipeline = tuple[tuple[str, Any], ...]
@@ -30,11 +31,9 @@ FACES_AWAY = (("return visible", "return visible & (np.sum(normals * to_light, a
 
 
 class Seen(NamedTuple):
-    """(N,) `ids` (-1: nothing), `cos` n·l and `visible`, the sun; (N, 3) `points`, `albedo`, 0 for none."""
+    """(N,) `ids` (-1: nothing), `cos` n·l, and `visible`, the sun."""
 
     ids: Array
-    points: Array
-    albedo: Array
     cos: Array
     visible: Array
 
@@ -78,9 +77,10 @@ def written(pipeline: Pipeline) -> dict[str, Any]:
     texts.setdefault("sun_visible", FACES_AWAY)
     space = namespace(slipped(name, texts.get(name, ())) for name in FUNCTIONS)
     forms = {
-        "undistort": fast_textbook.undistort, "normals_at": fast_textbook.normals_at,
-        "intersect_all": partial(fast_textbook.intersect_all, space),
-    }  # fmt: skip
+        "undistort": _undistort,
+        "normals_at": _normals_at,
+        "intersect_all": partial(_intersect_all, space),
+    }
     space |= {name: form for name, form in forms.items() if name not in texts}
     for name, what in pipeline:
         if name != SPREAD and not isinstance(what, tuple):
@@ -179,15 +179,13 @@ class Predictor:
         """What the eye's rays meet first, and how the sun falls on it."""
         scene, space = self.described(pipeline), self.functions(pipeline)
         eye, which, points = self._met(scene, space)
-        things, to_light = scene["things"], scene["sun"]["to_light"]
-        hit = which >= 0
-        albedo = np.array([*(thing["albedo"] for thing in things), np.zeros(3)])[which]
+        things, to_light, hit = scene["things"], scene["sun"]["to_light"], which >= 0
         normals, visible = np.zeros(points.shape), np.ones(len(which), bool)
         if hit.any():
             normals[hit] = space["normals_at"](points[hit], which[hit], eye, things)
             if self.shadows and scene["sun"]["irradiance"].any():
                 visible[hit] = space["sun_visible"](points[hit], normals[hit], which[hit], to_light, eye, things)
-        return Seen(which, np.where(hit[:, None], points, 0), albedo, normals @ to_light, visible)
+        return Seen(which, normals @ to_light, visible)
 
     @QUIET
     def radiance(self, pipeline: Pipeline = NO_MISTAKE) -> Array:
@@ -249,3 +247,57 @@ class UnknownScene:
         u, v = (np.rint(x).astype(int) for x in written(pipeline)["pixel"](self.u, self.v, w, h))
         there = ((u >= 0) & (u < w) & (v >= 0) & (v < h))[:, None]
         return [np.where(there, one[np.clip(v, 0, h - 1), np.clip(u, 0, w - 1)], np.nan) for one in self.pictures]
+
+
+# --------------------------------------------------------------------------------- faster forms, equal to rounding
+
+
+def _undistort(xd: Array, yd: Array, dist: Array) -> tuple[Array, Array]:
+    """The tracer's own way back through the lens, ended where nothing moves any more."""
+    if not np.any(dist):
+        return xd, yd
+    x, y = tracer.undistort(xd, yd, dist.tolist(), steps=4)
+    for _ in range(12):
+        dx, dy = newton_step(x, y, xd, yd, dist.tolist())
+        x, y = x + dx, y + dy
+        if max(np.abs(dx).max(initial=0.0), np.abs(dy).max(initial=0.0)) < 1e-8:  # the error is that, squared
+            break
+    return x, y
+
+
+def _intersect_all(space: dict[str, Any], origins: Array, directions: Array, things: Any) -> Array:
+    """t (objects, N); the text works on spheres in a further axis as well, unless a slip in it does not."""
+    t = np.full((max(1, len(things)), len(origins)), np.inf)
+    balls = [k for k, thing in enumerate(things) if "radius" in thing]
+    if balls:
+        solve = space["intersect_sphere"]
+        centers, radii = (np.array([things[k][name] for k in balls])[:, None] for name in ("center", "radius"))
+        try:
+            found = np.asarray(solve(origins, directions, centers, radii), float)
+        except (ValueError, IndexError):
+            found = np.empty(0)
+        if found.shape != (len(balls), len(origins)):
+            found = np.stack([solve(origins, directions, things[k]["center"], things[k]["radius"]) for k in balls])
+        t[balls] = found
+    for k, thing in enumerate(things):
+        if "radius" not in thing:
+            t[k] = space["intersect_plane"](origins, directions, thing["center"], thing["half_u"], thing["half_v"])
+    t[np.isnan(t)] = np.inf
+    return t
+
+
+def _normals_at(points: Array, which: Array, eye: Array, things: Any) -> Array:
+    """All objects at once. A sphere's normal is turned only where the eye is inside it: most students never turn it."""
+    none, table = (np.zeros(3), np.inf, np.zeros(3)), []
+    for thing in things:
+        if "radius" in thing:
+            table.append((thing["center"], thing["radius"], np.zeros(3)))
+        else:
+            n = np.cross(thing["half_u"], thing["half_v"])
+            table.append((np.zeros(3), np.inf, n / np.linalg.norm(n)))
+    centers, radii, flats = (np.array(column)[which] for column in zip(*table, none, strict=True))
+    f = points - centers
+    n = np.where(np.isfinite(radii)[:, None], f / radii[:, None], flats)
+    turns = np.isinf(radii) | (np.linalg.norm(eye - centers, axis=-1) <= radii)
+    away = turns & ~(np.sum(n * (eye - points), axis=-1) > 0)
+    return np.where(away[:, None], -n, n)

@@ -7,7 +7,6 @@ on a busy machine.
 """
 
 import ast
-import itertools
 import math
 import re
 from collections import Counter
@@ -262,13 +261,6 @@ def kind_of(operator: str) -> str:
     return re.sub(r"`[^`]*`|(?<=factor )\w+|(?<=divisor )\w+|(?<=term )\w+", "...", operator)
 
 
-def candidates(cells: Cells, function: str, innocent: Sequence[str] = ()) -> Iterator[Candidate]:
-    """Yield all changes of what `function` is made of, the lightest first."""
-    nothing = Runner(lambda some, *_: [None] * len(some), lambda arguments: None)
-    search = _ChangeSearch(cells, function, innocent, nothing, None, None)
-    yield from itertools.chain.from_iterable([*search.candidates(rare=False), *search.candidates(rare=True)])
-
-
 class _ChangeSearch:
     """All changes of the statements that a function is made of. `wrong`: a case that it has wrong."""
 
@@ -278,7 +270,7 @@ class _ChangeSearch:
         reached = statements_of(cells, function, innocent)
         self.reached = self._without_what_differs(reached, runner, wrong)
         self.file = file_of(cells, [statement for _, statement in reached])
-        self.running = None if wrong is None else runner.lines(wrong.args)
+        self.running = runner.lines(wrong.args)
         self.lines_a_try = LINES_A_TRY + sum((self.running or {}).values())
         self.cleared = runner.correct_lines()
         self.words = None if words is None else words | self.file.own_words
@@ -320,8 +312,6 @@ class _ChangeSearch:
 
         Such as a function that is wrapped after its definition, or that counts its calls.
         """
-        if wrong is None:
-            return reached
         anew = [Candidate(cell, one, Edit("", 0.0, one, [one])) for cell, one in reached]
         answers = runner.run(anew, wrong.args, True)
         return [one for one, got in zip(reached, answers, strict=True) if got is None]

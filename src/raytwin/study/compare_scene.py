@@ -250,7 +250,7 @@ def _explained(job: Job, made: Image, reference: Image, comparison: Comparison) 
         with stages.stage("ledger"):
             faulty = failed and not (causes and causes[0].kind == "rounding")
             ledger = make_ledger(scene, made, subject.rung, job.engine, faulty=faulty)
-        if ledger.missing and causes and causes[0].kind == "unknown":
+        if ledger.missing and causes and causes[0].kind != "proved" and RUNGS[subject.rung].noisy:
             causes = (causes[0]._replace(text=f"{causes[0].text}; as if {ledger.missing} were missing"), *causes[1:])
     if on_own_rung is not None:
         comparison = _expected_difference(comparison, on_own_rung, subject.rung, chosen.rung, ledger)
