@@ -284,3 +284,15 @@ def test_the_lines_that_a_call_runs_are_counted_in_other_threads_too():
     exec(f"{text}{pool}        return sum(pool.map(f, range(n)))\n", space := {})
     assert lines_run(space, "f", (2,), 1.0) == {("f", 6): 3, ("f", 7): 2, ("Ball", 3): 2, ("f", 8): 1, ("f", 10): 1}
     assert lines_run(space, "g", (3,), 1.0)["f", 10] == 3
+
+
+def test_a_loops_variable_that_overwrites_another_value_is_named():
+    text = "def f(x):\n    for s in (1.0, 2.0):\n        x = x + s\n    return x * s\n"
+    text = text.replace("def f(x):\n", "def f(x):\n    s = 3.0 * x\n")
+
+    def correct(x):
+        return (x + 3.0) * 3.0 * x
+
+    found = repaired_here(text, correct, (1.5, -0.7, 2.0))
+    assert found.operator == "the loop's `s` overwrites the earlier `s`"
+    assert found.line == 3

@@ -5,13 +5,14 @@ for what is in forms.py. Here is what depends on the text around: its names, num
 """
 
 import ast
+import copy
 import itertools
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from raytwin.explain.edit import Edit, blocks, changed, code, code_children, form, names_in, renamed
+from raytwin.explain.edit import Edit, all_names, blocks, changed, code, code_children, form, names_in, renamed
 from raytwin.explain.forms import (
     COPIED,
     COUNTERPARTS,
@@ -117,6 +118,8 @@ class Scope:
         read = {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Load)}
         self.unread = [name for name in self.names if name not in read]
         self.loops = {name for n in nodes if isinstance(n, ast.For) for name in names_in(n.target)} - {"_"}
+        self.arguments = {n.arg for n in nodes if isinstance(n, ast.arg)}
+        self.stores = [n for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)]
         divisors = (n.right for n in nodes if isinstance(n, ast.BinOp) and isinstance(n.op, ast.Div))
         self.divisors = {ast.unparse(n): n for n in divisors if not isinstance(n, ast.Constant)}
         self.attributes: dict[str, set[str]] = {}
@@ -340,6 +343,23 @@ def _apart(a: str, b: str) -> float:
     return USUAL if alike or len(a) == len(b) == 1 or beginning else FAR
 
 
+def _hiding(n: ast.For | ast.ListComp | ast.GeneratorExp, scope: Scope) -> Found:
+    """The loop's variable has the name of another value, which is wanted behind the loop, or at one place in it."""
+    own, target = all_names(n), n.target if isinstance(n, ast.For) else n.generators[0].target
+    elsewhere = scope.arguments | {one.id for one in scope.stores if not any(one is other for other in own)}
+    for name in sorted(names_in(target) & elsewhere):
+        places = [one for one in own if one.id == name]
+        read = [one for one in places if isinstance(one.ctx, ast.Load)]
+        for kept in [
+            *([None] if isinstance(n, ast.For) else []),
+            *(read if 1 < len(read) <= MAX_NAMES else []),
+        ]:
+            made = copy.deepcopy(n)
+            for one, like in zip(places, [one for one in all_names(made) if one.id == name], strict=True):
+                like.id = name if one is kept else f"{name}_"
+            yield f"the loop's `{name}` overwrites the earlier `{name}`", RARE, made
+
+
 # ------------------------------------------------------------------------------------------ statements
 
 
@@ -447,8 +467,9 @@ def _function(n: ast.FunctionDef, scope: Scope) -> Found:
 
 OPERATORS: tuple[tuple[Any, Callable[[Any, Scope], Found]], ...] = (
     (ast.expr, _around), (ast.BoolOp, _conditions), (ast.Call, _call), (ast.Tuple | ast.List, _sequence),
-    (ast.Constant, _constant), (ast.Attribute, _attribute), (ast.Name, _name), (ast.Assign, _assign),
-    (ast.AugAssign, _augmented), (ast.Expr, _expression), (ast.If, _condition), (ast.For | ast.While, _loop),
+    (ast.Constant, _constant), (ast.Attribute, _attribute), (ast.Name, _name),
+    (ast.For | ast.ListComp | ast.GeneratorExp, _hiding), (ast.Assign, _assign), (ast.AugAssign, _augmented),
+    (ast.Expr, _expression), (ast.If, _condition), (ast.For | ast.While, _loop),
     (ast.Break | ast.Continue, _jump), (ast.Return, _return), (ast.FunctionDef, _function),
 )  # fmt: skip
 """Which nodes an operator is for, and the operator."""
@@ -549,7 +570,7 @@ def _running(statement: ast.AST, runs: Callable[[ast.stmt], bool]) -> Iterator[a
 def _binds_own_names(edit: Edit, scope: Scope) -> bool:
     """Whether its statements bind none but names of the innermost function around: another's would no longer be it."""
     some = [one for _, new in edit.parts for one in (new if isinstance(new, list) else [new])]
-    stored = {name for one in some if isinstance(one, ast.stmt) for name in names_in(one, ast.Store)}
+    stored = {name.rstrip("_") for one in some if isinstance(one, ast.stmt) for name in names_in(one, ast.Store)}
     around: ast.AST | None = edit.old
     while stored and not isinstance(around, ast.FunctionDef | ast.Lambda | None):
         around = scope.parents.get(id(around))
