@@ -16,7 +16,7 @@ from raytwin.twin import backend
 def fresh(monkeypatch, tmp_path):
     """A process that has chosen nothing yet, with an empty memory and no wishes."""
     monkeypatch.setenv("RAYTWIN_CACHE", str(tmp_path))
-    for name in ("RAYTWIN_VARIANT", "RAYTWIN_NO_LLVM", "DRJIT_LIBLLVM_PATH"):
+    for name in ("RAYTWIN_VARIANT", "DRJIT_LIBLLVM_PATH"):
         monkeypatch.setenv(name, "")  # so that what a test leaves in it is undone, even if it was not set before
         monkeypatch.delenv(name)
     for name, value in {"USERS_LLVM": None, "_chosen": {}, "_current": None}.items():
@@ -32,7 +32,7 @@ def damaged(tmp_path) -> str:
 
 
 def test_without_any_llvm_there_is_no_variant_and_dr_jit_takes_no_library_on_its_own(monkeypatch):
-    monkeypatch.setenv("RAYTWIN_NO_LLVM", "1")
+    monkeypatch.setattr(backend, "llvm_candidates", list)
     found = backend.chosen()
     assert (found.variant, found.libllvm, found.tried) == (None, None, ())
     assert os.environ["DRJIT_LIBLLVM_PATH"] == os.devnull
@@ -157,5 +157,3 @@ def test_the_users_library_comes_first_then_the_one_that_pip_installs_then_dr_ji
     assert backend.llvm_candidates() == [backend.OWN_CHOICE]
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/good/libLLVM.so")
     assert backend.llvm_candidates() == ["/good/libLLVM.so"]
-    monkeypatch.setenv("RAYTWIN_NO_LLVM", "1")
-    assert backend.llvm_candidates() == []

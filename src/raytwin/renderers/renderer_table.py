@@ -6,7 +6,7 @@ from fnmatch import fnmatchcase
 from raytwin.errors import InputError
 from raytwin.removed import removed_renderer
 from raytwin.renderers.renderer import Renderer
-from raytwin.renderers.subject_renderers import Filled, PathTraced, Speculated, Supersampled, Traced
+from raytwin.renderers.subject_renderers import Filled, PathTraced, Speculated, Traced
 from raytwin.renderers.twin_renderers import Twin
 
 COUNTS = (1, 4, 16, 64, 256, 1024)
@@ -21,7 +21,7 @@ RENDERERS: dict[str, Renderer] = {
           for library in ("numpy", "drjit", "cuda") for bits in (32, 64)
           for rung, trims in (("lambert", ("none", "conic")), ("shadow", ("none", "corners", "conic")))
           for trim in trims),
-        *(Supersampled(engine=engine, samples=n) for engine in ("numpy32", "drjit32", "cuda32") for n in (4, 16, 64)),
+        *(Traced(engine=engine, samples=n) for engine in ("numpy32", "drjit32", "cuda32") for n in (4, 16, 64)),
         # Light followed from surface to surface.
         *(PathTraced(rung, engine, n) for engine in ("drjit32", "cuda32") for rung in ("sky", "path") for n in COUNTS),
         # The paper's speculation, and ours.

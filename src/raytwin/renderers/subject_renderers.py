@@ -35,25 +35,44 @@ class _ByEngine(Renderer):
 
 @dataclass(frozen=True)
 class Traced(_ByEngine):
-    """One ray through each pixel's centre. `surface`: also return what each ray met."""
+    """One ray through each pixel's centre, or the mean of `samples` rays on a regular grid within the pixel.
+
+    `surface`: also return what the one ray met.
+    """
 
     trim: str = "conic"
     solver: str = "robust"
     surface: bool = False
+    samples: int = 1
 
     @property
     def name(self) -> str:
+        if self.samples > 1:
+            return f"{self.engine}-{self.rung}-{self.samples}spp"
         solver = "" if self.solver == "robust" else f"-{self.solver}"
         return f"{self.engine}-{self.rung}-{self.trim}{solver}"
 
+    @property
+    def sampling(self) -> str:
+        return "center" if self.samples == 1 else "area"
+
     def prepare(self, scene: Scene) -> Call:
         self.ready()
+        side = round(self.samples**0.5)
+        steps = ((np.arange(side) + 0.5) / side - 0.5).tolist()
+        moved = [scene.with_camera(scene.camera.grid(x, y)) for y in steps for x in steps]
+
+        def drawn(one: Scene, surface: Surface | None = None) -> Any:
+            out = background(one, self.rung)
+            draw(one, out, self.rung, self.engine, self.solver, self.trim, surface)
+            return out
 
         def call(seed: int) -> Image:
-            out = background(scene, self.rung)
+            if self.samples > 1:
+                total: Any = sum(map(drawn, moved), np.float32(0))
+                return Image(total / np.float32(len(moved)), samples=self.samples)
             surface = Surface.empty(*scene.camera.image_size) if self.surface else None
-            draw(scene, out, self.rung, self.engine, self.solver, self.trim, surface)
-            return Image(out, surface=surface)
+            return Image(drawn(scene, surface), surface=surface)
 
         return call
 
@@ -89,34 +108,6 @@ class PathTraced(_ByEngine):
 def fast_engine(variant: str | None) -> str:
     """The fastest row of ENGINES on a machine where Mitsuba's `variant` works."""
     return {"llvm_ad_rgb": "drjit32", "cuda_ad_rgb": "cuda32"}.get(variant or "", "numpy32")
-
-
-@dataclass(frozen=True)
-class Supersampled(_ByEngine):
-    """The mean of `samples` rays on a regular grid within the pixel."""
-
-    samples: int = 4
-    sampling = "area"
-
-    @property
-    def name(self) -> str:
-        return f"{self.engine}-{self.rung}-{self.samples}spp"
-
-    def prepare(self, scene: Scene) -> Call:
-        self.ready()
-        side = round(self.samples**0.5)
-        steps = ((np.arange(side) + 0.5) / side - 0.5).tolist()
-        moved = [scene.with_camera(scene.camera.grid(x, y)) for y in steps for x in steps]
-
-        def call(seed: int) -> Image:
-            total: Any = np.float32(0)
-            for one in moved:
-                out = background(one, self.rung)
-                draw(one, out, self.rung, self.engine)
-                total = total + out
-            return Image(total / np.float32(len(moved)), samples=self.samples)
-
-        return call
 
 
 @dataclass(frozen=True)

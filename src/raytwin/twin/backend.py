@@ -3,7 +3,7 @@
 Order: the user's DRJIT_LIBLLVM_PATH, the one that pip installs, Dr.Jit's own choice. The answer is stored per machine.
 Importing this module imports no Mitsuba.
 
-Environment: RAYTWIN_VARIANT forces a variant, RAYTWIN_NO_LLVM=1 hides every libLLVM, RAYTWIN_CACHE moves the cache.
+Environment: RAYTWIN_VARIANT forces a variant, RAYTWIN_CACHE moves the cache.
 """
 
 import contextlib
@@ -164,8 +164,6 @@ def _last_words(code: int, text: str) -> str:
 
 def llvm_candidates() -> list[str]:
     """The libLLVMs worth trying, best first. Once Dr.Jit is imported, only the one that it was given."""
-    if os.environ.get("RAYTWIN_NO_LLVM", "0") not in ("", "0"):
-        return []
     if _drjit_is_imported():
         return [os.environ.get(LIBRARY) or OWN_CHOICE]
     names = ("lib/libLLVM.so.*", "lib/libLLVM.dylib", "Library/bin/LLVM-C.dll")
@@ -209,7 +207,7 @@ def doctor() -> list[tuple[str, str]]:
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     rows = [*versions().items(), ("processor", model[1] if model else "?")]
     rows += [("cores", str(cores)), ("cache", str(cache_folder()))]
-    settings = {name: os.environ.get(name) for name in ("RAYTWIN_VARIANT", "RAYTWIN_NO_LLVM")} | {LIBRARY: USERS_LLVM}
+    settings = {"RAYTWIN_VARIANT": os.environ.get("RAYTWIN_VARIANT"), LIBRARY: USERS_LLVM}
     rows += [(name, value) for name, value in settings.items() if value]
     try:
         rows += [(f"tried {t.path}", t.why) for t in chosen().tried]

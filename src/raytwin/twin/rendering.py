@@ -15,7 +15,7 @@ from raytwin.scene.lens import check_lens, without_ray
 from raytwin.scene.toml_json import plain
 from raytwin.twin import render_cache
 from raytwin.twin.backend import activate, made_with
-from raytwin.twin.twin_scene import check_textures
+from raytwin.twin.twin_scene import read_textures
 
 BATCHES = 16
 """Independent renders behind a variance: its relative standard error is √(2/15)."""
@@ -60,10 +60,10 @@ def render(
     `textures`: albedo (h, w) or (h, w, 3), linear, by a plane's object id; row 0 at the +half_v side, column 0 at
     -half_u. `cache` stores slow renders on disk; `progress` counts hundredths. `variant`: see `activate`.
 
-    Raises InputError (camera.dist where the distortion cannot be undone, samples, textures, ...) and MachineError.
+    Raises InputError (camera.dist where the distortion cannot be undone, samples, ...) and MachineError.
     """
     plan = Plan(rung, sampling, samples, seed, batches, max_depth).settled(scene)
-    textures = check_textures(scene, textures)
+    textures = read_textures(textures)
     about = _about(scene, plan, textures, activate(variant).variant)
     return render_cache.cached(about, cache, lambda: _rendered(scene, textures, plan, progress))
 

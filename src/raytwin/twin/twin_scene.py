@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytwin.errors import InputError
 from raytwin.scene import Environment, Scene, Sphere
 from raytwin.twin import phong
 
@@ -174,17 +173,10 @@ def _albedo(thing: Any, texture: np.ndarray | None) -> dict[str, Any]:
     return {"type": "bitmap", "bitmap": bitmap, "raw": True, "filter_type": "bilinear", "wrap_mode": "clamp"}
 
 
-def check_textures(scene: Scene, textures: Mapping[int, np.ndarray] | None) -> dict[int, np.ndarray]:
-    """The textures as float32 (h, w, 1 or 3) by object id; InputError where one does not fit."""
-    checked, flat = {}, range(len(scene.spheres), len(scene.objects))
+def read_textures(textures: Mapping[int, np.ndarray] | None) -> dict[int, np.ndarray]:
+    """The textures as float32 (h, w, 1 or 3) by object id. Mitsuba takes no fewer than 2 x 2 texels."""
+    read = {}
     for i, texture in sorted((textures or {}).items()):
-        where, a = f"textures[{i}]", np.asarray(texture, np.float32)
-        if i not in flat:
-            raise InputError(where, "the id of a rectangle", f"{i}, where these are {[*flat]}")
-        a = a[..., None] if a.ndim == 2 else a
-        if a.ndim != 3 or a.shape[2] not in (1, 3) or 0 in a.shape:
-            raise InputError(where, "an array (h, w) or (h, w, 3)", np.shape(texture))
-        if not (a.min() >= 0 and a.max() <= 1):
-            raise InputError(where, "albedo from 0 to 1", f"{a.min()} to {a.max()}")
-        checked[i] = np.repeat(np.repeat(a, 1 + (a.shape[0] == 1), 0), 1 + (a.shape[1] == 1), 1)  # Mitsuba wants 2 x 2
-    return checked
+        a = np.atleast_3d(np.asarray(texture, np.float32))
+        read[i] = np.repeat(np.repeat(a, 1 + (a.shape[0] == 1), 0), 1 + (a.shape[1] == 1), 1)
+    return read
