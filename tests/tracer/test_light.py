@@ -10,7 +10,6 @@ from truths import camera_above
 from raytwin.fast import trace
 from raytwin.scene import Rectangle, Scene, Sky, Sphere, Sun
 from raytwin.tracer import STAGES, Hit, PlainWorld, back_project, first_hit, intersect_rectangle, lambert, sun_visible
-from raytwin.tracer.arrays import cross
 from raytwin.tracer.lights import lighting
 from raytwin.tracer.pixel_to_ray import to_board
 
@@ -46,11 +45,6 @@ def free_by_geometry(p: np.ndarray, scene: Scene, own: int) -> bool:
     return True
 
 
-def test_a_cross_product_is_numpys(rng):
-    a, b = rng.normal(size=(2, 3, 50))
-    np.testing.assert_allclose(np.stack(cross(tuple(a), tuple(b))), np.cross(a.T, b.T).T, rtol=0, atol=1e-14)
-
-
 def test_lambert_is_the_formula():
     slanted = (0.0, math.sin(0.7), math.cos(0.7))
     up = (0.0, 0.0, 1.0)
@@ -69,21 +63,6 @@ def test_sun_visible_agrees_with_geometry_on_every_shipped_scene(shipped):
     assert len(tried) > 100
     for v, u in tried:
         assert visible[v, u] == free_by_geometry(points[v, u], scene, int(hit.ids[v, u])), (u, v)
-
-
-def test_under_a_sun_at_the_zenith_a_spheres_shadow_is_a_disc_of_its_radius(engine):
-    # The camera looks at the floor from below the sphere: nothing hides the shadow.
-    floor = Rectangle((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), (1.0, 1.0, 1.0))
-    ball = Sphere((0.1, -0.05, 2.0), 0.3)
-    scene = scene_of("disc", camera_above(1.0), (ball, floor), (Sun((0.0, 0.0, 2.0), (math.pi,) * 3), Sky((0.25,) * 3)))
-    image = trace(scene, "shadow", engine)
-    v, u = np.mgrid[:101, :101]
-    x, y = (u - 50) / 100, (50 - v) / 100
-    from_axis = np.hypot(x - 0.1, y + 0.05)
-    sure = abs(from_axis - 0.3) > 1e-6
-    lit = np.where(from_axis > 0.3, 1.25, 0.25)
-    np.testing.assert_allclose(image.mean[sure], np.repeat(lit[sure][:, None], 3, axis=1), rtol=1e-6)
-    assert (image.surface.ids == 1).all()
 
 
 @pytest.mark.parametrize("sun_above", [True, False])
@@ -131,7 +110,3 @@ def test_the_surface_is_coloured_by_its_normal_on_the_boards_axes(engine):
     sheet = Rectangle((0.0, 0.0, 0.0), (c, 0.0, -s), (0.0, 1.0, 0.0))
     image = trace(scene_of("sheet", camera_above(1.0, 11), (sheet,), (Sky((0.2,) * 3),)), "surface", engine)
     np.testing.assert_allclose(image.mean, np.broadcast_to([0.75, 0.5, (2 + math.sqrt(3)) / 4], (11, 11, 3)), rtol=1e-6)
-
-
-def test_a_sphere_does_not_shade_its_own_lit_side(engine, single):
-    np.testing.assert_array_equal(trace(single, "shadow", engine).mean, trace(single, "lambert", engine).mean)

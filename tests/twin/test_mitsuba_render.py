@@ -107,16 +107,17 @@ def test_each_pixels_shape_is_found_by_its_place_among_the_named(scene_of):
     assert (np.diff(middle[..., 1], axis=1) > 1).all()
 
 
-def test_batches_and_launches_share_no_random_number_and_seeds_none_either(scene_of, monkeypatch):
-    """The variance that batches tell is the spread between seeds, also where a batch takes several launches."""
+def test_batches_share_no_random_number_and_seeds_none_either(scene_of, monkeypatch):
+    """The variance that batches tell is the spread between seeds, also of more than were asked for."""
     scene = scene_of(WALL)
     monkeypatch.setattr(mitsuba_render, "LANES", 21 * 15)
     many = [twin.render_mitsuba(scene, 8, seed, 4) for seed in range(20)]
+    assert many[0].batches == 8  # none holds more than one launch
     assert np.array_equal(many[0].mean, twin.render_mitsuba(scene, 8, 0, 4).mean)
     spread = np.var([image.mean for image in many], axis=0, ddof=1).mean()
     # Some 900 noisy values of 19 degrees of freedom each: the ratio's standard deviation is below 3 %.
     assert spread == pytest.approx(np.mean([image.variance for image in many]), rel=0.1)
-    # Twice the samples in one launch: half the variance.
+    # Twice the samples: half the variance.
     monkeypatch.undo()
     whole = [twin.render_mitsuba(scene, 16, seed, 4).variance for seed in range(20)]
     assert np.mean(whole) == pytest.approx(spread / 2, rel=0.1)
@@ -142,7 +143,7 @@ def test_a_cached_render_is_that_of_the_same_file_alone(scene_of, monkeypatch):
     monkeypatch.setattr("raytwin.twin.render_cache.WORTH_KEEPING", 0.0)
     scene = scene_of(BALL)
     first = twin.render_mitsuba(scene, 4)
-    monkeypatch.setattr("raytwin.twin.mitsuba_render.render_plain", None)  # it would raise
+    monkeypatch.setattr(mitsuba_render, "_loaded", None)  # it would raise
     assert np.array_equal(first.mean, twin.render_mitsuba(scene, 4).mean)
-    with pytest.raises(InputError, match="not callable"):
+    with pytest.raises(TypeError, match="not callable"):
         twin.render_mitsuba(scene_of(BALL.replace("0.8", "0.7")), 4)

@@ -10,7 +10,6 @@ from raytwin.errors import InputError
 from raytwin.scene import Camera, Rectangle, Sky, Sphere, Sun
 from raytwin.scene.scene_files import read_scene
 from raytwin.twin import render
-from raytwin.twin.twin_scene import load, place_of, translate
 
 SUN, SKY = Sun(to_light=(0.0, 0.0, 1.0), irradiance=(3.0, 2.0, 1.0)), Sky((0.1, 0.2, 0.3))
 
@@ -186,33 +185,6 @@ def test_wrong_arguments_are_named(subtests):
         with subtests.test(where), pytest.raises(InputError) as caught:
             render(scene, **arguments)
         assert caught.value.where == where
-
-
-@pytest.mark.parametrize(("rung", "depth"), [("sky", 2), ("path", 8)])
-def test_the_light_is_that_of_mitsubas_own_camera_film_and_integrator(scenes, rung, depth):
-    """In `scalar_rgb`, which computes spheres in float64. Each channel's mean: within 4 standard errors."""
-    import mitsuba as mi
-
-    scene = read_scene(scenes / "overlap")
-    scene = scene.with_camera(scene.camera.resized(48, 36))
-    ours = render(scene, rung, sampling="area", samples=256, cache=False)
-    try:
-        mi.set_variant("scalar_rgb")
-        world = translate(scene, place := place_of(scene), {}) | {"integrator": {"type": "path", "max_depth": depth}}
-        camera, pose = scene.camera, np.eye(4)  # Mitsuba's own looks along +z with x to the left and y up
-        pose[:3, :3], pose[:3, 3] = np.transpose(camera.R_cam_board) * (-1, -1, 1), place.eye
-        world["sensor"] = {
-            "type": "perspective", "fov": math.degrees(2 * math.atan(24 / camera.fx)),
-            "principal_point_offset_x": (23.5 - camera.cx) / 48, "principal_point_offset_y": (17.5 - camera.cy) / 36,
-            "to_world": mi.ScalarTransform4f(pose), "near_clip": 1.0,
-            "film": {"type": "hdrfilm", "width": 48, "height": 36, "rfilter": {"type": "box"}},
-        }  # fmt: skip
-        theirs = [np.array(mi.render(load(world), spp=16, seed=seed)) for seed in range(8)]
-    finally:
-        mi.set_variant("llvm_ad_rgb")
-    means = np.mean(theirs, axis=(1, 2))
-    error = np.sqrt(means.var(axis=0, ddof=1) / 8 + ours.variance.sum(axis=(0, 1), dtype=float) / (48 * 36) ** 2)
-    assert (abs(ours.mean.mean(axis=(0, 1), dtype=float) - means.mean(axis=0)) < 4 * error).all()
 
 
 def test_a_narrow_rectangles_normal_is_exact():

@@ -18,7 +18,7 @@ from raytwin.twin.rendering import BATCHES
 VERSION = "5"
 """Part of every cache key: raise it when a change moves a pixel."""
 LANES = 1 << 24
-"""Most samples in one launch: Mitsuba keeps the state of each in memory."""
+"""Most samples in one batch: Mitsuba keeps the state of each in memory."""
 
 
 def render_mitsuba(
@@ -31,23 +31,26 @@ def render_mitsuba(
     variant: str | None = None,
     progress: Progress = silent,
 ) -> Image:
-    """Render the file as Mitsuba would, `samples` per pixel in `batches` that share no random number.
+    """Render the file as Mitsuba would, `samples` per pixel in `batches` or more that share no random number.
 
     The result has the variance of its mean and, of each pixel's centre, the shape that it sees, its distance from the
     eye in the file's own unit, and its normal in the file's world. Raises InputError where Mitsuba refuses the scene.
     """
-    batches = max(1, min(batches, samples))
+    width, height = scene.image_size
+    batches = max(1, min(max(batches, -(-samples * width * height // LANES)), samples))
     about = mitsuba_provenance(scene, samples, seed, batches, variant)
 
     def make() -> Image:
+        import mitsuba as mi
+
         loaded, pool, each = _loaded(scene), ImagePool(), -(-samples // batches)
-        width, height = scene.image_size
         # An `aov` integrator's channels come after the film's colours.
         colours = 1 if "pixel_format = y" in str(loaded.sensors()[0].film()) else 3
         for k in range(batches):
             progress("twin", k, batches)
             try:
-                made = render_plain(loaded, each, (seed, k))[..., :colours]
+                number = int(np.random.SeedSequence((seed, k)).generate_state(1)[0])
+                made = np.asarray(mi.render(loaded, spp=each, seed=number), float)[..., :colours]
             except Exception as error:
                 raise _refused(scene, error) from None
             # As an image without noise: a file without random numbers makes equal batches, which are no repeats.
@@ -70,20 +73,6 @@ def named_shapes(scene: MitsubaScene) -> tuple[str, ...]:
     """The names of the file's shapes in the order of their ids. Raises InputError where Mitsuba refuses the scene."""
     activate()
     return tuple(shape.id() or f"shape-{i}" for i, shape in enumerate(_loaded(scene).shapes()))
-
-
-def render_plain(loaded: Any, samples: int, seeds: tuple[int, ...]) -> np.ndarray:
-    """`samples` per pixel by its own integrator and film: (H, W, channels) float64. The variant must be active."""
-    import mitsuba as mi
-
-    width, height = loaded.sensors()[0].film().crop_size()
-    passes = -(-samples // max(1, LANES // (int(width) * int(height))))
-    numbers: list[int] = np.random.SeedSequence(seeds).generate_state(passes).tolist()
-    total: Any = 0.0
-    for k, number in enumerate(numbers):
-        part = samples // passes + (k < samples % passes)
-        total = total + part * np.asarray(mi.render(loaded, spp=part, seed=number), float)
-    return np.asarray(total / samples)
 
 
 def _loaded(scene: MitsubaScene) -> Any:
