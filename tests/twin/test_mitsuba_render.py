@@ -63,17 +63,6 @@ def test_a_film_of_any_colours_is_linear_rec_709(scene_of, subtests):
             assert image.mean[0, 0] == pytest.approx((GREY,) * 3 if name == "luminance" else RGB, rel=1e-4)
 
 
-def test_a_film_with_a_window_shows_that_part(scene_of):
-    crop = {"offset_x": 6, "offset_y": 4, "width": 7, "height": 5}
-    inner = "".join(f'<integer name="crop_{name}" value="{value}"/>' for name, value in crop.items())
-    whole = twin.render_mitsuba(scene_of(BALL), 1).surface
-    window = scene_of(BALL.replace("</film>", f"{inner}</film>"))
-    assert window.image_size == (7, 5)
-    part = twin.render_mitsuba(window, 1).surface
-    np.testing.assert_array_equal(part.ids, whole.ids[4:9, 6:13])
-    np.testing.assert_allclose(part.depth, whole.depth[4:9, 6:13], rtol=1e-6)
-
-
 def test_plugins_of_the_current_folder_stand_in_for_none_of_mitsubas_own(tmp_path):
     """Neither where a variant is tried, nor where a scene of raytwin's own is loaded."""
     (tmp_path / "plugins").mkdir()
