@@ -134,7 +134,7 @@ def test_images_are_compared_and_files_graded_without_any_extra_and_nothing_of_u
         ("scenes", 0, "desk"),
         ("scenes copy desk mine", 0, "mine"),
         ("scenes copy desk mine", 2, ""),
-        ("export single --json", 0, '"width": 640'),
+        ("export single", 0, '"width": 640'),
         ("grade starter -o tracer.py", 0, "tracer.py"),
         ("grade far.py --rubric rubric.toml -o grades", 0, "1 graded; report: grades"),
     )
