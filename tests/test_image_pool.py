@@ -60,3 +60,21 @@ def test_a_repeated_render_counts_once_where_renders_differ_in_many_values_and_e
         pool = pool_of(*renders)
         assert (pool.images, pool.repeats) == (len(renders), [])
         np.testing.assert_allclose(pool.image.mean, np.mean([r.mean for r in renders], axis=0), rtol=1e-6)
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_the_third_moment_of_the_mean_is_that_of_its_samples(own):
+    """An exponential sample has the third moment 2, so the mean of 12 has 2 / 144; 4 standard errors of 20 000 pixels.
+
+    As single batches, and as renders that bring the third moment of their own four.
+    """
+    rng, pool = np.random.default_rng(5), ImagePool()
+    x = rng.standard_exponential((12, 100, 200, 1)) * np.ones(3)
+    renders = [Image(one.astype(np.float32), samples=1, batches=1) for one in x]
+    for part in [pool_of(*renders[k : k + 4]).image for k in (0, 4, 8)] if own else renders:
+        pool.add(part)
+    third = pool.image.third[..., 0] * 144
+    assert abs(third.mean() - 2) < 4 * third.std() / np.sqrt(third.size)
+    if not own:
+        assert third == pytest.approx(12 * ((x - x.mean(0)) ** 3).sum(0)[..., 0] / 110, rel=1e-3, abs=1e-3)
+    assert pool_of(*renders[:2]).image.third is None  # two batches tell none

@@ -44,6 +44,12 @@ def test_the_count_of_false_alarms_would_show_a_variance_that_is_too_small():
 # ------------------------------------------------------------------------------------------ pairs at the default rate
 
 
+def of_batches(rng, samples):
+    """Exponential noise of few samples, each a batch, beside a reference of 4096."""
+    noise = {"kind": "exp", "sd": 1.0}
+    return render(rng, TRUTH, samples=samples, batches=samples, **noise), render(rng, TRUTH, samples=4096, **noise)
+
+
 def sky(rng, truth, samples, batches):
     """A share of the sky per pixel: of so few samples most agree."""
     seen = rng.binomial(samples // batches, truth, (batches, *truth.shape)) / (samples // batches)
@@ -75,6 +81,18 @@ def seldom_lit(rng, samples):
     return test, Image((3 * chance * np.ones(3)).astype(np.float32))
 
 
+def occluded(rng, hidden):
+    """A closed form beside samples that see all of the sky but for a share that nearly all of them miss."""
+    truth = 1 - hidden * (1 - np.linspace(0, 1, 40)[:, None, None]) * np.ones((40, 56, 3))
+    truth[-8:] = 0.5  # where the occluder is near, all is noisy
+    return Image(truth.astype(np.float32), np.zeros(truth.shape, np.float32), 64, None, 16), sky(rng, truth, 64, 16)
+
+
+def of_events(rng, p, size, samples, truth=TRUTH):
+    rare = {"p": p, "size": size, "proportional": True}
+    return render(rng, truth, samples=samples, sd=0.03, kind="exp", **rare), exact(truth, **rare)
+
+
 def negative(rng, stated):
     """Noise that goes below 0 as far as above: hundreds of values."""
     means = (TRUTH + 0.5 * rng.normal(size=(2, *TRUTH.shape))).astype(np.float32)
@@ -83,15 +101,16 @@ def negative(rng, stated):
 
 
 CORRECT = {
+    "2 batches": lambda rng: of_batches(rng, 2),
     "1 sample of the sky": lambda rng: (sky(rng, SKY, 1, 1), sky(rng, SKY, 1, 1)),
     "3 samples of the sky": lambda rng: (sky(rng, SKY, 3, 3), sky(rng, SKY, 3, 3)),
     "a lamp that the reference meets seldom": lambda rng: lamp(rng),
     "a lamp that the test meets seldom": lambda rng: lamp(rng)[::-1],
     "7 samples of a lamp": lambda rng: seldom_lit(rng, 7),
-    **{
-        name: lambda rng, make=KINDS[name]: make(rng, picture(41, 57))  # with tiles that are cut
-        for name in ("bright events, 3 in a tile", "dark events, 5 in a tile", "small bright events, 4 in a tile")
-    },
+    "an occluder of 5e-3": lambda rng: occluded(rng, 5e-3),
+    "3 events in a tile": lambda rng: of_events(rng, 0.003, 2.0, 16),
+    "5 dark events in a tile": lambda rng: of_events(rng, 0.003, -0.9, 24),
+    "12 events, and tiles that are cut": lambda rng: of_events(rng, 0.003, 3.0, 64, picture(41, 57)),
     "negative values": lambda rng: negative(rng, stated=True),
     "negative values of nobody's variance": lambda rng: negative(rng, stated=False),
 }

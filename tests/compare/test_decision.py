@@ -7,7 +7,7 @@ from measure.noise_models import picture
 
 from raytwin.compare import compare, decision
 from raytwin.compare.decision import Deviations, decide, excluded_bias
-from raytwin.compare.exact import Bound
+from raytwin.compare.exact import Bound, count_noise_free
 from raytwin.images.image import Image
 from raytwin.scene import Tolerance
 
@@ -178,6 +178,19 @@ def test_every_tile_that_fails_is_told_and_none_that_does_not():
     assert compare(Image(truth), Image(truth)).failing == ()
 
 
+def test_the_worst_value_is_found_in_any_strip_and_its_share_is_counted():
+    reference = np.ones((160, 1024, 3), np.float32)
+    test = reference.copy()
+    test[131, 700, 2] += 0.25
+    test[90, 3:403, :] += 0.125
+    quiet = count_noise_free(np.abs(test - reference), test.size, Bound(1e-5, 1.0), reference)
+    assert (quiet.x, quiet.y, quiet.channel, quiet.error) == (700, 131, 2, 0.25)
+    assert (quiet.over, quiet.values, quiet.outliers) == (1201, 491520, 401)
+    first = compare(Image(test), Image(reference)).reasons[0]
+    assert first.startswith("0.244 % of the noise-free values (1201 of 491520)")
+    assert "(x=700, y=131), blue" in first
+
+
 def test_an_image_of_few_batches_is_trusted_less_however_well_the_other_is_known():
     rng, truth = np.random.default_rng(6), np.ones((48, 64, 3), np.float32)
     noisy, v = (truth + 0.1 * rng.normal(size=truth.shape)).astype(np.float32), np.full_like(truth, 0.01)
@@ -194,9 +207,9 @@ def test_a_value_is_forgiven_the_light_of_events_that_its_block_may_have_missed(
     for error, z in ((-0.2, 0), (-0.28, 3), (0.4, 0), (0.53, 3)):
         test = Image(reference.mean + np.float32(error), np.full((8, 8, 3), 1e-4, np.float32), 64, None, 16)
         known = decision._known(test, reference, Bound(1e-5, 1.0), 1e-3, None, 1.0)
-        each = decision._each(known)
+        (part,) = decision._strips(known)
         missed = 64 * np.array([0.25, 0.5]).reshape(2, 1, 1, 1) * np.ones(3)
-        sums = decision._sums(known, each)._replace(missed_light=missed)
+        sums = decision._sums(known, [part])._replace(missed_light=missed)
         family = decision.Family(decision.Worst(), 1e-3, 0, 192)
-        found, _ = decision._values(family, each, sums, np.full((2, 1, 1, 3), 1e-4), known)
+        found, _ = decision._values(family, part, sums, np.full((2, 1, 1, 3), 1e-4), known)
         assert found.worst.z == pytest.approx(z, abs=0.01)

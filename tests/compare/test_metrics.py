@@ -83,11 +83,13 @@ def test_flip_sees_five_exposures_from_minus_2_to_2_stops(monkeypatch):
     assert told["FLIP:numExposures"] == 5
 
 
-def test_flip_refuses_nan():
+def test_flip_refuses_nan_and_wrong_shapes():
     bad = R.copy()
     bad[0, 0, 0] = np.nan
-    with pytest.raises(InputError, match="FLIP"):
-        of("flip_hdr", bad, R)
+    four, flat = np.ones((8, 8, 4), np.float32), np.ones((8, 8), np.float32)
+    for pair in ((bad, R), (R[:5], R), (four, four), (flat, flat)):
+        with pytest.raises(InputError, match="FLIP"):
+            of("flip_hdr", *pair)
 
 
 def test_metrics_are_those_of_the_finite_values_and_null_without_any():

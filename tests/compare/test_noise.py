@@ -5,7 +5,7 @@ import pytest
 from measure.noise_models import filtered
 
 from raytwin.compare import noise
-from raytwin.compare.blocks import SIDE, block_sums, slide
+from raytwin.compare.blocks import SIDE, block_sums, slide, strips
 from raytwin.images.image import Image
 
 
@@ -35,11 +35,20 @@ def test_an_image_has_the_noise_of_as_many_samples_as_it_was_given():
     assert equivalent_samples(image(4), exact) is None
 
 
+def test_strips_are_whole_blocks_high_and_lower_in_wide_images():
+    for width, rows in ((1, 64), (1000, 64), (1001, 56), (4032, 8), (10**6, 8)):
+        found = list(strips((203, width, 3)))
+        assert found[0] == (0, rows, SIDE)
+        assert found[-1] == (200, 203, 3)
+        assert [a for a, _, _ in found[1:]] == [b for _, b, _ in found[:-1]]
+        assert all((b - a) % n == 0 and b - a <= rows for a, b, n in found)
+
+
 @pytest.mark.parametrize(("h", "w"), [(1, 1), (8, 8), (3, 17), (33, 9), (24, 40)])
 def test_blocks_tiles_and_residuals_are_those_of_a_plain_loop(h, w):
     """Of residuals the unbiased variance of each block."""
     a, b = np.random.default_rng(h).random((2, h, w, 3)).astype(np.float32)
-    tiles = slide(block_sums(a))
+    tiles = slide(np.concatenate([block_sums(a[i:j], rows) for i, j, rows in strips(a.shape, 16)]))
     for j, i in ((0, 0), (tiles.shape[0] - 1, tiles.shape[1] - 1)):
         tile = a[SIDE * j : SIDE * (j + 2), SIDE * i : SIDE * (i + 2)]
         assert np.allclose(tiles[j, i], tile.sum(axis=(0, 1)), rtol=1e-5)

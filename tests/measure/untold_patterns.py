@@ -1,14 +1,25 @@
-"""Patterns of wrong pixels, multiplied into a correct image: none may pass for noise that nobody tells."""
+"""Measure whether an image full of wrong pixels can pass for noise where nobody says how noisy it is.
 
+`python -m measure.untold_patterns` multiplies correct images by 42 kinds of pattern at 5 amplitudes and compares
+them, without variance, samples or renders, with references of five kinds. No image may pass. (What passes of genuine
+noise that has no variance either: measure.power.)
+"""
+
+from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
+from measure import record
+from measure.noise_models import picture, render, untold
 
+from raytwin.compare import compare
 from raytwin.images.image import Image
 
 Rng = np.random.Generator
 Pattern = Callable[[Rng, int, int], np.ndarray]
 """(rng, height, width) to (height, width) or (height, width, 3): mean about 0, largest magnitude about 1."""
+
+AMPLITUDES = (0.06, 0.12, 0.25, 0.5, 1.0)
 
 
 def _signs(wave: np.ndarray) -> np.ndarray:
@@ -93,6 +104,21 @@ PATTERNS: dict[str, Pattern] = {
     "every other block of 16": _part(lambda y, x, h, w: (y // 16 + x // 16) % 2 == 0),
 }
 
+TRUTH = picture(72, 96)
+
+
+def bases(rng: Rng) -> dict[str, tuple[np.ndarray, Image]]:
+    """Name to a correct mean (H, W, 3) and the reference it is compared with."""
+    exact = Image(TRUTH.astype(np.float32))
+    noisy = render(rng, TRUTH, samples=4096)
+    return {
+        "a noise-free reference": (TRUTH, exact),
+        "a file without noise, variance or samples": (TRUTH, untold(exact)),
+        "the reference's own pixels, 0.5 % noise": (noisy.mean, noisy),
+        "a render of the same quality": (render(rng, TRUTH, samples=4096).mean, noisy),
+        "two files without variance, 0.5 % noise": (render(rng, TRUTH, samples=4096).mean, untold(noisy)),
+    }
+
 
 def wrong(rng: Rng, mean: np.ndarray, pattern: Pattern, amplitude: float) -> Image:
     """An image with a pattern of wrong pixels, that says nothing of its noise."""
@@ -100,3 +126,31 @@ def wrong(rng: Rng, mean: np.ndarray, pattern: Pattern, amplitude: float) -> Ima
     p = pattern(rng, h, w)
     factor = np.maximum(1 + amplitude * (p if p.ndim == 3 else p[..., None]), 0)
     return Image((mean * factor).astype(np.float32), samples=0)
+
+
+def measure_patterns(amplitudes: tuple[float, ...] = AMPLITUDES) -> tuple[dict[str, Counter], list[str]]:
+    """Verdicts by base, and what passed."""
+    rng = np.random.default_rng(41)
+    counts: dict[str, Counter] = {}
+    passed = []
+    for name, (mean, reference) in bases(rng).items():
+        counts[name] = Counter()
+        for kind, pattern in PATTERNS.items():
+            for amplitude in amplitudes:
+                verdict = compare(wrong(rng, mean, pattern, amplitude), reference).verdict
+                counts[name][verdict] += 1
+                if verdict == "pass":
+                    passed.append(f"{kind} x {amplitude:g} beside {name}")
+    return counts, passed
+
+
+def main() -> None:
+    counts, passed = measure_patterns()
+    rows = [[name, *(c[v] for v in ("pass", "undecided", "fail"))] for name, c in counts.items()]
+    columns = ["compared with", "pass", "undecided", "fail"]
+    record.table("verdict", "patterns", columns, rows, "python -m measure.untold_patterns")
+    print("".join(f"\npassed: {what}" for what in passed))
+
+
+if __name__ == "__main__":
+    main()

@@ -16,7 +16,7 @@ IMAGE = Image(np.full((1, 2, 3), 0.5, np.float32), samples=3, surface=Surface.em
 
 
 def parts(image: Image) -> list[np.ndarray]:
-    known = (image.mean, image.variance, image.samples, image.batches, *vars(image.surface).values())
+    known = (image.mean, image.variance, image.third, image.samples, image.batches, *vars(image.surface).values())
     return [np.asarray(part) for part in known]
 
 

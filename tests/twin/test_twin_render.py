@@ -118,18 +118,22 @@ def test_more_samples_than_one_launch_holds_are_added_up(scenes, monkeypatch):
     assert steps[-1] == ("twin", 100, 100)
 
 
-def test_mean_and_variance_are_those_of_all_samples():
-    """60 000 pixels of 16 exponential samples in 8 batches: their mean's variance is 1/16, within 4 standard errors."""
+def test_mean_variance_and_third_moment_are_those_of_all_samples():
+    """60 000 pixels of 16 exponential samples in 8 batches: their mean's variance is 1/16, its third moment 2/256.
+
+    Each within 4 standard errors over the pixels.
+    """
     from drjit.llvm import Float64
 
     from raytwin.twin.twin_light import moments
 
     samples = np.random.default_rng(1).standard_exponential((60_000, 8, 2))
     means = Float64(samples.mean(axis=2).ravel())
-    mean, variance = (part.numpy() for part in moments(means, 8))
+    mean, variance, third = (part.numpy() for part in moments(means, 8))
     np.testing.assert_allclose(mean, samples.mean(axis=(1, 2)), rtol=1e-12)
-    assert abs(variance.mean() - 1 / 16) < 4 * variance.std() / 60_000**0.5
-    assert not moments(means, 1)[1].numpy().any()
+    for found, expected in ((variance, 1 / 16), (third, 2 / 256)):
+        assert abs(found.mean() - expected) < 4 * found.std() / 60_000**0.5
+    assert not any(np.any(part.numpy()) for part in moments(means, 1)[1:])
 
 
 def test_two_samples_or_more_always_measure_a_variance():

@@ -16,7 +16,7 @@ These rules hold the rate. Behind each stands how many correct renders fail with
 - A sum's z is corrected for skewness by its third moment (significance.less_skewed): 3 of 120, where 0 fail with it,
   lognormal 1.5 at a rate of 1 %.
 - A variance is at least what the other image's says, by the ratio of their samples: 8 of 30, fireflies that the test
-  hardly catches.
+  hardly catches. So is a third moment, which finds faults sooner.
 - Few events may be missed, as neighbours tell, in sums: 2 of 20, in 10 x 14 pixels; in values: 14 of 60, in a stripe.
 - Samples that all agree may have missed one as bright as the image's scale: 18 of 20, one sample in 200 shaded.
 - Beside an exact image few samples leave an error undecided that brighter events explain: 17 of 20, few fireflies.
@@ -27,13 +27,13 @@ An event that nobody sampled cannot be distinguished from a bias.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from raytwin.array_types import Bool, Float, Float32
-from raytwin.compare.blocks import SIDE, Blocks, Means, Pixels, block_counts, block_sums, slide, to_pixels
+from raytwin.compare.blocks import SIDE, Blocks, Means, Pixels, block_counts, block_sums, slide, strips, to_pixels
 from raytwin.compare.exact import Bound, NoiseFree, count_noise_free
 from raytwin.compare.finding import MOST_PLACES, Place, blocks_of
 from raytwin.compare.noise import (
@@ -53,9 +53,6 @@ TESTS = 4
 
 POWER = 0.9
 """The probability with which a minimum detectable bias is detected."""
-
-NEVER_SEEN = 1e9
-"""A relative error above which none counts as detectable, as where hardly any light is."""
 
 SILENT_SHARE = 0.1
 """Standard deviations below this share of the tolerance count as no noise."""
@@ -159,15 +156,17 @@ def decide(
     `look`: `rate` as a share of the false-alarm rate of the whole sequence of looks.
     """
     known = _known(test, reference, bound, sidak(rate, TESTS), rounding, look)
-    each = _each(known)
-    sums, spread = _with_rare_events(_sums(known, each), known)
-    noise_free = NoiseFree()
-    if silent := int(each.silent.sum()):
-        error, forgiven = np.where(each.silent, np.abs(each.error), np.float32(0)), rounding and rounding.value
+    parts = list(_strips(known))
+    sums, spread = _with_rare_events(_sums(known, parts), known)
+    noise_free, failed_pixels = NoiseFree(), 0
+    if silent := sum(int(part.silent.sum()) for part in parts):
+        error = np.concatenate([np.where(part.silent, np.abs(part.error), np.float32(0)) for part in parts])
+        forgiven = None if rounding is None else rounding.value
         noise_free = count_noise_free(error, silent, bound, reference.mean, forgiven)
-    values, failed_pixels = Family(Worst(), sidak(known.share, test.mean.size), 0, test.mean.size), 0
-    if by_value:
-        values, failed_pixels = _values(values, each, sums, spread, known)
+    values = Family(Worst(), sidak(known.share, test.mean.size), 0, test.mean.size)
+    for part in parts if by_value else ():
+        values, failed = _values(values, part, sums, spread, known)
+        failed_pixels += failed
     shared = correlation(test.mean, reference.mean, (sums.variances.sum(axis=0) / sums.pixels).astype(np.float32))
     tile, image = (family(sums, known, shared.inflation) for family in (_tiles, _image))
     lacking = _lacking(test, reference, known.share, look)
@@ -182,6 +181,7 @@ class Noisy(NamedTuple):
 
     number: int
     variance: Pixels
+    third: Pixels | None
     blocks: Blocks
     dof: float
 
@@ -219,7 +219,7 @@ def _known(test: Image, reference: Image, bound: Bound, share: float, rounding: 
     for number, image in enumerate((test, reference)):
         if image.variance is not None:
             blocks = block_means(image.variance).astype(np.float32)
-            noisy.append(Noisy(number, image.variance, blocks, degrees_of_freedom(image)))
+            noisy.append(Noisy(number, image.variance, image.third, blocks, degrees_of_freedom(image)))
             if float(blocks.max()) > least:
                 unmet = max(unmet, 1 / (image.samples if image.samples > 1 else max(image.batches or 0, 2)))
     ratio = variance_ratio(test, reference, least)
@@ -246,13 +246,15 @@ def _lacking(test: Image, reference: Image, share: float, look: float) -> tuple[
     return (0.0, lacking) if noisy is reference else (lacking, 0.0)
 
 
-class Each(NamedTuple):
-    """Of each value t - r, r, and the variance of t - r, infinite if `silent`.
+class Strip(NamedTuple):
+    """Rows from `top` on, in blocks of `rows` x 8 pixels: t - r, r, and the variance of t - r, infinite if `silent`.
 
     `allowed`: what a value without noise may err by; `granted`: what a single value may err by beyond its noise;
     `silent`: values without noise; `agreeing`: those whose samples all agree, which may have missed an event.
     """
 
+    top: int
+    rows: int
     error: Float32[np.ndarray, "h w 3"]
     radiance: Float32[np.ndarray, "h w 3"]
     variance: Float32[np.ndarray, "h w 3"]
@@ -261,66 +263,76 @@ class Each(NamedTuple):
     silent: Bool[np.ndarray, "h w 3"]
     agreeing: Bool[np.ndarray, "h w 3"] | None
 
+    @property
+    def here(self) -> slice:
+        """Its rows of the image."""
+        return slice(self.top, self.top + len(self.error))
+
     def of_blocks(self, blocks: Blocks) -> Float32[np.ndarray, "h w 3"]:
-        """A number per block (by, bx, 3) for each value."""
-        return to_pixels(blocks.astype(np.float32), *self.error.shape[:2])
+        """The whole image's blocks (by, bx, 3) for each value of the strip."""
+        mine = blocks[self.top // SIDE : self.top // SIDE + len(self.error) // self.rows]
+        return to_pixels(mine.astype(np.float32), *self.error.shape[:2])
 
     def total(self, x: Pixels) -> Blocks:
-        """Sums over blocks, to which values without noise add nothing."""
-        return block_sums(np.where(self.silent, np.float32(0), x) if self.silent.any() else x)
+        """Sums over its blocks, to which values without noise add nothing."""
+        return block_sums(np.where(self.silent, np.float32(0), x) if self.silent.any() else x, self.rows)
 
 
-def _each(known: Known) -> Each:
+def _strips(known: Known) -> Iterator[Strip]:
     (test, reference), bound = known.images, known.bound
     missed = known.unmet * known.missed_events(sidak(known.share, test.mean.size)) / bound.share
-    radiance = np.asarray(reference.mean, np.float32)
-    error = np.subtract(test.mean, radiance, dtype=np.float32)
-    variances = [np.zeros((), np.float32)] * 2
-    for image in known.noisy:
-        blocks = to_pixels(image.blocks, *error.shape[:2])
-        variances[image.number] = np.maximum(image.variance, blocks, dtype=np.float32)
-    granted = allowed = bound.of(radiance)
-    least = np.square(np.float32(SILENT_SHARE) * allowed)
-    silent, agreeing = variances[0] + variances[1] <= least, None
-    variance = larger_variance(variances[0], variances[1], known.ratio)
-    if known.rounding is not None:
-        granted = granted + known.rounding.value
-    if known.unmet:
-        own = sum((image.variance for image in known.noisy), np.zeros_like(least))
-        agreeing = np.asarray(own <= least / 16)
-        silent &= ~agreeing
-        variance = np.where(agreeing, np.maximum(variance, least), variance)
-        granted = np.where(agreeing, granted + np.float32(missed) * allowed, granted)
-    variance = np.where(silent, np.float32(np.inf), variance)
-    return Each(error, radiance, variance, allowed, granted, silent, agreeing)
+    for top, end, rows in strips(test.shape):
+        radiance = np.asarray(reference.mean[top:end], np.float32)
+        error = np.subtract(test.mean[top:end], radiance, dtype=np.float32)
+        each = [np.zeros((), np.float32)] * 2
+        for image in known.noisy:
+            blocks = to_pixels(image.blocks[top // SIDE :], end - top, error.shape[1])
+            each[image.number] = np.maximum(image.variance[top:end], blocks, dtype=np.float32)
+        granted = allowed = bound.of(radiance)
+        least = np.square(np.float32(SILENT_SHARE) * allowed)
+        silent, agreeing = each[0] + each[1] <= least, None
+        variance = larger_variance(each[0], each[1], known.ratio)
+        if known.rounding is not None:
+            granted = granted + known.rounding.value[top:end]
+        if known.unmet:
+            own = sum((image.variance[top:end] for image in known.noisy), np.zeros_like(least))
+            agreeing = np.asarray(own <= least / 16)
+            silent &= ~agreeing
+            variance = np.where(agreeing, np.maximum(variance, least), variance)
+            granted = np.where(agreeing, granted + np.float32(missed) * allowed, granted)
+        variance = np.where(silent, np.float32(np.inf), variance)
+        yield Strip(top, rows, error, radiance, variance, allowed, granted, silent, agreeing)
 
 
 # ------------------------------------------------------------------------------------------------ values
 
 
 def _values(
-    family: Family, each: Each, sums: "Sums", spread: Float[np.ndarray, "2 by bx 3"], known: Known
+    found: Family, part: Strip, sums: "Sums", spread: Float[np.ndarray, "2 by bx 3"], known: Known
 ) -> tuple[Family, int]:
-    """z = max(|t - r| - granted, 0) / sqrt(v), Student's t, of each value; and how many pixels fail."""
-    beyond, variance = np.abs(each.error) - each.granted, each.variance
+    """z = max(|t - r| - granted, 0) / sqrt(v), Student's t, of each value; and how many pixels of the strip fail."""
+    beyond, variance = np.abs(part.error) - part.granted, part.variance
     if spread.any():
-        dark = each.error < 0
-        beyond -= np.where(dark, *(each.of_blocks(light / sums.pixels) for light in sums.missed_light))
-        variance = np.maximum(variance, np.where(dark, *(each.of_blocks(blocks) for blocks in spread)))
+        dark = part.error < 0
+        beyond -= np.where(dark, *(part.of_blocks(light / sums.pixels) for light in sums.missed_light))
+        variance = np.maximum(variance, np.where(dark, *(part.of_blocks(blocks) for blocks in spread)))
     beyond = np.maximum(beyond, 0, out=beyond)
     square = np.square(beyond, out=beyond)
     square /= variance
     dof = welch([(float(image.blocks.mean()), image.dof) for image in known.noisy])
-    peak, threshold = int(square.argmax()), float(quantile(family.level, dof))
-    y, x, c = (int(i) for i in np.unravel_index(peak, square.shape))
-    z, error, radiance = math.sqrt(square[y, x, c]), float(each.error[y, x, c]), float(each.radiance[y, x, c])
-    family = family._replace(worst=Worst(z, float(two_sided(z, dof)), x, y, 1, 1, c, error, radiance))
+    peak, threshold = int(square.argmax()), float(quantile(found.level, dof))
+    z = math.sqrt(square.flat[peak])
+    if z > found.worst.z:
+        y, x, c = (int(i) for i in np.unravel_index(peak, square.shape))
+        error, radiance = float(part.error[y, x, c]), float(part.radiance[y, x, c])
+        found = found._replace(worst=Worst(z, float(two_sided(z, dof)), x, y + part.top, 1, 1, c, error, radiance))
     if not z > threshold:
-        return family, 0
+        return found, 0
     failed = square > threshold**2
     pixels = np.asarray(failed.any(axis=-1))
-    count, places = int(np.count_nonzero(failed)), blocks_of(pixels)
-    return family._replace(failed=count, places=places), int(np.count_nonzero(pixels))
+    places = (*found.places, *blocks_of(pixels, part.top, known.images[0].shape[0]))[:MOST_PLACES]
+    count = found.failed + int(np.count_nonzero(failed))
+    return found._replace(failed=count, places=places), int(np.count_nonzero(pixels))
 
 
 # ------------------------------------------------------------------------------------------------ sums
@@ -351,31 +363,48 @@ class Sums(NamedTuple):
         return Sums(*map(function, self))
 
 
-def _sums(known: Known, each: Each) -> Sums:
+def _sums(known: Known, parts: list[Strip]) -> Sums:
     """Sums over all blocks of 8 x 8 pixels.
 
-    The third moment is the covariance of v and t - r: a mean and its own variance share just that.
+    A third moment that is not known is the covariance of v and t - r: a mean and its own variance share just that.
     """
-    pixels, error = block_counts(each.error.shape), each.total(each.error)
-    squares, rounding, agreeing = np.zeros((3, *error.shape))
-    variances, thirds, none = np.zeros((3, 2, *error.shape))
-    for image in known.noisy:
-        k, v = image.number, image.variance
-        variances[k] = each.total(v)
-        squares += each.total(np.square(v)) / image.dof
-        thirds[k] = (1 - 2 * k) * (each.total(v * each.error) - error * variances[k] / pixels)
-    if known.rounding is not None:
-        rounding = block_sums(known.rounding.mean)
-    if each.agreeing is not None:
-        agreeing = block_sums(each.agreeing.astype(np.float32))
-    radiance = block_sums(each.radiance)
-    return Sums(pixels, error, radiance, variances, thirds, squares, rounding, agreeing, none, none, none)
+    found = []
+    for part in parts:
+        pixels, error = block_counts(part.error, part.rows), part.total(part.error)
+        squares, rounding, agreeing = np.zeros((3, *error.shape))
+        variances, thirds, none = np.zeros((3, 2, *error.shape))
+        for image in known.noisy:
+            k, v = image.number, image.variance[part.here]
+            variances[k] = part.total(v)
+            squares += part.total(np.square(v)) / image.dof
+            if image.third is not None:
+                thirds[k] = part.total(image.third[part.here])
+            else:
+                thirds[k] = (1 - 2 * k) * (part.total(v * part.error) - error * variances[k] / pixels)
+        if known.rounding is not None:
+            rounding = block_sums(known.rounding.mean[part.here], part.rows)
+        if part.agreeing is not None:
+            agreeing = block_sums(part.agreeing.astype(np.float32), part.rows)
+        radiance = block_sums(part.radiance, part.rows)
+        found.append(Sums(pixels, error, radiance, variances, thirds, squares, rounding, agreeing, none, none, none))
+    return Sums(*(np.concatenate(x, axis=-3) for x in zip(*found, strict=True)))
 
 
-def third_against(thirds: Float[np.ndarray, "2 *n 3"]) -> Float[np.ndarray, "2 *n 3"]:
-    """The third moments of sums of t - r that make them look too dark, and too bright, where events were missed."""
+def third_against(thirds: Float[np.ndarray, "2 *n 3"], known: Known) -> Float[np.ndarray, "2 *n 3"]:
+    """The third moments of sums of t - r that make them look too dark, and too bright, where events were missed.
+
+    What one image has seen of them, the other must have, by its number of samples, where it knows of any.
+    """
+    to_test, to_reference = 0.0, 0.0
+    if known.ratio is not None:
+        to_test, to_reference = (
+            0.0 if image.third is None else scale
+            for image, scale in zip(known.images[::-1], (known.ratio**2, known.ratio**-2), strict=True)
+        )
     up, down = np.maximum(thirds, 0), np.maximum(-thirds, 0)
-    return np.stack([up[0] + down[1], down[0] + up[1]])
+    dark = np.maximum(up[0], to_test * up[1]) + np.maximum(down[1], to_reference * down[0])
+    bright = np.maximum(down[0], to_test * down[1]) + np.maximum(up[1], to_reference * up[0])
+    return np.stack([dark, bright])
 
 
 def _with_rare_events(sums: Sums, known: Known) -> tuple[Sums, Float[np.ndarray, "2 by bx 3"]]:
@@ -387,7 +416,10 @@ def _with_rare_events(sums: Sums, known: Known) -> tuple[Sums, Float[np.ndarray,
     from scipy.ndimage import maximum_filter, uniform_filter
     from scipy.special import ndtri
 
-    variance, third = larger_variance(sums.variances[0], sums.variances[1], known.ratio), third_against(sums.thirds)
+    variance, third = (
+        larger_variance(sums.variances[0], sums.variances[1], known.ratio),
+        third_against(sums.thirds, known),
+    )
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         number = np.where(third > 0, variance**3 / np.square(third), np.inf)
         rare = number < RARE_EVENTS
@@ -450,7 +482,7 @@ def _deviations(sums: Sums, known: Known, shared: float, level: float) -> Deviat
     shown = np.divide(variance, spread, out=np.zeros_like(spread), where=spread > 0)
     missed = sums.missed_light * np.maximum(1 - shown, 0) * (sums.missed_number < FEW_EVENTS) / n
     with np.errstate(divide="ignore", invalid="ignore"):
-        skewness = np.nan_to_num(third_against(sums.thirds) * shared**2 / (sd * n) ** 3)
+        skewness = np.nan_to_num(third_against(sums.thirds, known) * shared**2 / (sd * n) ** 3)
     beyond = np.maximum(np.abs(error) - granted - np.where(error < 0, *missed), 0)
     z = less_skewed(np.nan_to_num(beyond / sd, nan=np.inf, posinf=np.inf), np.where(error < 0, *skewness))
     z = np.nan_to_num(z, nan=np.inf, posinf=np.inf)
@@ -498,18 +530,27 @@ def _tiles(sums: Sums, known: Known, shared: float) -> Family:
             )
             worst = Worst(z, p_value, *place(y, x), c, error, radiance)
         if k == min(1, len(scales) - 1):
-            detectable = _seen_almost_anywhere(tested, level)
+            detectable = _seen_somewhere(tested, level)
     return Family(worst, level, failed, tests, detectable, found)
 
 
-def _seen_almost_anywhere(tested: Deviations, level: float) -> float:
-    """Return the relative error of a tile that, at a share POWER of the places, is found with probability POWER."""
-    from scipy.special import ndtri
+def _seen_somewhere(tested: Deviations, level: float) -> float:
+    """Return the relative error of the mean of a random tile that is found with probability POWER."""
+    from scipy.optimize import brentq
+    from scipy.special import ndtr
 
     lit = tested.radiance > 0
-    found = (tested.granted + tested.sd * (tested.least(level) + ndtri(POWER)))[lit] / tested.radiance[lit]
-    seen = float(np.quantile(found, POWER)) if found.size else math.nan
-    return math.inf if seen > NEVER_SEEN else seen
+    if not lit.any():
+        return math.nan
+    some = Deviations(*(x[lit][:: max(1, int(lit.sum()) // 3000)] for x in tested))
+    least = some.least(level)
+
+    def lacks(log_bias: float) -> float:
+        beyond = (math.exp(log_bias) * some.radiance - some.granted) / some.sd - least
+        return POWER - float(ndtr(np.nan_to_num(beyond, nan=-np.inf)).mean())
+
+    low, high = math.log(1e-9), math.log(1e9)
+    return math.inf if lacks(high) > 0 else math.exp(brentq(lacks, low, high, xtol=1e-3))
 
 
 # ------------------------------------------------------------------------------------------------ the image

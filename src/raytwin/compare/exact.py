@@ -109,5 +109,5 @@ def count_noise_free(
     outliers = len(np.unique(pixel[off_by > OUTLIER * allowed + more]))
     seen_wrong = np.zeros(error.shape[:2], bool)
     seen_wrong.ravel()[pixel[wrong]] = True
-    places = blocks_of(seen_wrong)
+    places = blocks_of(seen_wrong, 0, len(error))
     return NoiseFree(values, int(np.count_nonzero(wrong)), outliers, worst, x, y, channel, places)

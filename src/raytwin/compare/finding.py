@@ -89,12 +89,12 @@ BLOCK, MOST_PLACES = 16, 400
 """Pixels of the side of a place that holds single values; at most this many places of a kind are reported."""
 
 
-def blocks_of(wrong: Bool[np.ndarray, "h w"]) -> tuple[Place, ...]:
-    """Where pixels are `wrong`: blocks of BLOCK x BLOCK, cut at the image's edges."""
-    height, width = wrong.shape
-    rows = np.logical_or.reduceat(wrong, np.arange(0, height, BLOCK), axis=0)
-    corners = np.argwhere(np.logical_or.reduceat(rows, np.arange(0, width, BLOCK), axis=1))[:MOST_PLACES] * BLOCK
-    return tuple(Place(x, y, min(BLOCK, width - x), min(BLOCK, height - y)) for y, x in corners.tolist())
+def blocks_of(wrong: Bool[np.ndarray, "h w"], top: int, image_height: int) -> tuple[Place, ...]:
+    """Where pixels of the rows from `top` on are `wrong`: blocks of BLOCK x BLOCK, cut at the image's edges."""
+    ys, xs = np.nonzero(wrong)
+    corners = np.unique(np.stack([(ys + top) // BLOCK, xs // BLOCK], axis=1), axis=0)[:MOST_PLACES] * BLOCK
+    width = wrong.shape[1]
+    return tuple(Place(x, y, min(BLOCK, width - x), min(BLOCK, image_height - y)) for y, x in corners.tolist())
 
 
 def at(x: int, y: int) -> str:

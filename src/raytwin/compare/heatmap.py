@@ -3,6 +3,7 @@
 import numpy as np
 
 from raytwin.array_types import Float32
+from raytwin.compare.blocks import strips
 from raytwin.errors import InputError
 from raytwin.images.image import Image
 
@@ -14,13 +15,17 @@ _INVALID = np.array([0.0, 0.6, 0.0], np.float32)
 
 def signed_error(test: Image, reference: Image) -> Float32[np.ndarray, "h w"]:
     """(H, W): t - r in the channel that errs most; NaN where it has none."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        error = np.asarray(test.mean, np.float32) - np.asarray(reference.mean, np.float32)
-    worst = np.array(error[..., 0])
-    for other in (error[..., 1], error[..., 2]):
-        # The first of equals; NaN is worse than any number.
-        np.copyto(worst, other, where=~((np.abs(other) <= np.abs(worst)) | np.isnan(worst)))
-    return worst
+    out = np.empty(test.mean.shape[:2], np.float32)
+    for y0, y1, _ in strips(out.shape):  # strips fit in the cache
+        with np.errstate(invalid="ignore", over="ignore"):
+            error = np.asarray(test.mean[y0:y1], np.float32) - np.asarray(reference.mean[y0:y1], np.float32)
+        worst = out[y0:y1]
+        worst[:] = error[..., 0]
+        for c in (1, 2):
+            # The first of equals; NaN is worse than any number.
+            other = error[..., c]
+            np.copyto(worst, other, where=~((np.abs(other) <= np.abs(worst)) | np.isnan(worst)))
+    return out
 
 
 def error_scale(test: Image, reference: Image) -> float:

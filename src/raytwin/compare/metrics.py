@@ -106,6 +106,8 @@ def mean_ratio(test: Pair, reference: Pair) -> float:
 
 def flip_hdr(test: Float[np.ndarray, "..."], reference: Float[np.ndarray, "..."]) -> float:
     """Mean of HDR-FLIP's map by OpenImageIO; NaN where that is not installed."""
+    if test.ndim != 3 or test.shape[-1] != 3 or test.shape != reference.shape:
+        raise InputError("FLIP", "two images of one shape (H, W, 3)", f"{test.shape} and {reference.shape}")
     if not all_finite(test, reference):  # OpenImageIO gives NaN pixels a finite error
         raise InputError("FLIP", "finite radiance", "NaN or infinity")
     if not flip_is_installed():

@@ -1,14 +1,4 @@
-"""What the noise of two images is: each one's own variance, what t - r shows of it, and what neighbours share.
-
-Noise that nobody states is estimated from the scatter within blocks of 8 x 8 pixels if the reference scatters too:
-
-    dense       Does t - r scatter in most values of a block, wherever it scatters? A wrong edge or pixel does not.
-    borne_out   Does the reference scatter, too? With t = s + n_t and r = s + n_r, the covariance of t - r with r is
-                -var(n_r), whatever s shows. An image without noise has none, so that wrong pixels beside it are never
-                excused; one with noise bears out at most 1 / MIN_REFERENCE_SHARE times its own variance.
-
-What is dense may fail an image by the means of its tiles; only what is borne out may pass one.
-"""
+"""What the noise of two images is: each one's own variance, what t - r shows of it, and what neighbours share."""
 
 import math
 from typing import NamedTuple
@@ -16,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from raytwin.array_types import Float, Float32, Float64
-from raytwin.compare.blocks import SIDE, Blocks, Pixels, block_counts, block_sums, to_pixels
+from raytwin.compare.blocks import SIDE, Blocks, Pixels, block_counts, block_sums, strips, to_pixels
 from raytwin.images.image import Image
 
 EVENTS = 8.0
@@ -57,7 +47,7 @@ def rare_light(image: Image) -> float:
 
 def block_means(x: Pixels) -> Float64[np.ndarray, "by bx 3"]:
     """(H, W, 3) to (by, bx, 3): the means of its 8 x 8 blocks."""
-    return np.asarray(block_sums(x) / block_counts(x.shape))
+    return np.concatenate([block_sums(x[a:b], rows) / block_counts(x[a:b], rows) for a, b, rows in strips(x.shape)])
 
 
 # ------------------------------------------------------------------------------------------------- what t - r shows
@@ -76,26 +66,34 @@ class Residual(NamedTuple):
 
 def residual(test: Pixels, reference: Pixels) -> Residual:
     """Return the scatter of the difference of two means (H, W, 3)."""
-    square = demeaned(np.subtract(test, reference, dtype=np.float32))
-    square *= square
-    total = block_sums(square)
-    square *= square
-    fourth, pixels = block_sums(square), np.broadcast_to(block_counts(square.shape), total.shape)
+    squares, fourths, counts = [], [], []
+    for y0, y1, rows in strips(test.shape):
+        square = demeaned(np.subtract(test[y0:y1], reference[y0:y1], dtype=np.float32), rows)
+        square *= square
+        squares.append(block_sums(square, rows))
+        square *= square
+        fourths.append(block_sums(square, rows))
+        counts.append(np.broadcast_to(block_counts(square, rows), squares[-1].shape))
+    total, fourth, pixels = (np.concatenate(x) for x in (squares, fourths, counts))
     variance = np.divide(total, pixels - 1, out=np.full_like(total, np.inf), where=pixels > 1)
     return Residual(variance, np.divide(total**2, fourth, out=np.zeros_like(total), where=fourth > 0), pixels)
 
 
-def demeaned(error: Float32[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "h w 3"]:
+def demeaned(error: Float32[np.ndarray, "h w 3"], rows: int) -> Float32[np.ndarray, "h w 3"]:
     """`error` less its blocks' means, in place."""
-    error -= to_pixels(block_means(error).astype(np.float32), *error.shape[:2])
+    mean = (block_sums(error, rows) / block_counts(error, rows)).astype(np.float32)
+    error -= to_pixels(mean, *error.shape[:2])
     return error
 
 
 def estimated(test: Pixels, reference: Pixels) -> Float32[np.ndarray, "h w 3"]:
     """A variance of t - r where neither image tells one: the square of its deviation from its block's mean."""
-    out, n = np.subtract(test, reference, dtype=np.float32), block_counts(test.shape)
-    free = to_pixels((n / np.maximum(n - 1, 1)).astype(np.float32), *out.shape[:2])
-    return np.asarray(np.square(demeaned(out)) * free)
+    out = np.subtract(test, reference, dtype=np.float32)
+    for y0, y1, rows in strips(out.shape):
+        n = block_counts(out[y0:y1], rows)
+        free = to_pixels((n / np.maximum(n - 1, 1)).astype(np.float32), y1 - y0, out.shape[1])
+        out[y0:y1] = np.square(demeaned(out[y0:y1], rows)) * free
+    return np.asarray(out)
 
 
 def capped(variance: Pixels, shown: Residual) -> Pixels:
@@ -112,7 +110,7 @@ def capped(variance: Pixels, shown: Residual) -> Pixels:
 
 ALIKE, MOST_FEW_SAMPLES = (0.5, 1.5), 16
 """The median block's share of what so many samples scatter: 0.67 to 1.06 in correct renders of 1 to 16 samples, at most
-0.35 or at least 1.6 in most wrong images. Samples per pixel up to which noise is too sparse for `dense`."""
+0.35 or at least 1.6 in most wrong images. Samples per pixel up to which noise is too sparse for `untold.dense`."""
 
 
 def equivalent_samples(reference: Image, shown: Residual) -> float | None:
@@ -137,83 +135,6 @@ def equivalent_samples(reference: Image, shown: Residual) -> float | None:
 def few_samples(n: float | None) -> int:
     """Return equivalent samples where they are few: a rounded number from 1 to MOST_FEW_SAMPLES, else 0."""
     return max(1, round(n)) if n is not None and ALIKE[0] <= n <= MOST_FEW_SAMPLES else 0
-
-
-# ------------------------------------------------------------------------------------------- noise that nobody states
-
-MIN_CARRYING = 1 / 6
-"""Least effective share of a block's values that carry its scatter, if it is noise; Gaussian noise has a third."""
-
-MIN_CARRYING_ONE_SAMPLE = 1 / 24
-"""The same for noise of one sample per pixel: the exponential's has a sixth, and blocks differ widely."""
-
-MIN_DENSE_BLOCKS = 0.8
-"""Least share of the scattering blocks that is dense, if the scatter is to count as unreported noise."""
-
-MIN_REFERENCE_SHARE = 1 / 16
-"""Least share of the scatter's variance that the reference's noise must explain, so that the scatter is at most 4 of
-its standard deviations."""
-
-REGION_BLOCKS = 4
-"""Blocks of 8 x 8 pixels on the side of the region whose median block is asked."""
-
-MIN_REGIONS = 0.95
-"""The share of the regions that must bear the scatter out; edges and texture make a few of them doubtful."""
-
-UNEXPLAINED = "the images differ from pixel to pixel by more than the reference's own noise explains"
-
-GIVE = "give a variance (variance=, --variance-a), the samples per pixel (--samples-a) or several renders"
-
-ESTIMATED = "noise was estimated from the difference within 8 x 8 pixels, where single wrong pixels go unnoticed"
-
-
-def dense(shown: Residual, known: Float[np.ndarray, "*blocks 3"], least: float) -> bool:
-    """Whether scatter above the `known` variance is spread over most values of the blocks that have it.
-
-    Where most of the picture scatters, the scatter is not an edge, and may have the tails of few samples.
-    `least`: a standard deviation below it is no scatter.
-    """
-    scatters = (shown.square > 1.5 * known + least**2) & (shown.pixels >= 16)
-    carried = shown.carrying >= (MIN_CARRYING if scatters.mean() < 0.5 else MIN_CARRYING_ONE_SAMPLE) * shown.pixels
-    return bool(scatters.any()) and float(carried[scatters].mean()) >= MIN_DENSE_BLOCKS
-
-
-def unexplained(shown: Residual, known: Float[np.ndarray, "*blocks 3"]) -> bool:
-    """Whether most blocks scatter clearly more than the `known` variance: by 20 %."""
-    known = np.broadcast_to(known, shown.square.shape)
-    noisy = known > 0
-    return bool(noisy.any()) and float(np.median(shown.square[noisy] / known[noisy])) > 1.2
-
-
-def borne_out(test: Pixels, reference: Pixels, shown: Residual, least: float) -> bool:
-    """Whether the reference's noise explains its share of the scatter in almost all regions that scatter."""
-    scatter = shown.square.sum(axis=-1)
-    scatters = (shown.square > least**2).any(axis=-1) & (shown.pixels[..., 0] >= 16)
-    share = np.divide(_own_noise(test, reference), scatter, out=np.zeros_like(scatter), where=scatters)
-    medians = []
-    for y in range(0, share.shape[0], REGION_BLOCKS):
-        for x in range(0, share.shape[1], REGION_BLOCKS):
-            region = np.s_[y : y + REGION_BLOCKS, x : x + REGION_BLOCKS]
-            if np.count_nonzero(scatters[region]) > 1:
-                medians.append(np.median(share[region][scatters[region]]))
-    return bool(medians) and float(np.mean(np.array(medians) >= MIN_REFERENCE_SHARE)) >= MIN_REGIONS
-
-
-def _own_noise(test: Pixels, reference: Pixels) -> Float64[np.ndarray, "by bx"]:
-    """The reference's variance, summed over channels: minus the covariance of t - r with r within 2 x 2 pixels."""
-    r = np.asarray(reference, np.float32)
-    error = _within_cells(np.subtract(test, r, dtype=np.float32))
-    product = np.zeros((*r.shape[:2], 1), np.float32)
-    product[: len(error), : error.shape[1]] = -(error * _within_cells(r)).sum(axis=-1, keepdims=True)
-    # Three of the four differences from a cell's mean are free.
-    return np.asarray((block_sums(product) / (0.75 * block_counts(product.shape)))[..., 0])
-
-
-def _within_cells(x: Float[np.ndarray, "h w c"]) -> Float[np.ndarray, "he we c"]:
-    """`x` less the mean of its cell of 2 x 2 pixels; an odd row or column is left out."""
-    h, w = x.shape[0] // 2, x.shape[1] // 2
-    cells = x[: 2 * h, : 2 * w].reshape(h, 2, w, 2, x.shape[2])
-    return np.asarray((cells - cells.mean(axis=(1, 3), keepdims=True)).reshape(2 * h, 2 * w, x.shape[2]))
 
 
 # ------------------------------------------------------------------------------------------- what neighbours share

@@ -12,26 +12,21 @@ from raytwin.compare.decision import TESTS, Decision, Rounding, decide, enough_s
 from raytwin.compare.exact import Bound, NoiseFree, count_noise_free
 from raytwin.compare.finding import Finding, Place, notes, plural
 from raytwin.compare.messages import agreement, noise_findings, percent, what_could_be_seen
-from raytwin.compare.metrics import nth_largest
+from raytwin.compare.metrics import METRICS, nth_largest
 from raytwin.compare.noise import (
     CAP,
-    ESTIMATED,
-    GIVE,
-    UNEXPLAINED,
     Residual,
     block_means,
-    borne_out,
     capped,
-    dense,
     equivalent_samples,
     estimated,
     few_samples,
     rare_light,
     residual,
-    unexplained,
 )
 from raytwin.compare.shift import Shift, shift_findings
 from raytwin.compare.significance import sidak
+from raytwin.compare.untold import ESTIMATED, GIVE, UNEXPLAINED, borne_out, dense, unexplained
 from raytwin.images.image import Image
 from raytwin.judging import Judging
 
@@ -161,6 +156,10 @@ class RadianceTest:
         noise_free = count_noise_free(error, error.size, self.bound, reference, forgiven)
         findings = self._noise_free_findings(noise_free)
         p999 = nth_largest(error.size // 1000, np.asarray, error) * self.unit
+        if findings:
+            relative = METRICS["p999_rel"].function(*(image * np.float32(self.unit) for image in (test, reference)))
+            text = f"99.9 % quantile of the error: {p999:.3g} absolute, {relative:.3g} relative"
+            findings.append(Finding("exact", text))
         allowed = self.judging.bounds.p999_abs * self.bound.scale * self.unit
         statistics = Statistics(pixel_fail_fraction=noise_free.outliers / self.pixels)
         noise_free = noise_free._replace(error=noise_free.error * self.unit)
@@ -307,7 +306,8 @@ def _with_noise_of(image: Image, other: Image) -> Image:
     """The image with the other's noise, as its own samples make it."""
     assert other.variance is not None
     more = np.float32(other.samples / image.samples)
-    return replace(image, variance=other.variance * more, batches=other.batches)
+    third = np.zeros_like(other.variance) if other.third is None else other.third * more**2
+    return replace(image, variance=other.variance * more, batches=other.batches, third=third)
 
 
 def finite(x: float) -> float | None:

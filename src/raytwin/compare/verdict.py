@@ -54,6 +54,7 @@ def compare(
     made = partial(_made, time.perf_counter())
     if findings := shape_findings(test, reference):
         return made(findings)
+    test, reference = _single(test), _single(reference)
     scale = scale_of(reference, test)
     findings = value_findings(test, reference, tolerance.p999_abs * scale, noisy=noise == "both")
     radiance = Radiance(**measure(test.mean, reference.mean, Radiance.__struct_fields__))
@@ -115,10 +116,19 @@ def _made(
     return Comparison(verdict, said, seconds=time.perf_counter() - start, **parts)
 
 
+def _single(image: Image) -> Image:
+    """The image in float32, or float64 where it came so: half floats overflow when squared."""
+    wide = {
+        k: x for k in ("mean", "variance", "third") if (x := getattr(image, k)) is not None and x.dtype.itemsize < 4
+    }
+    return replace(image, **{k: x.astype(np.float32) for k, x in wide.items()})
+
+
 def _scaled(image: Image, unit: float) -> Image:
     """In units of a power of two: every digit stays."""
     if unit == 1:
         return image
     k = math.frexp(unit)[1] - 1
     variance = None if image.variance is None else np.ldexp(image.variance, -2 * k)
-    return replace(image, mean=np.ldexp(image.mean, -k), variance=variance)
+    third = None if image.third is None else np.ldexp(image.third, -3 * k)
+    return replace(image, mean=np.ldexp(image.mean, -k), variance=variance, third=third)

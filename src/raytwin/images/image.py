@@ -49,7 +49,8 @@ class Image(InNotebook):
     of independent renders behind the variance (None: every sample is one); 1 without a variance means that there is
     noise of unknown variance. `surface` is what each pixel's centre shows, if the renderer knows. `alpha` (H, W) is the
     share of each pixel that is covered, None if unknown. `format` is the file's ("EXR", "PNG"), which may have
-    rounded the values; `begins` is the pixel (x, y) of the display at which the image begins.
+    rounded the values; `begins` is the pixel (x, y) of the display at which the image begins. `third` (H, W, 3) float32
+    is the third central moment of the mean, from the same renders as its variance: how skewed the noise is.
 
     `np.asarray(image)` is `mean`. A notebook shows the picture, exposed so that little of it is white.
     """
@@ -62,6 +63,7 @@ class Image(InNotebook):
     alpha: Float[np.ndarray, "h w"] | None = None
     format: str = ""
     begins: tuple[int, int] = (0, 0)
+    third: Float[np.ndarray, "h w 3"] | None = None
 
     def __post_init__(self) -> None:
         if self.samples < 0:
@@ -73,6 +75,8 @@ class Image(InNotebook):
             self.mean[lost] = 0
             if self.variance is not None:
                 self.variance[lost] = 0
+            if self.third is not None:
+                self.third[lost] = 0
             if self.surface is not None:
                 self.surface.ids[lost], self.surface.depth[lost], self.surface.normal[lost] = BACKGROUND, 0, 0
         return self

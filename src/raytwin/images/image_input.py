@@ -146,7 +146,7 @@ def _grow(steps: Sequence[float]) -> bool:
 
 def one_batch(image: Image) -> Image:
     """Return one of several renders without its own variance: the noise is measured by their scatter alone."""
-    return replace(image, variance=None, samples=0, batches=None)
+    return replace(image, variance=None, samples=0, batches=None, third=None)
 
 
 def _single(thing: Any) -> LoadedImage:

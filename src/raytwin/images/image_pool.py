@@ -1,4 +1,4 @@
-"""Independent renders of one picture, pooled as they come: their mean, and that mean's variance."""
+"""Independent renders of one picture, pooled as they come: their mean, and that mean's variance and third moment."""
 
 from dataclasses import dataclass, field, replace
 from hashlib import blake2b
@@ -20,7 +20,11 @@ class ImagePool:
 
         variance of M = S / ((Σ b - 1) N)
 
-    an unbiased estimate whatever the sizes (Chan, Golub and LeVeque 1983). Each sum is one array.
+    an unbiased estimate whatever the sizes (Chan, Golub and LeVeque 1983). Of b single batches with C = Σ n² (m - M)³
+
+        third central moment of M = C b / ((b - 1) (b - 2) N²)
+
+    unbiased where sizes are equal. Each sum is one array.
 
     A noisy render with the same pixels as an earlier one is a repeat, and left out: `repeats` holds pairs, earlier and
     later, counted from 0. Where renders differ in fewer than VALUES_BEYOND_CHANCE values, equal ones are expected and
@@ -39,6 +43,7 @@ class ImagePool:
     _differing: int = 0
     _mean: np.ndarray | None = None
     _scatter: np.ndarray | None = None
+    _cubes: "Cubes" = field(default_factory=lambda: Cubes())
     _alpha: np.ndarray | None = None
 
     def add(self, image: Image) -> None:
@@ -87,6 +92,7 @@ class ImagePool:
             if image.variance is not None:
                 b = image.batches or image.samples or 1
                 self._scatter += (b - 1) * n * np.asarray(image.variance, np.float64)
+            self._cubes.add(mean, n, b, image.third)
         known = self.samples > 0 or self.images == 0
         self.samples = self.samples + image.samples if image.samples and known else 0
         self.batches, self.images = self.batches + b, self.images + 1
@@ -113,8 +119,55 @@ class ImagePool:
             batches = self.batches
         return replace(
             self.first, mean=self._mean.astype(np.float32), variance=variance, samples=self.samples, batches=batches,
-            alpha=self._alpha,
+            alpha=self._alpha, third=self._cubes.third(self.weight),
         )  # fmt: skip
+
+
+@dataclass(eq=False)
+class Cubes:
+    """The third central moment of one sample: of images that bring theirs, and between those of one batch each.
+
+    `own`: weighted by batches² / samples, the inverse of its variance. `powers`: Σ n² (m - first)^k, k = 1 to 3.
+    """
+
+    weight: float = 0.0
+    own: np.ndarray | float = 0.0
+    first: np.ndarray | None = None
+    powers: list[np.ndarray] = field(default_factory=list)
+    squares: int = 0
+    samples: int = 0
+    images: int = 0
+
+    def add(self, mean: np.ndarray, samples: int, batches: int, third: np.ndarray | None) -> None:
+        if third is not None:
+            weight = batches * batches / samples
+            self.own = self.own + weight * samples**2 * np.asarray(third, np.float64)
+            self.weight += weight
+            return
+        if batches > 1:  # nothing is known of its batches
+            return
+        if self.first is None:
+            self.first, self.powers = mean, [np.zeros(mean.shape) for _ in range(3)]
+        step = mean - self.first
+        term = samples**2 * step
+        for power in self.powers:
+            power += term
+            term = term * step
+        self.squares, self.samples, self.images = self.squares + samples**2, self.samples + samples, self.images + 1
+
+    def third(self, samples: int) -> np.ndarray | None:
+        """The third central moment of the mean of so many samples; None where too few batches tell it."""
+        total, weight, b = self.own, self.weight, self.images
+        if b >= 3:
+            first, second, cubes = self.powers
+            # About the mean of these images, which is n²-weighted only where sizes differ.
+            d = first / self.squares
+            between = cubes - 3 * d * second + 3 * d * d * first - d**3 * self.squares
+            own = b * b / self.samples
+            total, weight = total + own * between * b / ((b - 1) * (b - 2)), weight + own
+        if not weight:
+            return None
+        return np.asarray(total / weight / samples**2).astype(np.float32)
 
 
 def _has_noise(image: Image) -> bool:

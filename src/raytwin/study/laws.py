@@ -192,7 +192,7 @@ class _Trial:
             return Image(np.broadcast_to(np.float32(view.value), (*self.base.image_size[::-1], 3)).copy())
         images = [self.render(scene, samples, next(seeds)) for scene in view.scenes]
         parts: dict[str, Any] = {}
-        for power, name in enumerate(("mean", "variance"), start=1):
+        for power, name in enumerate(("mean", "variance", "third"), start=1):
             arrays = [getattr(image, name) for image in images]
             if all(array is not None for array in arrays):
                 parts[name] = np.float32(view.weight**power) * np.asarray(view.join(arrays), np.float32)

@@ -19,7 +19,7 @@ LIMIT = 2 << 30
 """Bytes of all stored renders: beyond these, those used longest ago are deleted."""
 WORTH_KEEPING = 1.0
 """Seconds that a render must have taken to be stored: reading a quicker one back would save nothing."""
-PARTS = "mean", "variance", "samples", "batches"
+PARTS = "mean", "variance", "third", "samples", "batches"
 """Fields of an Image that are stored beside its surface."""
 
 

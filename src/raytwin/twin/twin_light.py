@@ -139,7 +139,7 @@ class TwinLight:
             mean = np.where(surface.mask[..., None], (surface.normal + 1) / 2, np.float32(0))
         if not rung.sampled(plan.sampling):
             return Image(mean, surface=surface)
-        found, block, batches = np.empty((2, n, 3), np.float32), max(1, LANES // plan.samples), plan.batches or 1
+        found, block, batches = np.empty((3, n, 3), np.float32), max(1, LANES // plan.samples), plan.batches or 1
         for a in range(0, n, block):
             b = min(n, a + block)
             number = np.random.SeedSequence([plan.seed, a, plan.samples]).generate_state(1)[0]
@@ -155,19 +155,24 @@ class TwinLight:
                 moment = moments(dr.block_sum(self.double(c), each) / each, batches)
                 found[:, a:b, channel] = [part.numpy() for part in moment]
             progress("twin", round(100 * b / n), 100)
-        bounced, variance = found.reshape(2, *shape)
-        return Image(mean + bounced, variance if batches > 1 else None, plan.samples, surface, batches)
+        bounced, variance, third = found.reshape(3, *shape)
+        return Image(
+            mean + bounced, variance if batches > 1 else None, plan.samples, surface, batches,
+            third=third if batches > 2 else None,
+        )  # fmt: skip
 
 
-def moments(means: Any, batches: int) -> tuple[Any, Any]:
-    """The mean of each pixel's batches, given their means, and that mean's variance.
+def moments(means: Any, batches: int) -> tuple[Any, Any, Any]:
+    """The mean of each pixel's batches, given their means, that mean's variance and its third central moment.
 
-    `means`: float64 of Dr.Jit, pixel by pixel. Unbiased; 0 from fewer than 2 batches. See ImagePool.
+    `means`: float64 of Dr.Jit, pixel by pixel. Unbiased; 0 from fewer than 2 and 3 batches. See ImagePool.
     """
     mean = dr.block_sum(means, batches) / batches
     dr.eval(mean)
-    square, pairs = dr.square(means - dr.repeat(mean, batches)), max(1, batches * (batches - 1))
-    return mean, dr.block_sum(square, batches) / pairs
+    step = means - dr.repeat(mean, batches)
+    square, pairs = dr.square(step), max(1, batches * (batches - 1))
+    third = dr.block_sum(square * step, batches) / (pairs * max(1, batches - 2))
+    return mean, dr.block_sum(square, batches) / pairs, third
 
 
 def open_sky(sky: Any) -> Callable[[Any], Any]:
