@@ -32,7 +32,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 TOGETHER = (
     ("tests/photos/camera/", "tests/test_photographer.py"),
-    ("tests/teach/grade/test_class.py", "tests/teach/grade/test_grader_faults.py"),
+    (
+        "tests/teach/grade/test_class.py",
+        "tests/teach/grade/test_grader_faults.py",
+        "tests/teach/grade/test_student_pages.py",
+    ),
 )
 """Files, or folders, that share what costs most: a folder of photos, a class that is graded."""
 
