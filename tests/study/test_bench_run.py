@@ -348,7 +348,10 @@ def test_an_error_bar_covers_the_mean_of_many_images(clock):
     assert 0.59 < covered / 300 < 0.75
 
 
-def test_the_exit_code_is_that_of_the_subjects_and_the_folder_has_json_page_and_charts(mine, scenes, tmp_path):
+def test_the_exit_code_is_that_of_the_subjects_and_the_folder_has_json_page_and_charts(
+    mine, scenes, tmp_path, monkeypatch
+):
+    monkeypatch.setitem(bench.bench.__kwdefaults__, "truth_samples", 64)  # or the references take seconds
     done = raytwin(
         "bench", "overlap", scenes / "single", "--methods", "fill", "--subject", f"{mine}:unlit", "--sizes", "0.002",
         "--budget", AMPLE, "-o", tmp_path / "out", "--json", tmp_path / "a.json",
