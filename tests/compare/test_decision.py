@@ -1,5 +1,7 @@
 """The decision on noisy images: what it sees, where, and by which numbers. Noise is made up."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from measure import noise_models
@@ -42,6 +44,20 @@ def test_samples_that_all_agree_prove_little():
         c = compare(a, b)
         assert c.verdict == verdict, (p, pixels)
     assert any("the pixel (x=5, y=10)" in reason for reason in c.reasons)
+
+
+def test_a_unit_of_radiance_changes_no_statistic():
+    rng, unit = np.random.default_rng(9), np.float32(2.0**20)
+    skewed = [render(rng, samples=16, kind="exp", sd=0.3) for _ in range(2)]
+    skewed = [replace(one, third=np.full(one.shape, 1e-3, np.float32)) for one in skewed]
+    large = [replace(i, mean=i.mean * unit, variance=i.variance * unit**2, third=i.third * unit**3) for i in skewed]
+    assert compare(*large).statistics == compare(*skewed).statistics
+
+
+def test_beside_a_noisy_reference_alone_the_samples_of_the_test_count_for_nothing():
+    noisy, told = render(np.random.default_rng(10), samples=64), Image(TRUTH.astype(np.float32), samples=4)
+    untold = replace(told, samples=0)
+    assert compare(told, noisy, noise="reference").statistics == compare(untold, noisy, noise="reference").statistics
 
 
 def test_noise_below_the_tolerance_is_no_noise():

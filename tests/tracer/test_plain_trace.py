@@ -74,6 +74,13 @@ def test_a_replaced_lens_is_not_undone_behind_the_stages_back(scenes, engine):
     assert (fast.surface.ids != fast_package.trace(scene, "surface", engine).surface.ids).mean() > 0.01
 
 
+def test_a_lens_that_folds_over_most_of_the_image_is_refused_by_both(single):
+    folding = single.with_camera(msgspec.structs.replace(single.camera, dist=(-4.0,)))
+    for trace in (tracer.trace, fast_package.trace):
+        with pytest.raises(InputError, match=r"camera\.dist: expected a distortion that can be undone"):
+            trace(folding)
+
+
 @pytest.mark.filterwarnings("ignore::raytwin.scene.lens.Folds")
 def test_past_where_a_lens_folds_over_both_are_black_and_meet_nothing(single, engine):
     """The sphere reaches 30 degrees off the axis, 0.577, and k1 folds at 1 / √3.9 = 0.506."""
