@@ -52,10 +52,14 @@ def export_command(
         made = made.with_(size=size)
     if mitsuba_xml:
         from raytwin.twin.mitsuba_xml import mitsuba_xml as as_xml
+        from raytwin.twin.rounding import extreme_spheres
 
         text = as_xml(made, rung or "path")
         if any(made.camera.coefficients) or made.camera.fx != made.camera.fy:
             say("raytwin: the XML has no lens distortion and one focal length, so its image is another", err=True)
+        if coarse := extreme_spheres(made):
+            names = ", ".join(f"object-{i}" for i in coarse)
+            say(f"raytwin: very large or very far away, Mitsuba's float32 may shade them falsely: {names}", err=True)
     else:
         text = json_text(as_json(as_arrays(made, rung or "shadow")))
     if out is None:
